@@ -4,17 +4,19 @@ Every result is one JSON file, written whole, with the best network beside it.  
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from crowd_env import Scenario
+from crowd_env.analysis.figures import cell
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.fingerprint import fingerprint
-from crowd_env.core.files.json_file import json_number, read_json, write_json
-from crowd_env.core.files.store import claimed
+from crowd_env.core.files.json_file import json_number
+from crowd_env.core.files.store import Store, claimed
 from crowd_env.envs.metrics import share_interval
 
 from . import make_policy
@@ -92,47 +94,42 @@ class Job(NamedTuple):
     seed: int | None
 
     @property
-    def file(self) -> str:
-        """Name of the file of its result."""
-        return f"{self.name}.json" if self.seed is None else f"{self.name}-seed{self.seed}.json"
+    def title(self) -> str:
+        """Name of its result, and of the file that holds it."""
+        return self.name if self.seed is None else f"{self.name}-seed{self.seed}"
 
 
 def do(job: Job, plan: Plan, folder: Path) -> dict[str, Any] | None:
-    """Return the result of a job: from its file if it is done, else do it; None if another process is about it.
+    """Return the result of a job: from the folder if it is done, else do it; None if another process is about it.
 
     Raises
     ------
     ValueError
-        If the file is of another plan.
+        If there is a result of another plan.
     """
-    path = folder / job.file
-    if not path.exists():
-        with claimed(folder / f".{path.stem}.claim") as mine:
-            if not mine:
-                return None
-            if not path.exists():
-                write_json(path, _fixed(job, plan) if job.seed is None else _trained(job, job.seed, plan, path))
-    return read_result(path, job, plan)
+    store, of_plan = Store(folder), _of_plan(job, plan)
+    with claimed(folder / f".{job.title}.claim") if store.path(job.title) is None else nullcontext(True) as mine:
+        if not mine:
+            return None
+        if store.path(job.title) is None:
+            found = _fixed(job, plan) if job.seed is None else _trained(job, job.seed, plan, folder)
+            store.keep(job.title, found, of_plan)
+    return read_result(folder, job, plan)
 
 
-def read_result(path: Path, job: Job, plan: Plan) -> dict[str, Any]:
-    """Return the result in a file.
+def read_result(folder: Path, job: Job, plan: Plan) -> dict[str, Any] | None:
+    """Return the finished result of a job, if there is one.
 
     Raises
     ------
     ValueError
-        If it cannot be read, or is of another plan.
+        If it is of another plan.
     """
-    found = read_json(path)
-    for name, value in _of_plan(job, plan).items():
-        given = found.get(name) if isinstance(found, dict) else None
-        if given != value:
-            raise ValueError(f"{path} has {name} {given!r}, here it is {value!r}; take another folder with --out")
-    return cast(dict[str, Any], found)
+    return Store(folder).load(job.title, _of_plan(job, plan))
 
 
 def _of_plan(job: Job, plan: Plan) -> dict[str, Any]:
-    """Return what the file of a job says of its plan."""
+    """Return what decides the result of a job."""
     told: dict[str, Any] = {"task": plan.task, "task_digest": make_task(plan.task).digest(), "runs": plan.runs}
     if job.seed is not None:
         told |= {name: getattr(plan, name) for name in ("minutes", "checkpoints", "validation_runs")}
@@ -141,7 +138,7 @@ def _of_plan(job: Job, plan: Plan) -> dict[str, Any]:
 
 def _fixed(job: Job, plan: Plan) -> dict[str, Any]:
     """Judge a policy that is not trained here."""
-    return {**_of_plan(job, plan), "policy": job.name, **_final(fixed_policy(job.name, make_task(plan.task)), plan)}
+    return {"policy": job.name, **_final(fixed_policy(job.name, make_task(plan.task)), plan)}
 
 
 def fixed_policy(name: str, task: Task) -> Policy:
@@ -149,7 +146,7 @@ def fixed_policy(name: str, task: Task) -> Policy:
     return StrategyPolicy(task.rule, name=RULE) if name == RULE else make_policy(name)
 
 
-def _trained(job: Job, seed: int, plan: Plan, path: Path) -> dict[str, Any]:
+def _trained(job: Job, seed: int, plan: Plan, folder: Path) -> dict[str, Any]:
     """Train, and judge the best policy of all checkpoints; a network is kept beside the result, under the same name."""
     from .learned.watch import Watch
 
@@ -165,9 +162,9 @@ def _trained(job: Job, seed: int, plan: Plan, path: Path) -> dict[str, Any]:
     assert watch.best is not None  # the start is always judged
     policy, row = watch.best
     if isinstance(policy, LearnedPolicy):
-        policy.save(path.with_suffix(NUMBERS))
+        policy.save(folder / f"{job.title}{NUMBERS}")
     facts = {"algorithm": job.name, "seed": seed, "curve": watch.curve, "best": row}
-    return {**_of_plan(job, plan), **facts, **_final(policy, plan), "config": config}
+    return {**facts, **_final(policy, plan), "config": config}
 
 
 def checkpoint(result: Evaluation) -> dict[str, Any]:
@@ -257,29 +254,29 @@ def summarize(results: Results) -> dict[str, Any]:
     return rows
 
 
+_COLUMNS = {
+    "policy": "`{policy}`",
+    "seeds": "{of}",
+    "unfinished runs": "{unfinished[runs]} of {unfinished[of]} ({unfinished[ci95][0]:%} to {unfinished[ci95][1]:%} %)",
+    "clearing time, s": "{clearing_time[iqm]:.1f}{interval}",
+    "mean exit, s": "{mean_exit:.1f}",
+    "flow, 1/s": "{flow:.2f}",
+    "decisions, 10⁶": "{millions:.2f}",
+    "training, CPU s": "{seconds:.0f}",
+}
+
+
 def table(rows: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the rows as a table in Markdown, the soonest first."""
-    head = "policy", "seeds", "unfinished runs", "clearing time, s", "mean exit, s", "flow, 1/s", "decisions, 10⁶"
-    lines = [f"| {' | '.join((*head, 'training, CPU s'))} |", "| --- " * (len(head) + 1) + "|"]
 
     def soonest(item: tuple[str, Mapping[str, Any]]) -> tuple[bool, float]:
         middle = item[1]["clearing_time"]["iqm"]
         return item[1]["unfinished"]["runs"] > 0, np.inf if middle is None else middle
 
+    lines = [list(_COLUMNS), ["---"] * len(_COLUMNS)]
     for name, row in sorted(rows.items(), key=soonest):
-        time, left = row["clearing_time"], row["unfinished"]
-        low, high = time["ci95"]
-        between = "" if low is None or high is None else f" [{low:.1f}, {high:.1f}]"
-        share = " to ".join(f"{100 * bound:.0f}" for bound in left["ci95"])
-        cells = [
-            f"`{name}`",
-            str(row["seeds"] or "–"),
-            f"{left['runs']} of {left['of']} ({share} %)",
-            "–" if time["iqm"] is None else f"{time['iqm']:.1f}{between}",
-            f"{row['mean_exit']:.1f}",
-            "–" if row["flow"] is None else f"{row['flow']:.2f}",
-            "–" if row["steps"] is None else f"{row['steps'] / 1e6:.2f}",
-            "–" if row["seconds"] is None else f"{row['seconds']:.0f}",
-        ]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+        known = None not in row["clearing_time"]["ci95"]
+        more = {"policy": name, "of": row["seeds"] or None, "millions": row["steps"] and row["steps"] / 1e6}
+        more["interval"] = cell(" [{clearing_time[ci95][0]:.1f}, {clearing_time[ci95][1]:.1f}]", row) if known else ""
+        lines.append([cell(text, {**row, **more}) for text in _COLUMNS.values()])
+    return "".join(f"| {' | '.join(cells)} |\n" for cells in lines)

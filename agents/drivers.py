@@ -7,8 +7,8 @@ from typing import Any, cast
 import numpy as np
 
 from crowd_env import CrowdEnv, Scenario, Step
-from crowd_env.core.arrays.state import Bools
-from crowd_env.envs.rollout import Driver, run_episodes
+from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.envs.rollout import Driver, Episode, run_episodes
 from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.envs.settings import arguments_of
 from crowd_env.physics import make_scheme
@@ -121,14 +121,18 @@ def best_share(scenario: Scenario, **options: Any) -> float:
     for share in SHARES:
         driver = policy_driver(RuleAtShare(share), scenario, **options)
         episodes = run_episodes(scenario, SEARCH_RUNS, seed=SEARCH_SEED, driver=driver)
-        last = np.array([episode.metrics.evacuation_time for episode in episodes])
-        limits = np.array([max(episode.end, episode.time_limit) for episode in episodes])
-        time = np.where(np.isfinite(last), last, limits).mean()
+        time = float(clearing_times(episodes).mean())
         if time < soonest:
             found, soonest = share, time
-        elif np.isfinite(last).all():
+        elif not any(episode.metrics.unfinished for episode in episodes):
             break
     return found
+
+
+def clearing_times(episodes: Sequence[Episode]) -> Floats:
+    """Return when the last person was out (R,) [s]; the time limit, or the end if later, where somebody was left inside."""
+    last = np.array([episode.metrics.evacuation_time for episode in episodes])
+    return np.where(np.isfinite(last), last, [max(episode.end, episode.time_limit) for episode in episodes])
 
 
 class ControllerDriver(Driver):

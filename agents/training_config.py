@@ -8,14 +8,16 @@ from typing import Any, cast
 
 import numpy as np
 
-from crowd_env import CrowdEnv, ObservationLayout, Scenario, make_scheme
+from crowd_env import CrowdEnv, ObservationLayout, Scenario
 from crowd_env.core.arrays.headway import plain_manner
 from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.checks import POSITIVE, Range, known, number, whole
 from crowd_env.core.files.json_file import read_json
+from crowd_env.core.files.own import own_or_name
 from crowd_env.envs.routing.batch import routing_arguments
 from crowd_env.envs.routing.env import RoutingVectorEnv
 from crowd_env.envs.settings import arguments_of
+from crowd_env.physics import ContactScheme, make_scheme
 
 from . import POLICIES, make_policy
 from .evaluation.entries import RULE
@@ -38,6 +40,7 @@ ROUTING_PPO: dict[str, Any] = {
     "target_kl": 0.03,
 }
 ROUTING_BUDGET: dict[str, Any] = {"envs": 32, "steps": 120_000, "minutes": 10.0}
+_PHYSICS = ("dt", "decision_dt", "strategy", "manner", "outline")
 _MOST_CELLS = 10_000  # of a grid: nobody decides about more, and their names alone fill memory
 LEAST_DT = Range(1e-5)  # s  a decision of 0.1 s is ten thousand steps of these
 RUNS = Range(1, HELD_OUT_SEED - 1)  # held-out draws of an evaluation
@@ -80,7 +83,7 @@ def default_config(
         "envs": envs,
         "steps": steps,
         "minutes": minutes,
-        "dt": make_scheme(scheme).info.default_dt if dt is None else dt,
+        "dt": law_of({"scheme": scheme}).info.default_dt if dt is None else dt,
         "decision_dt": 0.1,
         "manner": plain_manner(place.manner_of_run(manner)),
         "outline": plain_outline(place.outline_of_run(outline)),
@@ -162,7 +165,7 @@ def task_of(config: Mapping[str, Any]) -> Task:
         scenario=config["scenario"],
         options=config["options"],
         people=config["people"],
-        scheme=config["scheme"],
+        scheme=law_of(config).info.name,
         dt=config["dt"],
         time_limit=place.time_limit,
         blocked_after=place.blocked_after,
@@ -170,6 +173,11 @@ def task_of(config: Mapping[str, Any]) -> Task:
         rule=config["strategy"],
         decision_dt=config["decision_dt"],
     )
+
+
+def law_of(config: Mapping[str, Any]) -> ContactScheme:
+    """Return the contact scheme that a run is trained and judged under, which may be the user's own."""
+    return make_scheme(own_or_name("--physics", config["scheme"]))
 
 
 def start_of(config: Mapping[str, Any]) -> WalkingRule:
@@ -192,7 +200,7 @@ def judged_place(config: Mapping[str, Any]) -> Scenario:
 
 def physics_of(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options of `evaluate` under which a run is validated: those it was trained with."""
-    return {name: config[name] for name in ("scheme", "dt", "decision_dt", "strategy", "manner", "outline")}
+    return {"scheme": law_of(config)} | {name: config[name] for name in _PHYSICS}
 
 
 def facts_of(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -209,27 +217,13 @@ def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 
     """
     num_envs = config["envs"] if envs is None else envs
     if config["routing"] is not None:
-        physics = {name: config[name] for name in ("scheme", "dt", "manner", "outline")}
-        arguments = routing_arguments(place_of(config), threads=threads, **physics, **config["routing"])
+        physics = {name: config[name] for name in ("dt", "manner", "outline")}
+        options = {"scheme": law_of(config), "threads": threads, **physics, **config["routing"]}
+        arguments = routing_arguments(place_of(config), **options)
         return RoutingVectorEnv(num_envs=num_envs, **arguments)
-    options = (
-        "scheme",
-        "dt",
-        "decision_dt",
-        "frame",
-        "action",
-        "observation",
-        "reward",
-        "strategy",
-        "manner",
-        "outline",
-    )
-    return CrowdEnv(
-        place_of(config),
-        num_envs=num_envs,
-        autoreset=True,
-        **arguments_of({"threads": threads, **{name: config[name] for name in options}}),
-    )
+    learned = {name: config[name] for name in ("frame", "action", "observation", "reward")}
+    arguments = arguments_of({"threads": threads, **physics_of(config), **learned})
+    return CrowdEnv(place_of(config), num_envs=num_envs, autoreset=True, **arguments)
 
 
 def check_libraries() -> None:

@@ -20,7 +20,7 @@ from ..drivers import SAMPLE, driver_of, policy_driver
 from ..policy import Policy
 from ..rules import StrategyPolicy
 from ..tasks.task import Task
-from ..trained import SAMPLED, TRUSTED, LearnedPolicy, load_trained, names_file
+from ..trained import SAMPLED, LearnedPolicy, load_trained, names_file
 
 RULES = "rules"
 RULE = "rule"  # the strategy of a task, at full speed
@@ -58,7 +58,6 @@ def make_entries(
 
     Parameters
     ----------
-    names : a file of stable-baselines3 is opened with ``:trusted`` behind it (`crowd_env.agents.trained.load_trained`).
     learned_share : of the people whom a policy moves, see `crowd_env.agents.drivers.PolicyBatches`.
 
     Raises
@@ -87,17 +86,8 @@ def make_entries(
     ]
 
 
-class _Pair(NamedTuple):
-    """An entry under a scheme."""
-
-    entry: Entry
-    scheme: str
-    scenario: Scenario
-    threads: int
-
-
 def made_drivers(
-    pairs: Sequence[tuple[Entry, str]], scenario: Scenario, threads: int, executor: Executor
+    pairs: Sequence[tuple[Entry, str | ContactScheme]], scenario: Scenario, threads: int, executor: Executor
 ) -> list[Callable[[int], Driver]]:
     """Return the makers of batches of entries, each under a scheme.
 
@@ -109,7 +99,7 @@ def made_drivers(
         If a process of the executor has died.
     """
     found: dict[int, Callable[[int], Driver]] = {}
-    pieces = [_Pair(*pair, scenario, threads) for pair in pairs]
+    pieces = [(entry, scenario, scheme, threads) for entry, scheme in pairs]
     try:
         executor.run(_made_driver, pieces, found.__setitem__)
     except WorkerDied as error:
@@ -117,8 +107,11 @@ def made_drivers(
     return [found[k] for k in range(len(pieces))]
 
 
-def _made_driver(pair: _Pair, stopped: Callable[[], bool]) -> Callable[[int], Driver]:
-    return pair.entry.driver(pair.scenario, pair.scheme, pair.threads)
+def _made_driver(
+    piece: tuple[Entry, Scenario, str | ContactScheme, int], stopped: Callable[[], bool]
+) -> Callable[[int], Driver]:
+    entry, scenario, scheme, threads = piece
+    return entry.driver(scenario, scheme, threads)
 
 
 class NotMixed(ValueError):
@@ -157,7 +150,7 @@ def _make(name: str, crowd: _Crowd) -> Entry:
     plain, sampled = name.removesuffix(SAMPLED), name.endswith(SAMPLED)
     if plain in PRETRAINED:
         return replace(_learned_entry(PRETRAINED[plain], crowd, sampled), name=name)
-    if names_file(plain.removesuffix(TRUSTED)):
+    if names_file(plain):
         return _learned_entry(Path(plain), crowd, sampled)
     if name == RULE:
         raise ValueError(
@@ -208,7 +201,7 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
         If it cannot be read, or was trained in a scenario with other regions, exits or routes.
     """
     scenario = crowd.scenario
-    found = load_trained(Path(str(path).removesuffix(TRUSTED)), trust_pickle=str(path).endswith(TRUSTED))
+    found = load_trained(path)
     if isinstance(found, LearnedPolicy):
         if not sampled:
             return _policy_entry(found, crowd, path)

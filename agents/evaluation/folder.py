@@ -1,6 +1,7 @@
 """The folder of an evaluation: the result of each policy and scheme is kept as soon as it is known."""
 
 import functools
+import inspect
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -17,6 +18,7 @@ from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.store import Store
+from crowd_env.physics import ContactScheme
 
 from ..networks import network_digest
 from ..runs import versions
@@ -53,16 +55,16 @@ def settings_of(
     return {**of_task, **facts, "digest": fingerprint(held), "runs": runs, "seed": seed}
 
 
-def _made_by(entry: Entry, scheme: str) -> dict[str, Any]:
+def _made_by(entry: Entry, law: ContactScheme) -> dict[str, Any]:
     """Return what else a result depends on: the network, the scheme with its parameters and time step, and the code."""
-    contact = make_scheme(scheme)
     network = None if entry.source is None else network_digest(entry.source)
-    facts = {"network": network, "scheme": fingerprint(contact), "dt": contact.info.default_dt}
+    source = Path(inspect.getfile(type(law))).read_bytes()  # of the user's own scheme too
+    facts = {"network": network, "scheme": fingerprint(law, source), "dt": law.info.default_dt}
     return {**facts, "code": source_stamp(), "fields": list(EpisodeMetrics._fields)}
 
 
-def _name(entry: Entry, scheme: str) -> str:
-    return f"{_KEPT}/{_plain(entry.name)}-{_plain(scheme)}"
+def _name(entry: Entry, law: ContactScheme) -> str:
+    return f"{_KEPT}/{_plain(entry.name)}-{_plain(law.info.name)}"
 
 
 @functools.cache
@@ -93,18 +95,19 @@ class EvaluationFolder(Store):
     def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
         super().__init__(folder, settings, about=_SETTINGS)
 
-    def load_result(self, entry: Entry, scheme: str) -> Evaluation | None:
+    def load_result(self, entry: Entry, scheme: str | ContactScheme) -> Evaluation | None:
         """Return the kept result of a policy under a scheme.
 
         None if there is nothing, if the result was made by another network, scheme or code, or if the file is damaged.
         """
-        kept = self.load(_name(entry, scheme), _made_by(entry, scheme), redo=True)
+        law = make_scheme(scheme)
+        kept = self.load(_name(entry, law), _made_by(entry, law), redo=True)
         try:
-            return None if kept is None else _evaluation(entry.name, scheme, kept)
+            return None if kept is None else _evaluation(entry.name, law.info.name, kept)
         except Exception:  # arrays of a damaged file, of other shapes
             return None
 
-    def keep_result(self, entry: Entry, scheme: str, result: Evaluation) -> None:
+    def keep_result(self, entry: Entry, scheme: str | ContactScheme, result: Evaluation) -> None:
         """Keep a result, whole or not at all."""
         measured = result.measured
         assert measured is not None
@@ -120,21 +123,14 @@ class EvaluationFolder(Store):
         }
         if result.learned is not None:
             content["learned"] = result.learned
-        self.keep(_name(entry, scheme), content, _made_by(entry, scheme))
+        law = make_scheme(scheme)
+        self.keep(_name(entry, law), content, _made_by(entry, law))
 
     def write_runs(self, results: Sequence[Evaluation], seed: int) -> None:
         """Write ``runs.csv``, one line a run."""
         exits = list(dict.fromkeys(results[0].exit_names))
         own = ["policy", "scheme", "run", "seed", "last_time", "exit_time_95", *EpisodeMetrics._fields]
-        header = [
-            *own,
-            "walked",
-            "max_density",
-            "max_pressure",
-            "crushed",
-            "crushed_time",
-            *(f"out by {name}" for name in exits),
-        ]
+        own += ["walked", "max_density", "max_pressure", "crushed", "crushed_time"]
         rows: list[list[object]] = []
         for result in results:
             measured = result.measured
@@ -147,7 +143,7 @@ class EvaluationFolder(Store):
                 numbers = [_text(v) for v in (last, most, *episode, way, *peaks)]
                 by_exit = [int((names[k] == name).sum()) for name in exits]
                 rows.append([result.policy, result.scheme, k, seed + k, *numbers, *by_exit])
-        write_csv(self.folder / "runs.csv", header, rows)
+        write_csv(self.folder / "runs.csv", [*own, *(f"out by {name}" for name in exits)], rows)
 
     def draw(self, results: Sequence[Evaluation], scenario: Scenario) -> list[Path]:
         """Draw the egress curves of each scheme and the maps of each policy under it; return the paths."""

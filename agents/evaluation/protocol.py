@@ -6,13 +6,13 @@ from typing import Any
 from rich.table import Table
 
 from crowd_env import Scenario
-from crowd_env.analysis.figures import named, percent
+from crowd_env.analysis.figures import named, number, percent
 
 from ..tasks.task import Task
 from .comparison import mean_times, minus_first
 from .credible import credibility
 from .evaluation import Evaluation
-from .report import add_row, new_table, with_first
+from .report import table_of, with_interval
 
 _MEANS = ("contact_impulse", "mean_exit_learned", "mean_exit_others")  # the last two of mixed crowds
 _FIGURES = (
@@ -69,36 +69,26 @@ def task_figures(
     }
 
 
-def task_table(results: Sequence[Evaluation], title: str) -> Table:
-    """Return a table of the figures by which policies are judged on a task."""
-    caption, columns = task_columns()
-    table = new_table(caption, *columns, title=title)
-    for result, _ in with_first(results, table):
-        add_row(table, result.policy, *task_cells(result))
-    return table
-
-
-def task_columns() -> tuple[str, tuple[str, ...]]:
-    """Return what stands below a table of tasks, and its columns after that of the policy."""
+def task_table(groups: Mapping[str, Sequence[Evaluation]], title: str, note: str = "") -> Table:
+    """Return a table of the figures by which policies are judged on a task, with a section for each group."""
     caption = (
         "Runs of all in which the exits blocked, and in which someone was left inside, blocked ones included; %: with its "
         "95 % interval (Wilson). clearing: s, of the last person, in the runs that cleared, with its 95 % interval; mean "
         "exit: s, of all people; who is left inside counts until the time limit."
     )
-    return caption, ("blocked", "%", "unfinished", "clearing", "mean exit", "flow\n1/s")
 
+    def cells(result: Evaluation, first: Evaluation) -> dict[str, str]:
+        row = result.row()
+        return {
+            "blocked": f"{row['blocked_runs']} of {row['runs']}",
+            "%": percent(row["blocked_share"]),
+            "unfinished": str(row["unfinished_runs"]),
+            "clearing": with_interval(row["evacuation_time"]),
+            "mean exit": with_interval(named(mean_times(result))),
+            "flow\n1/s": number(row["flow"]["mean"]),
+        }
 
-def task_cells(result: Evaluation) -> list[str]:
-    """Return the cells of a policy under `task_columns`."""
-    row = result.row()
-    return [
-        f"{row['blocked_runs']} of {row['runs']}",
-        percent(row["blocked_share"]),
-        str(row["unfinished_runs"]),
-        _interval(row["evacuation_time"]),
-        _interval(named(mean_times(result))),
-        "-" if row["flow"]["mean"] is None else f"{row['flow']['mean']:.2f}",
-    ]
+    return table_of(groups, cells, caption + note, title)
 
 
 def credible_lines(results: Sequence[Evaluation], place: Scenario) -> list[str]:
@@ -124,11 +114,3 @@ def _named(result: Evaluation, results: Sequence[Evaluation]) -> str:
 def _mean(found: dict[str, Any]) -> dict[str, Any]:
     """Return mean and interval alone."""
     return {"mean": found["mean"], "ci95": found["ci95"]}
-
-
-def _interval(found: dict[str, Any]) -> str:
-    low, high = found["ci95"]
-    if found["mean"] is None:
-        return "-"
-    digits = 1 if max(found["mean"], high or 0.0) < 99.95 else 0
-    return f"{found['mean']:.{digits}f}" + ("" if low is None else f" ({low:.{digits}f}..{high:.{digits}f})")

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rich.table import Table
-from rich.text import Text
 
 from crowd_env import Scenario
 from crowd_env.core.console import notes
@@ -16,8 +15,7 @@ from ..tasks.variations import Variation, variations
 from .entries import Entry, NotMixed, make_entries
 from .evaluation import Evaluation
 from .folder import EvaluationFolder, settings_of
-from .protocol import credible_lines, task_cells, task_columns, task_row
-from .report import add_row, new_table
+from .protocol import credible_lines, task_row, task_table
 
 LEAST_RUNS, PART = 10, 5  # of the draws of a task, by default
 
@@ -30,14 +28,6 @@ class Trial(NamedTuple):
     scheme: str
     entries: list[Entry]
     left_out: list[str]  # policies that cannot move a part of the people
-
-    def settings(self, task: Task, runs: int, seed: int) -> dict[str, Any]:
-        """Return what results of the trial depend on beside policy and scheme."""
-        return settings_of(self.place, runs, seed, task, self.variation.learned_share)
-
-    def facts(self, task: Task) -> dict[str, Any]:
-        """Return what the variation is, ready for JSON; the digest is of the place."""
-        return facts_of_variation(task, self.variation, self.place)
 
 
 def facts_of_variation(task: Task, one: Variation, place: Scenario) -> dict[str, Any]:
@@ -105,7 +95,8 @@ def judge_trial(
     notes.print(f"{trial.variation.name}: {trial.variation.about}", markup=False, highlight=False)
     kept = None
     if out is not None:
-        kept = EvaluationFolder(out / trial.variation.name, trial.settings(task, runs, seed))
+        settings = settings_of(trial.place, runs, seed, task, trial.variation.learned_share)
+        kept = EvaluationFolder(out / trial.variation.name, settings)
     return compare(trial.entries, trial.place, [trial.scheme], runs=runs, seed=seed, threads=threads, folder=kept)
 
 
@@ -118,7 +109,7 @@ def summary_of_trials(task: Task, found: Found, runs: int, seed: int) -> dict[st
         "task": task.identity(),
         "runs": runs,
         "seed": seed,
-        "variations": [trial.facts(task) for trial, _ in found],
+        "variations": [facts_of_variation(task, one.variation, one.place) for one, _ in found],
         "rows": [
             {**task_row(task, trial.place, one, results), "variation": trial.variation.name}
             for trial, results in found
@@ -141,11 +132,5 @@ def lines_of_trials(found: Found) -> list[str]:
 
 def robustness_table(found: Found, title: str) -> Table:
     """Return the table of a task with a section for each variation."""
-    caption, columns = task_columns()
-    table = new_table(f"{caption} A variation's policies are judged on the same draws.", *columns, title=title)
-    for trial, results in found:
-        table.add_section()
-        table.add_row(Text(trial.variation.name, style="bold"))
-        for one in results:
-            add_row(table, one.policy, *task_cells(one))
-    return table
+    groups = {trial.variation.name: results for trial, results in found}
+    return task_table(groups, title, " A variation's policies are judged on the same draws.")

@@ -6,6 +6,7 @@ from typing import Any
 from crowd_env import Scenario
 from crowd_env.core.console import notes, progress_bar
 from crowd_env.core.executors import Executor, Serial
+from crowd_env.physics import ContactScheme
 
 from ..runs import versions
 from ..tasks import Task
@@ -19,7 +20,7 @@ from .protocol import task_row
 def compare(
     entries: Sequence[Entry],
     scenario: Scenario,
-    schemes: Sequence[str],
+    schemes: Sequence[str | ContactScheme],
     *,
     runs: int,
     seed: int = 0,

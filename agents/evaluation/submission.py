@@ -69,7 +69,7 @@ def write_submissions(
     judged = [results]
     for trial, those in found:
         if trial.variation.name != "task":
-            trials.append(trial.facts(task))
+            trials.append(facts_of_variation(task, trial.variation, trial.place))
             judged.append(those)
 
     def content(named: Mapping[str, Path | None]) -> dict[str, Any]:

@@ -19,13 +19,13 @@ from ..drivers import driver_of
 from ..networks import NETWORK, network_digest
 from ..rules import StrategyPolicy
 from ..trained import SAMPLED, LearnedPolicy, load_trained
-from ..training_config import judged_place, physics_of, task_of
+from ..training_config import judged_place, law_of, physics_of, task_of
 from .comparison import last_times, mean_times, minus_first, paired, ratio
 from .entries import RULE, controller_entry, make_entries
 from .evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from .folder import EvaluationFolder, settings_of
 from .protocol import task_row, task_table
-from .report import comparison_table, crowding_table
+from .report import by_scheme, comparison_table, crowding_table
 from .same_draws import compare
 
 LEARNED = "learned"
@@ -39,7 +39,7 @@ _OF_ROUTES = ("fastest", "nearest", "shortest")
 def title_of(config: Mapping[str, Any]) -> str:
     """Return what stands above the table and the egress curves."""
     task, place = config["task"], judged_place(config)
-    said = run_title(place, config["scheme"])
+    said = run_title(place, law_of(config).info.name)
     return said if task is None else f"{task}, version {task_of(config).version}: {said}"
 
 
@@ -54,7 +54,7 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     A task is judged as it stands: with all its people, at its own physics step.  What has been evaluated is kept in the folder,
     so that an interrupted evaluation goes on.
     """
-    task, place, scheme = task_of(config), judged_place(config), config["scheme"]
+    task, place = task_of(config), judged_place(config)
     own = config["task"] is not None
     rules = make_entries(_named(config), place, task)
     if config["routing"] is not None:
@@ -64,7 +64,7 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     named = [replace(entry, name=LEARNED + kind) for entry, kind in zip(networks, kinds, strict=True)]
     entries = [*rules, *named]
     kept = EvaluationFolder(folder / f"held-out-{runs}", settings_of(place, runs, 0, task if own else None))
-    results = compare(entries, place, [scheme], runs=runs, threads=threads, folder=kept)
+    results = compare(entries, place, [law_of(config)], runs=runs, threads=threads, folder=kept)
     rule, learned = results[0], results[-1]
     rows = [task_row(task, place, one, results) if own else one.row() | _beside(one, learned) for one in results]
     content = {
@@ -122,7 +122,7 @@ def tables(config: Mapping[str, Any], results: list[Evaluation]) -> list[Table]:
     title = f"{title_of(config)}, {results[0].runs} held-out draws"
     if config["task"] is None:
         return [comparison_table(results, title)]
-    return [task_table(results, title), crowding_table(results)]
+    return [task_table(by_scheme(results), title), crowding_table(results)]
 
 
 def draw(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> None:
@@ -177,7 +177,8 @@ def _write_film(folder: Path, config: Mapping[str, Any], results: list[Evaluatio
     task, place = task_of(config), judged_place(config)
     stuck = np.flatnonzero(results[0].column("unfinished") > 0)
     seed = HELD_OUT_SEED + (int(stuck[0]) if len(stuck) else 0)
-    options = {"scheme": config["scheme"], "rules": False, **task.env_options(config["scheme"])}
+    law = law_of(config)
+    options = {"scheme": law, "rules": False, **task.env_options(law.info.name)}
     shown: dict[str, Any] = {RULE_AHEAD: StrategyPolicy(task.rule), LEARNED: load_trained(folder / NETWORK)}
     ways = {title: partial(driver_of, who, **options) for title, who in shown.items()}
     write_beside(folder / "evacuation.gif", record_beside(ways, place, seed))

@@ -21,7 +21,7 @@ from ..evaluation.evaluation import FINAL_SEED, HELD_OUT_SEED
 from ..evaluation.folder import EvaluationFolder, settings_of
 from ..evaluation.same_draws import compare
 from ..networks import NETWORK
-from ..training_config import judged_place, task_of
+from ..training_config import judged_place, law_of, task_of
 from .training import START, read_curve, score
 
 UNCONFIRMED, FOUND = "unconfirmed.safetensors", "confirmation.json"
@@ -110,7 +110,7 @@ def _minus_start(folder: Path, config: Mapping[str, Any], look: int, threads: in
     seed = FINAL_SEED - HELD_OUT_SEED + look * DRAWS
     kept = EvaluationFolder(folder / f"confirmation-{look + 1}", settings_of(place, DRAWS, seed, task))
     entries = make_entries([str(folder / name) for name in (START, NETWORK)], place, task)
-    start, best = compare(entries, place, [config["scheme"]], runs=DRAWS, seed=seed, threads=threads, folder=kept)
+    start, best = compare(entries, place, [law_of(config)], runs=DRAWS, seed=seed, threads=threads, folder=kept)
     impulse = best.column("contact_impulse") - start.column("contact_impulse")
     return last_times(best) - last_times(start), impulse
 

@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env import Scenario
-from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.rollout import Episode, run_episodes
 
-from ..drivers import policy_driver
+from ..drivers import clearing_times, policy_driver
 from ..evaluation.evaluation import HELD_OUT_SEED
 from ..evolved import Evolved
 from .watch import Watch
@@ -88,12 +87,6 @@ def evolve(
             costs.append(float(clearing_times(episodes).mean()))
             steps += sum(decisions(episode, watch.decision_dt) for episode in episodes)
         search.tell(candidates, costs)
-
-
-def clearing_times(episodes: list[Episode]) -> Floats:
-    """Return when the last person was out (R,) [s]; the time limit, or the end if later, where somebody was left inside."""
-    last = np.array([episode.metrics.evacuation_time for episode in episodes])
-    return np.where(np.isfinite(last), last, [max(episode.end, episode.time_limit) for episode in episodes])
 
 
 def decisions(episode: Episode, interval: float) -> int:

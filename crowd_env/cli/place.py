@@ -11,7 +11,7 @@ from crowd_env.cli.console import OF_PEOPLE, OF_PHYSICS, OF_PLACE, OF_RUNS, comp
 from crowd_env.core.arrays.headway import MANNERS
 from crowd_env.core.arrays.state import MOTIVATION
 from crowd_env.core.checks import flag, known
-from crowd_env.core.files.own import load_own, names_own
+from crowd_env.core.files.own import names_own, own_or_name
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
@@ -129,7 +129,7 @@ def place_of(given: Mapping[str, Any]) -> Setting:
     """
     changes = split_changes(given.get("set"))
     named = given.get("physics") or "nsm2"
-    scheme = make_scheme(load_own("--physics", named) if names_own(named) else named)
+    scheme = make_scheme(own_or_name("--physics", named))
     owners = {
         "the crowd": ("outline", *_DRAWN),
         f"the physics {named}": ("dt", "max_drive", *(one.name for one in fields(scheme) if one.init)),

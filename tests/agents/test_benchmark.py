@@ -131,7 +131,7 @@ def test_what_another_process_is_about_is_left_alone(small, tmp_path):
 def test_results_of_another_plan_are_not_mixed(small, tmp_path):
     assert call(*arguments(tmp_path, "--seeds", 1))[0] == 0
     code, _, err = call(*arguments(tmp_path, "--seeds", 1, "--minutes", 3))
-    assert code != 0 and "has minutes 2.0, here it is 3.0; take another folder with --out" in " ".join(err.split())
+    assert code != 0 and "minutes is 2.0 there and 3.0 here; name another folder" in " ".join(err.split())
 
 
 @looped(

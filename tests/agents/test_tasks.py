@@ -185,7 +185,7 @@ def test_the_table_fits_into_a_hundred_columns(small_task):
     assert code == 0 and "small, version 1: room-v0: 4 people, 2 runs each" in out and "0 of 2" in out
     console = Console(width=100, record=True)
     hundreds = made_up("rule-best-speed", "hertz-literal", [986.4, 512.9], unfinished=False)
-    console.print(task_table([hundreds], "title"))
+    console.print(task_table({"": [hundreds]}, "title"))
     assert "…" not in console.export_text()
 
 

@@ -15,6 +15,8 @@ from ...evaluation.entries import RULE
 from ...training_config import make_env
 from ..rate import FallingRate
 from ..training import Keeper, trained_in
+from .algorithm import begin_with, make_algorithm, policy_of, set_rate
+from .module import first_policy
 
 CHECKPOINT = "rllib"  # folder below that of the run
 _LEARNER = 1  # cores that runners leave to the learner
@@ -54,8 +56,6 @@ class _Training:
     """One part of a training, from its start or last checkpoint to the end of its budget, or Ctrl-C."""
 
     def __init__(self, folder: Path, config: Mapping[str, Any], runners: int, threads: int) -> None:
-        from .algorithm import make_algorithm
-
         self.folder, self.config, self.interrupted = folder, config, False
         self.keeper, self.env = Keeper(folder, config, threads), make_env(config, envs=1)
         notes.print(
@@ -98,9 +98,6 @@ class _Training:
 
     def _start(self) -> None:
         """Begin as the native training would."""
-        from .algorithm import begin_with
-        from .module import first_policy
-
         if self.config["start"] != RULE:
             notes.print(f"cloning {self.config['start']}, a fraction of a minute ...")
         begin_with(self.algorithm, first_policy(self.config), self.config["ppo"]["log_std_init"])
@@ -113,8 +110,6 @@ class _Training:
 
     def _iterate(self) -> None:
         """Let all runners simulate, and learn from it."""
-        from .algorithm import set_rate
-
         self.rate.time_spent = min(self.share, 1.0)
         set_rate(self.algorithm, self.rate(1.0 - min(self.steps / self.config["steps"], 1.0)))
         healthy = self.algorithm.env_runner_group.num_healthy_remote_workers()
@@ -134,8 +129,6 @@ class _Training:
 
     def _evaluate(self) -> None:
         """Evaluate the network as it is on validation draws, write curve and checkpoint, and keep it if it is the best."""
-        from .algorithm import policy_of
-
         who = trained_in(self.env, policy_of(self.algorithm), self.config)
         self.keeper.judge(who, self.steps, self._write_checkpoint, cpu=self._cpu_far)
 

@@ -10,6 +10,7 @@ from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.tasks import PRESETS, make_preset, make_task
 from crowd_env.agents.training_config import RUNS, check_budget, check_libraries
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
+from crowd_env.cli.agents.options import plain
 from crowd_env.core.checks import Range, known, whole
 from crowd_env.core.console import friendly_errors, notes
 from crowd_env.core.files.atomic import write_text
@@ -17,28 +18,22 @@ from crowd_env.core.files.json_file import write_json
 
 _BASELINES = (RULE, "density-cap", "follow", "zipper")
 _FOLDER = Path("benchmarks/results/learning")
+_ABOUT = "; ".join(f"{name}: {one.about}" for name, one in ALGORITHMS.items())
+_BESIDE = "Policies to judge beside them."
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command(cls=ListsOfNames)
 def main(
-    task: Annotated[
-        str, typer.Option(metavar="NAME", help=f"What is learned: {', '.join(PRESETS)}.")
-    ] = "competitive-door",
-    algorithms: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME ...", help="; ".join(f"{name}: {one.about}" for name, one in ALGORITHMS.items())),
-    ] = None,
-    baselines: Annotated[
-        list[str] | None,
-        typer.Option(metavar="POLICY ...", help="Policies to judge beside them.", show_default=" ".join(_BASELINES)),
-    ] = None,
-    seeds: Annotated[int, typer.Option(help="Trainings of each algorithm, with the seeds 0, 1, ...")] = 10,
-    minutes: Annotated[float, typer.Option(help="Processor time of each training, evaluations apart.")] = 2.0,
-    runs: Annotated[int, typer.Option(help="Held-out draws of the final evaluation, in the task as it stands.")] = 40,
-    out: Annotated[Path | None, typer.Option(help="Folder of the results.", show_default=f"{_FOLDER}/TASK")] = None,
-    report_only: Annotated[bool, typer.Option("--report-only", help="Train nothing: report what there is.")] = False,
+    task: Annotated[str, plain(f"What is learned: {', '.join(PRESETS)}.", metavar="NAME")] = "competitive-door",
+    algorithms: Annotated[list[str] | None, plain(_ABOUT, metavar="NAME ...")] = None,
+    baselines: Annotated[list[str] | None, plain(_BESIDE, " ".join(_BASELINES), metavar="POLICY ...")] = None,
+    seeds: Annotated[int, plain("Trainings of each algorithm, with the seeds 0, 1, ...")] = 10,
+    minutes: Annotated[float, plain("Processor time of each training, evaluations apart.")] = 2.0,
+    runs: Annotated[int, plain("Held-out draws of the final evaluation, in the task as it stands.")] = 40,
+    out: Annotated[Path | None, plain("Folder of the results.", f"{_FOLDER}/TASK")] = None,
+    report_only: Annotated[bool, plain("Train nothing: report what there is.", names=("--report-only",))] = False,
 ) -> None:
     """Train algorithms on a task with several seeds each, and compare them by interquartile means and intervals.
 
@@ -62,11 +57,11 @@ def main(
         jobs = [Job(name, seed) for seed in range(seeds) for name in chosen] + [Job(name, None) for name in beside]
         for k, job in enumerate([] if report_only else jobs):
             said = _said(do(job, plan, folder))
-            notes.print(f"{k + 1}/{len(jobs)} {Path(job.file).stem}: {said}", markup=False, highlight=False)
+            notes.print(f"{k + 1}/{len(jobs)} {job.title}: {said}", markup=False, highlight=False)
         results: dict[str, list[dict[str, Any]]] = {}
         for job in jobs:
-            if (folder / job.file).exists():
-                results.setdefault(job.name, []).append(read_result(folder / job.file, job, plan))
+            if (result := read_result(folder, job, plan)) is not None:
+                results.setdefault(job.name, []).append(result)
         if not results:
             raise ValueError(f"nothing is finished in {folder} yet")
         rows = summarize(results)

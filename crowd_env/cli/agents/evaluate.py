@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.table import Table
 
 from crowd_env import SCHEMES, Scenario, make_scheme
 from crowd_env.agents.evaluation.entries import RULE, make_entries
@@ -15,6 +16,7 @@ from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.evaluation.protocol import credible_lines, task_table
 from crowd_env.agents.evaluation.report import (
+    by_scheme,
     crowding_table,
     exits_table,
     left_table,
@@ -34,13 +36,14 @@ from crowd_env.agents.evaluation.same_draws import compare, summary
 from crowd_env.agents.tasks import TASKS, Task
 from crowd_env.agents.training_config import RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
-from crowd_env.cli.agents.options import People, Place, Policies, changes
-from crowd_env.cli.console import OF_OUTPUT, OF_PEOPLE, OF_PHYSICS, OF_RUNS, AsJson, complete_from
+from crowd_env.cli.agents.options import People, Place, Policies, changes, of_output, of_people, of_physics, of_runs
+from crowd_env.cli.console import AsJson
 from crowd_env.cli.place import CrowdName, Exits, Unit, read_place
 from crowd_env.core.checks import Range, number, whole
 from crowd_env.core.console import friendly_errors, notes
 from crowd_env.core.executors import Executor, Serial, make_executor
 from crowd_env.core.files.json_file import write_json
+from crowd_env.core.files.own import own_or_name
 from crowd_env.physics import check_outline
 from crowd_env.rendering.libraries import require_libraries
 from crowd_env.scenarios.titles import run_title, with_manner
@@ -48,7 +51,18 @@ from crowd_env.scenarios.titles import run_title, with_manner
 # Unless a task or an option says otherwise.
 _SCENARIO, _NAMED, _SCHEME, _RUNS = "room-v0", ("shortest", "fastest"), "nsm2", 100
 _SET = {"outline": str, "learned": float, "threads": int}
-
+_CHANGES = (
+    "outline=NAME, the shape of bodies; learned=SHARE, so many of the people follow the policy, the others the "
+    "rule (--crowd is then theirs alone); threads=N of the simulation, which results do not depend on."
+)
+_PHYSICS = f"Contact schemes: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."
+_USUAL = f"{_SCHEME}; of a task its own"
+_RAY = "Spread the draws over a Ray cluster; results do not depend on it."
+_ROBUSTNESS = (
+    "Also judge on the held-out variations of the task (twice the people, other doors, other schemes, other people, half of "
+    "them learned), by default on a fifth of its draws."
+)
+_OUT = "Folder for tables, curves and maps; an interrupted one goes on there."
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -60,62 +74,14 @@ def main(
     unit: Unit = None,
     people: People = None,
     crowd: CrowdName = None,
-    set: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="NAME=VALUE",
-            rich_help_panel=OF_PEOPLE,
-            help="outline=NAME, the shape of bodies; learned=SHARE, so many of the people follow the policy, the others the "
-            "rule (--crowd is then theirs alone); threads=N of the simulation, which results do not depend on.",
-        ),
-    ] = None,
-    physics: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--physics",
-            metavar="NAME ...",
-            autocompletion=complete_from(SCHEMES),
-            show_default=f"{_SCHEME}; of a task its own",
-            rich_help_panel=OF_PHYSICS,
-            help=f"Contact schemes: {', '.join(SCHEMES)}.",
-        ),
-    ] = None,
+    set: Annotated[list[str] | None, of_people(_CHANGES, metavar="NAME=VALUE")] = None,
+    physics: Annotated[list[str] | None, of_physics(_PHYSICS, _USUAL, among=SCHEMES, metavar="NAME ...")] = None,
     policies: Policies = None,
-    runs: Annotated[
-        int | None,
-        typer.Option(
-            help="Evacuations of each policy and scheme.",
-            show_default=f"{_RUNS}; those of a task",
-            rich_help_panel=OF_RUNS,
-        ),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option(help="Other draws; all are held out from training.", rich_help_panel=OF_RUNS)
-    ] = 0,
-    ray: Annotated[
-        bool,
-        typer.Option(
-            "--ray",
-            help="Spread the draws over a Ray cluster; results do not depend on it.",
-            rich_help_panel=OF_RUNS,
-        ),
-    ] = False,
-    robustness: Annotated[
-        bool,
-        typer.Option(
-            "--robustness",
-            rich_help_panel=OF_RUNS,
-            help="Also judge on the held-out variations of the task (twice the people, other doors, other schemes, other "
-            "people, half of them learned), by default on a fifth of its draws.",
-        ),
-    ] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder for tables, curves and maps; an interrupted one goes on there.", rich_help_panel=OF_OUTPUT
-        ),
-    ] = None,
+    runs: Annotated[int | None, of_runs("Evacuations of each policy and scheme.", f"{_RUNS}; those of a task")] = None,
+    seed: Annotated[int, of_runs("Other draws; all are held out from training.")] = 0,
+    ray: Annotated[bool, of_runs(_RAY, names=("--ray",))] = False,
+    robustness: Annotated[bool, of_runs(_ROBUSTNESS, names=("--robustness",))] = False,
+    out: Annotated[Path | None, of_output(_OUT)] = None,
     as_json: AsJson = False,
 ) -> None:
     """Compare ways to lead people out, on a task or under any contact schemes, on the same draws.
@@ -142,11 +108,13 @@ def main(
             _refuse_beside_robustness(task, given)
             assert task is not None
             with closing(_executor(ray, threads)) as executor:
-                _vary(task, policies or [RULE], runs, seed, threads, out, as_json, executor)
+                how = {"runs": runs, "seed": seed, "threads": threads, "out": out}
+                _vary(task, policies or [RULE], as_json, executor, **how)
             return
         where = with_manner(_place(task, place, people, exit, unit), crowd, changed.get("outline"))
         policies = policies or list(_NAMED if task is None else (RULE,))
-        schemes = list(dict.fromkeys(physics or [_SCHEME if task is None else task.scheme]))
+        named = dict.fromkeys(physics or [_SCHEME if task is None else task.scheme])
+        schemes = [make_scheme(own_or_name("--physics", one)) for one in named]
         count = _RUNS if task is None else task.runs
         runs = whole("--runs", count if runs is None else runs, RUNS)
         whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
@@ -154,7 +122,7 @@ def main(
         if learned is not None:
             learned = number("--set learned", learned, Range(0.0, 1.0, above=True))
         for scheme in schemes:
-            check_outline(where.outline_of_run(), make_scheme(scheme))
+            check_outline(where.outline_of_run(), scheme)
         entries = make_entries(policies, where, task, learned_share=learned)
         if "rules" in policies and not where.rules:
             notes.print(f"note: {where.name} has no control rules; rules is shortest there", markup=False)
@@ -192,21 +160,15 @@ def _refuse_beside_robustness(task: Task | None, given: dict[str, Any]) -> None:
             raise ValueError(f"--robustness says itself what it varies, {name} among it; leave one out")
 
 
-def _vary(
-    task: Task,
-    policies: Sequence[str],
-    runs: int | None,
-    seed: int,
-    threads: int,
-    out: Path | None,
-    as_json: bool,
-    executor: Executor,
-) -> None:
-    """Judge policies on a task and its variations, and say what came out."""
-    runs = whole("--runs", few_runs(task) if runs is None else runs, RUNS)
+def _vary(task: Task, policies: Sequence[str], as_json: bool, executor: Executor, **how: Any) -> None:
+    """Judge policies on a task and its variations, ``how`` is that of `judge_trial`, and say what came out."""
+    runs, seed, out = (
+        whole("--runs", few_runs(task) if how["runs"] is None else how["runs"], RUNS),
+        how["seed"],
+        how["out"],
+    )
     whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
-    trials = make_trials(task, policies)
-    how: dict[str, Any] = {"runs": runs, "seed": seed, "threads": threads, "out": out}
+    trials, how = make_trials(task, policies), how | {"runs": runs}
     found = [(one, judge_trial(task, one, partial(compare, executor=executor), **how)) for one in trials]
     figures = summary_of_trials(task, found, runs, seed)
     if out is not None:
@@ -215,10 +177,7 @@ def _vary(
         typer.echo(json.dumps(figures, allow_nan=False))
         return
     title = f"{task.name}, version {task.version}, and its variations: {runs} runs each"
-    console = table_console()
-    console.print(robustness_table(found, title))
-    for line in lines_of_trials(found):
-        console.print(line, markup=False, highlight=False, soft_wrap=True)
+    _print([robustness_table(found, title)], lines_of_trials(found))
 
 
 def _place(
@@ -243,15 +202,17 @@ def _write(
 
 
 def _show(results: list[Evaluation], title: str, place: Scenario, task: Task | None) -> None:
+    judged = [times_table(results, title), left_table(results)]
+    if task is not None:
+        judged = [task_table(by_scheme(results), f"{task.name}, version {task.version}: {title}")]
+    credible = [] if task is None else credible_lines(results, place)
+    _print([*judged, exits_table(results), crowding_table(results)], [*ranking_lines(results), *credible])
+
+
+def _print(tables: Sequence[Table | None], lines: Sequence[str]) -> None:
     console = table_console()
-    if task is None:
-        judged = [times_table(results, title), left_table(results)]
-    else:
-        judged = [task_table(results, f"{task.name}, version {task.version}: {title}")]
-    for table in (*judged, exits_table(results), crowding_table(results)):
-        if table is not None:
-            console.print(table)
-    for line in [*ranking_lines(results), *([] if task is None else credible_lines(results, place))]:
+    console.print(*(table for table in tables if table is not None))
+    for line in lines:
         console.print(line, markup=False, highlight=False, soft_wrap=True)
 
 

@@ -24,8 +24,17 @@ from crowd_env.agents.training_config import (
     task_config,
     task_of,
 )
-from crowd_env.cli.agents.options import People, Place, Threads, changes
-from crowd_env.cli.console import OF_OUTPUT, OF_PEOPLE, OF_PHYSICS, OF_RUNS, complete_from
+from crowd_env.cli.agents.options import (
+    People,
+    Place,
+    Threads,
+    changes,
+    of_learning,
+    of_output,
+    of_people,
+    of_physics,
+    of_runs,
+)
 from crowd_env.cli.place import CrowdName, Exits, Unit, plan_options
 from crowd_env.core.checks import known, whole
 from crowd_env.core.console import friendly_errors, notes
@@ -36,7 +45,6 @@ from crowd_env.rendering.libraries import require_libraries
 from crowd_env.scenarios import kind_of_place
 
 _TASK = "competitive-door"
-_OF_LEARNING = "Learning"
 _THREADS = min(2, os.cpu_count() or 1)
 _DECIDES = ("walking", "routing")
 _RUNS = 50  # held-out draws where there is no task
@@ -67,6 +75,21 @@ def train_with_rllib(folder: Path, config: dict[str, Any], threads: int = 1, run
 
 BACKENDS: dict[str, Callable[..., bool]] = {"native": train, "rllib": train_with_rllib}
 
+_CHANGES = (
+    "Change the step of the physics (dt), the shape of bodies (outline), where a controller decides (grid=4,2), "
+    "how often (interval), or how many processes simulate for rllib (runners); may be repeated."
+)
+_PHYSICS = f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."
+_WHO_DECIDES = "walking: a policy of everyone's steps; routing: a controller that sends people to exits."
+_START = (
+    "What learning starts from: rule, full speed along the way, or a policy of rules that is cloned: "
+    "evolution, follow, density-cap, ..."
+)
+_STEPS = "Training steps, summed over all pedestrian slots, or over all controllers."
+_RUNS_SAID = f"the task's, or {_RUNS}"
+_BACKEND = f"What trains: {', '.join(BACKENDS)} (on the nodes of a Ray cluster)."
+_RESUME = "Folder of a run to go on with; --minutes and --steps then are its budget in all."
+
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
@@ -78,91 +101,19 @@ def main(
     unit: Unit = None,
     people: People = None,
     crowd: CrowdName = None,
-    set: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE",
-            rich_help_panel=OF_PEOPLE,
-            help="Change the step of the physics (dt), the shape of bodies (outline), where a controller decides (grid=4,2), "
-            "how often (interval), or how many processes simulate for rllib (runners); may be repeated.",
-        ),
-    ] = None,
-    physics: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            autocompletion=complete_from(SCHEMES),
-            show_default="the task's, or nsm2",
-            rich_help_panel=OF_PHYSICS,
-            help=f"Contact scheme: {', '.join(SCHEMES)}.",
-        ),
-    ] = None,
-    decides: Annotated[
-        str,
-        typer.Option(
-            autocompletion=complete_from(_DECIDES),
-            rich_help_panel=_OF_LEARNING,
-            help="walking: a policy of everyone's steps; routing: a controller that sends people to exits.",
-        ),
-    ] = _DECIDES[0],
-    start: Annotated[
-        str | None,
-        typer.Option(
-            show_default="the preset's, or rule",
-            rich_help_panel=_OF_LEARNING,
-            help="What learning starts from: rule, full speed along the way, or a policy of rules that is cloned: "
-            "evolution, follow, density-cap, ...",
-        ),
-    ] = None,
-    minutes: Annotated[
-        float | None,
-        typer.Option(help="Training stops after so long.", show_default="the preset's", rich_help_panel=_OF_LEARNING),
-    ] = None,
-    steps: Annotated[
-        int | None,
-        typer.Option(
-            help="Training steps, summed over all pedestrian slots, or over all controllers.",
-            show_default="the preset's",
-            rich_help_panel=_OF_LEARNING,
-        ),
-    ] = None,
-    envs: Annotated[
-        int | None,
-        typer.Option(
-            help="Evacuations simulated side by side.", show_default="the preset's", rich_help_panel=_OF_LEARNING
-        ),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option(help="Fixes draws and network; below 1000000.", rich_help_panel=_OF_LEARNING)
-    ] = 0,
-    runs: Annotated[
-        int | None,
-        typer.Option(
-            help="Held-out evacuations per policy in the table.",
-            show_default=f"the task's, or {_RUNS}",
-            rich_help_panel=OF_RUNS,
-        ),
-    ] = None,
+    set: Annotated[list[str] | None, of_people(_CHANGES, metavar="NAME=VALUE")] = None,
+    physics: Annotated[str | None, of_physics(_PHYSICS, "the task's, or nsm2", among=SCHEMES, metavar="NAME")] = None,
+    decides: Annotated[str, of_learning(_WHO_DECIDES, among=_DECIDES)] = _DECIDES[0],
+    start: Annotated[str | None, of_learning(_START, "the preset's, or rule")] = None,
+    minutes: Annotated[float | None, of_learning("Training stops after so long.", "the preset's")] = None,
+    steps: Annotated[int | None, of_learning(_STEPS, "the preset's")] = None,
+    envs: Annotated[int | None, of_learning("Evacuations simulated side by side.", "the preset's")] = None,
+    seed: Annotated[int, of_learning("Fixes draws and network; below 1000000.")] = 0,
+    runs: Annotated[int | None, of_runs("Held-out evacuations per policy in the table.", _RUNS_SAID)] = None,
     threads: Threads = _THREADS,
-    backend: Annotated[
-        str,
-        typer.Option(
-            help=f"What trains: {', '.join(BACKENDS)} (on the nodes of a Ray cluster).", rich_help_panel=OF_RUNS
-        ),
-    ] = "native",
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of the run.", show_default="runs/, named after what is trained", rich_help_panel=OF_OUTPUT
-        ),
-    ] = None,
-    resume: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of a run to go on with; --minutes and --steps then are its budget in all.",
-            rich_help_panel=OF_OUTPUT,
-        ),
-    ] = None,
+    backend: Annotated[str, of_runs(_BACKEND)] = "native",
+    out: Annotated[Path | None, of_output("Folder of the run.", "runs/, named after what is trained")] = None,
+    resume: Annotated[Path | None, of_output(_RESUME)] = None,
 ) -> None:
     """Train a policy or a controller by PPO and compare it with the rules on the same held-out draws.
 

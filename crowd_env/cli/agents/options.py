@@ -1,6 +1,6 @@
 """Options that commands about policies share."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -8,39 +8,54 @@ import typer
 from crowd_env.agents import POLICIES, PRETRAINED
 from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.tasks import TASKS
-from crowd_env.cli.console import OF_PEOPLE, OF_PLACE, OF_RUNS, complete_from
+from crowd_env.cli.console import OF_OUTPUT, OF_PEOPLE, OF_PHYSICS, OF_PLACE, OF_RUNS, complete_from
 from crowd_env.cli.place import split_changes
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios import SCENARIOS
 
+
+def section(panel: str | None = None) -> Callable[..., Any]:
+    """Return what makes an option of a section of the help, from its text and what that says is the default.
+
+    ``names`` are others than that of the argument, ``among`` what a shell completes; the rest is that of `typer.Option`.
+    """
+
+    def option(
+        help: str, default: str | None = None, *, names: Iterable[str] = (), among: Iterable[str] = (), **more: Any
+    ) -> Any:
+        more |= {"show_default": default} if default else {}
+        more |= {"autocompletion": complete_from(among)} if among else {}
+        return typer.Option(*names, help=help, rich_help_panel=panel, **more)
+
+    return option
+
+
+of_place, of_people, of_physics, of_learning = map(section, (OF_PLACE, OF_PEOPLE, OF_PHYSICS, "Learning"))
+of_runs, of_output, plain = map(section, (OF_RUNS, OF_OUTPUT, None))
+
 Place = Annotated[
     str | None,
-    typer.Option(
-        "--task",
-        "--scenario",
+    of_place(
+        f"A task: {', '.join(TASKS)}; or a scenario, its file, or a floor plan.",
+        names=("--task", "--scenario"),
+        among=(*TASKS, *SCENARIOS),
         metavar="NAME",
-        autocompletion=complete_from((*TASKS, *SCENARIOS)),
-        rich_help_panel=OF_PLACE,
-        help=f"A task: {', '.join(TASKS)}; or a scenario, its file, or a floor plan.",
     ),
 ]
-People = Annotated[
-    int | None,
-    typer.Option(help="Another number of people of the same kinds.", min=1, rich_help_panel=OF_PEOPLE),
-]
+People = Annotated[int | None, of_people("Another number of people of the same kinds.", min=1)]
 Policies = Annotated[
     list[str] | None,
-    typer.Option(
-        "--policies",
-        "--policy",
-        metavar="POLICY ...",
-        autocompletion=complete_from((RULE, *STRATEGIES, *POLICIES, *PRETRAINED)),
-        help="rule: the strategy of a task; shortest, nearest, fastest, comfortable; a route or exit; rules: the shortest path "
+    plain(
+        "rule: the strategy of a task; shortest, nearest, fastest, comfortable; a route or exit; rules: the shortest path "
         f"with the scenario's control rules in force; {', '.join(POLICIES)}; a shipped policy (TASK/NAME), or the path of a "
         "network (.safetensors).",
+        names=("--policies", "--policy"),
+        among=(RULE, *STRATEGIES, *POLICIES, *PRETRAINED),
+        metavar="POLICY ...",
     ),
 ]
-Threads = Annotated[int, typer.Option(help="Of the simulation; results do not depend on it.", rich_help_panel=OF_RUNS)]
+Threads = Annotated[int, of_runs("Of the simulation; results do not depend on it.")]
+OneTask = Annotated[str, plain(f"The task: {', '.join(TASKS)}.", among=TASKS, metavar="NAME")]
 
 
 def changes(texts: Sequence[str] | None, kinds: Mapping[str, Any]) -> dict[str, Any]:

@@ -14,7 +14,8 @@ from crowd_env.agents.evaluation.entries import RULE, Entry, make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.tasks import TASKS, Task, make_task
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
-from crowd_env.cli.console import OF_OUTPUT, complete_from
+from crowd_env.cli.agents.options import of_output, plain
+from crowd_env.cli.console import complete_from
 from crowd_env.cli.films import FilmFps, FilmSpeed, FilmWidth, check_film_options, film_file, said_of
 from crowd_env.core.checks import Range, whole
 from crowd_env.core.console import friendly_errors, notes, progress_bar
@@ -23,38 +24,26 @@ from crowd_env.envs.rollout import Driver
 # Task -> a draw in which people who follow the rule block their way out for good; 0 where none is known.
 DRAWS: Mapping[str, int] = MappingProxyType({"competitive-door": 2})
 
+_TASK = f"What people have to do: {', '.join(TASKS)}."
+_WHO = "Who are shown, from left to right; the names are those of `crowd-env evaluate`."
+_OF_TASK = "rule and what was learned for the task"
+_NAMES = (RULE, *POLICIES, *PRETRAINED)
+_BLOCKED = "one in which the rule blocks the door, or 0"
+
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command(cls=ListsOfNames)
 def main(
     task: Annotated[
-        str,
-        typer.Argument(
-            metavar="TASK", autocompletion=complete_from(TASKS), help=f"What people have to do: {', '.join(TASKS)}."
-        ),
+        str, typer.Argument(metavar="TASK", autocompletion=complete_from(TASKS), help=_TASK)
     ] = "competitive-door",
     policies: Annotated[
         list[str] | None,
-        typer.Option(
-            "--policies",
-            "--policy",
-            metavar="POLICY ...",
-            autocompletion=complete_from((RULE, *POLICIES, *PRETRAINED)),
-            show_default="rule and what was learned for the task",
-            help="Who are shown, from left to right; the names are those of `crowd-env evaluate`.",
-        ),
+        plain(_WHO, _OF_TASK, names=("--policies", "--policy"), among=_NAMES, metavar="POLICY ..."),
     ] = None,
-    seed: Annotated[
-        int | None,
-        typer.Option(
-            help="Which held-out draw of the people.", show_default="one in which the rule blocks the door, or 0"
-        ),
-    ] = None,
-    film: Annotated[
-        Path | None,
-        typer.Option(help="Where: .mp4 or .gif.", show_default="TASK.mp4 here", rich_help_panel=OF_OUTPUT),
-    ] = None,
+    seed: Annotated[int | None, plain("Which held-out draw of the people.", _BLOCKED)] = None,
+    film: Annotated[Path | None, of_output("Where: .mp4 or .gif.", "TASK.mp4 here")] = None,
     film_width: FilmWidth = None,
     film_fps: FilmFps = None,
     film_speed: FilmSpeed = None,

@@ -10,44 +10,31 @@ from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.evaluation.robustness import Found, few_runs, judge_trial, make_trials
 from crowd_env.agents.evaluation.same_draws import compare
 from crowd_env.agents.evaluation.submission import REFERENCES, write_submissions
-from crowd_env.agents.tasks import TASKS, make_task
+from crowd_env.agents.tasks import make_task
 from crowd_env.agents.trained import SAMPLED
 from crowd_env.agents.training_config import RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
-from crowd_env.cli.console import complete_from
+from crowd_env.cli.agents.options import OneTask, plain
 from crowd_env.core.checks import Range, whole
 from crowd_env.core.console import check_folder, friendly_errors
+
+_POLICY = "As for agents.evaluate: names, shipped policies (TASK/NAME), or networks (.safetensors)."
+_FOLDER = "Keeps what has been evaluated, so that an interrupted submission goes on."
+_RUNS = "Other draws are no submission, but a trial of one."
+_FEW = "Draws of each variation of the task; 0: none."
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command(cls=ListsOfNames)
 def main(
-    task: Annotated[
-        str, typer.Option(metavar="NAME", autocompletion=complete_from(TASKS), help=f"The task: {', '.join(TASKS)}.")
-    ],
-    policy: Annotated[
-        list[str],
-        typer.Option(
-            "--policy",
-            "--policies",
-            metavar="POLICY ...",
-            help="As for agents.evaluate: names, shipped policies (TASK/NAME), or networks (.safetensors).",
-        ),
-    ],
-    out: Annotated[Path, typer.Option(help="Folder for TASK/POLICY.json.")] = Path("submissions"),
-    folder: Annotated[
-        Path | None, typer.Option(help="Keeps what has been evaluated, so that an interrupted submission goes on.")
-    ] = None,
-    runs: Annotated[
-        int | None,
-        typer.Option(show_default="those of the task", help="Other draws are no submission, but a trial of one."),
-    ] = None,
-    robustness_runs: Annotated[
-        int | None,
-        typer.Option(show_default="a fifth of those of the task", help="Draws of each variation of the task; 0: none."),
-    ] = None,
-    threads: Annotated[int, typer.Option(help="Of the simulation; results do not depend on it.")] = 1,
+    task: OneTask,
+    policy: Annotated[list[str], plain(_POLICY, names=("--policy", "--policies"), metavar="POLICY ...")],
+    out: Annotated[Path, plain("Folder for TASK/POLICY.json.")] = Path("submissions"),
+    folder: Annotated[Path | None, plain(_FOLDER)] = None,
+    runs: Annotated[int | None, plain(_RUNS, "those of the task")] = None,
+    robustness_runs: Annotated[int | None, plain(_FEW, "a fifth of those of the task")] = None,
+    threads: Annotated[int, plain("Of the simulation; results do not depend on it.")] = 1,
 ) -> None:
     """Judge policies on the held-out draws of a task and on its variations; write one submission for each.
 

@@ -11,6 +11,11 @@ def names_own(text: str) -> bool:
     return ".py:" in text
 
 
+def own_or_name(option: str, text: str) -> Any:
+    """Return the object of the user's own that a text names, or the text, if it is a name of the package."""
+    return load_own(option, text) if names_own(text) else text
+
+
 def load_own(option: str, text: str) -> Any:
     """Return the object that a text such as ``my_law.py:MyLaw`` names; of a class, the one that it makes without arguments.
 
