@@ -1,11 +1,10 @@
 """Who decides: policies over arrays, rule-based and learned, behind one protocol."""
 
-from .evolved import Evolved
 from .policy import Policy
 from .pretrained import PRETRAINED, load
 from .rules import RandomWalk, ShortestPath, StandStill
 from .trained import LearnedPolicy, names_file
-from .walking import DensityCap, Follow, HeadwayRule, RuleAtShare, Zipper
+from .walking import DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, Zipper
 
 # Name -> policy.  The names in `PRETRAINED` and paths to trained networks (.safetensors) are policies too: see `make_policy`.
 POLICIES: dict[str, type[Policy]] = {

@@ -4,15 +4,6 @@ from pathlib import Path
 
 from crowd_env.core.files.versions import versions_of
 
-_PACKAGES = ("gymnasium", "pettingzoo")
-_OF_TRAINING = ("stable-baselines3", "torch")
-
-
-def check_name(name: str) -> None:
-    """Raise ValueError unless this can be the name of a folder, and of nothing outside of the folder it is put into."""
-    if name in ("", ".", "..") or any(character in name for character in "/\\\0"):
-        raise ValueError(f"{name!r} cannot name a run: it must be the name of one folder, without / or \\")
-
 
 def new_folder(root: Path, name: str) -> Path:
     """Make and return ``root/name``, or ``root/name-2`` and so on if that is taken: no run overwrites another.
@@ -22,7 +13,8 @@ def new_folder(root: Path, name: str) -> Path:
     ValueError
         If the name leads elsewhere, or the folder cannot be made.
     """
-    check_name(name)
+    if name in ("", ".", "..") or any(character in name for character in "/\\\0"):
+        raise ValueError(f"{name!r} cannot name a run: it must be the name of one folder, without / or \\")
     number, folder = 1, root / name
     try:
         root.mkdir(parents=True, exist_ok=True)
@@ -39,4 +31,4 @@ def new_folder(root: Path, name: str) -> Path:
 
 def versions() -> dict[str, str]:
     """Return the versions of everything that can change a result."""
-    return versions_of(*_PACKAGES, *_OF_TRAINING)
+    return versions_of("gymnasium", "pettingzoo", "stable-baselines3", "torch")

@@ -87,11 +87,11 @@ class LearnedPolicy(_Learned):
             outputs = int(self.space.n)
         else:
             outputs = math.prod(self.space.shape or ())
-        expected = (env_options["observation"].size, outputs)
-        if (network.inputs, network.outputs) != expected:
+        inputs = env_options["observation"].size
+        if (network.inputs, network.outputs) != (inputs, outputs):
             raise ValueError(
                 f"the network turns {network.inputs} numbers into {network.outputs}; "
-                f"its observation and action have {expected[0]} and {expected[1]}"
+                f"its observation and action have {inputs} and {outputs}"
             )
         if self.spread is not None and len(self.spread) != outputs:
             raise ValueError(f"{len(self.spread)} standard deviations of {outputs} components of an action")
@@ -138,16 +138,11 @@ class LearnedPolicy(_Learned):
 
     def facts(self) -> dict[str, Any]:
         options = self.env_options
-        return {
-            "kind": "policy",
-            "observation": options["observation"].as_table(),
-            "action": {
-                "kind": plain_action(replace(make_action(options["action"]), frame="path")),
-                "frame": options["frame"],
-                **({} if self.spread is None else {"spread": list(self.spread)}),
-            },
-            "trained": self.trained,
-        }
+        kind = plain_action(replace(make_action(options["action"]), frame="path"))
+        spread = {} if self.spread is None else {"spread": list(self.spread)}
+        action = {"kind": kind, "frame": options["frame"], **spread}
+        observation = options["observation"].as_table()
+        return {"kind": "policy", "observation": observation, "action": action, "trained": self.trained}
 
 
 class LearnedController(_Learned):
@@ -187,12 +182,8 @@ class LearnedController(_Learned):
         return np.column_stack([part.argmax(axis=1) for part in logits])
 
     def facts(self) -> dict[str, Any]:
-        return {
-            "kind": "controller",
-            "choices": self.choices.tolist(),
-            "options": self.options,
-            "trained": self.trained,
-        }
+        facts = {"choices": self.choices.tolist(), "options": self.options, "trained": self.trained}
+        return {"kind": "controller", **facts}
 
 
 def load_trained(path: str | Path) -> LearnedPolicy | LearnedController:

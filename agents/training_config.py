@@ -31,14 +31,8 @@ from .walking import WalkingRule
 MOST_PEOPLE = 200_000
 MINUTES = 15.0  # after which a training on a task stops on a machine that is too slow for its steps
 # PPO of a controller, where it departs from that of a policy: decisions are rare, and one a crowd.
-ROUTING_PPO: dict[str, Any] = {
-    "learning_rate": 1e-3,
-    "n_steps": 32,
-    "batch_size": 256,
-    "n_epochs": 8,
-    "gamma": 0.99,
-    "target_kl": 0.03,
-}
+ROUTING_PPO: dict[str, Any] = {"learning_rate": 1e-3, "n_steps": 32, "batch_size": 256}
+ROUTING_PPO |= {"n_epochs": 8, "gamma": 0.99, "target_kl": 0.03}
 ROUTING_BUDGET: dict[str, Any] = {"envs": 32, "steps": 120_000, "minutes": 10.0}
 _PHYSICS = ("dt", "decision_dt", "strategy", "manner", "outline")
 _MOST_CELLS = 10_000  # of a grid: nobody decides about more, and their names alone fill memory
@@ -243,15 +237,6 @@ def check_budget(**options: float) -> None:
         number(f"--{name}", value, POSITIVE)
 
 
-def check_envs(envs: int, people: int) -> None:
-    """Raise ValueError if ``envs`` evacuations of ``people`` people each are too many to train in side by side."""
-    if envs * people > MOST_PEOPLE:
-        raise ValueError(
-            f"--envs is {envs}: with {people} people each that is {envs * people} at once; "
-            f"at most {MOST_PEOPLE} are trained side by side, here --envs {max(MOST_PEOPLE // people, 1)}"
-        )
-
-
 def check_config(config: Mapping[str, Any]) -> None:
     """Raise ValueError if nothing can be trained with these parameters; one room is made to see."""
     from .learned import PPOSettings
@@ -260,7 +245,12 @@ def check_config(config: Mapping[str, Any]) -> None:
     whole("seed", config["seed"], SEEDS)
     check_budget(minutes=config["minutes"], steps=config["steps"], envs=config["envs"])
     number("--set dt", config["dt"], LEAST_DT, "s")
-    check_envs(config["envs"], place_of(config).population.people)
+    people = place_of(config).population.people
+    if config["envs"] * people > MOST_PEOPLE:
+        raise ValueError(
+            f"--envs is {config['envs']}: with {people} people each that is {config['envs'] * people} at once; "
+            f"at most {MOST_PEOPLE} are trained side by side, here --envs {max(MOST_PEOPLE // people, 1)}"
+        )
     columns, rows = (config["routing"] or {}).get("grid", (1, 1))
     if columns * rows > _MOST_CELLS:
         raise ValueError(f"--grid is {columns} {rows}; it must have at most {_MOST_CELLS} cells")
@@ -283,7 +273,6 @@ def read_config(path: Path) -> dict[str, Any]:
     config = read_json(path)
     if not isinstance(config, dict):
         raise ValueError(f"{path} does not hold the parameters of a run")
-    config = {"routing": None, **config}  # runs of 0.1.0 know no other
     expected = default_config("room-v0", "nsm2", 0, 1, 1, 1.0)
     missing = [name for name in expected if name not in config]
     if missing:

@@ -13,6 +13,7 @@ from typing import Any
 
 from crowd_env.analysis.figures import cell
 from crowd_env.core.files.atomic import write_text
+from crowd_env.core.files.csv_table import write_csv
 
 ROOT = Path(__file__).resolve().parent.parent
 TABLES = ROOT / "docs" / "tables"
@@ -49,15 +50,8 @@ def read_table(name: str, folder: Path = TABLES) -> Grid:
 def write_table(name: str, grid: Grid, command: str, note: str = "", folder: Path = TABLES) -> None:
     """Store a table and the command that made it; each file is whole or as it was."""
     commands = {row[0]: row for row in read_table(MADE_BY, folder)[1:]} | {name: [name, command, note]}
-    for file, rows in (
-        (name, grid),
-        (MADE_BY, [["table", "command", "note"], *(commands[key] for key in sorted(commands))]),
-    ):
-        write_text(folder / f"{file}.csv", "".join(f"{','.join(map(_quoted, row))}\n" for row in rows))
-
-
-def _quoted(cell: str) -> str:
-    return '"' + cell.replace('"', '""') + '"' if re.search(r'[",\n]', cell) else cell
+    write_csv(folder / f"{name}.csv", grid[0], grid[1:])
+    write_csv(folder / f"{MADE_BY}.csv", ["table", "command", "note"], [commands[key] for key in sorted(commands)])
 
 
 def filled(page: str, folder: Path = TABLES) -> str:

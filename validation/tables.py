@@ -6,7 +6,7 @@ that --from names.  Verdicts of the table ``lin`` are written by hand, beside wh
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 from crowd_env import SCHEMES
 from crowd_env.core.checks import known
@@ -14,8 +14,8 @@ from crowd_env.reproduce.pecol2011.evacuations import PRINTED as FLOWS
 from crowd_env.reproduce.pecol2011.theatre import PRINTED as TIMES
 from validation import task_tables
 from validation.cases.case import DISC, share
-from validation.map import CASES_OF_MAP, criteria, measured, passed, write_limits
-from validation.pages import Grid, grid, pivoted, read_table, write_table
+from validation.map import criteria, measured, passed, write_limits
+from validation.pages import MADE_BY, Grid, grid, pivoted, read_table, write_table
 from validation.sources import Source
 
 _SPREAD = "{evacuation_time[mean]:.2f} ± {evacuation_time[sd]:.2f}"
@@ -249,52 +249,37 @@ def flows(source: Source) -> Grid:
     return pivoted(found, {"desired speed": "{people} people"}, "{speed}", "{here:.2f}; {reading}")
 
 
-class Table(NamedTuple):
-    """What makes a table, and the command that its figures come from, as it stands below the table."""
-
-    make: Callable[[Source], Grid]
-    command: str = ""
-    note: str = ""
-
-
 def _of_tasks(make: Callable[[], Grid], source: Source) -> Grid:
     return make()
 
 
-_MAP_BY = f"python -m validation {' '.join(CASES_OF_MAP)} --data DATA --out DIR"
-_FULL_SPEED = "python -m validation gate doors --manner competitive --data DATA --out DIR"
-_BODIES = "python -m validation {} --schemes hertz --manner hurried --draws {} --out DIR"
-_TWICE = "also with `--manner competitive`, and all of it with `--outline torso`"
-
-MAKERS: dict[str, Table] = {
-    "schemes": Table(schemes, "crowd-env run room-v0 --physics SCHEME --runs 50"),
-    "halls": Table(halls, "python -m validation halls great-halls --out DIR"),
-    "jambs": Table(jambs, "python -m validation jambs --out DIR"),
-    "bodies-gate": Table(bodies_gate, _BODIES.format("gate", 100), _TWICE),
-    "bodies-doors": Table(bodies_doors, _BODIES.format("doors", 10), _TWICE),
-    "clogging": Table(clogging, "crowd-env clogging --set speed=SPEED --people 200 --runs 10"),
-    "frozen": Table(frozen, "python -m validation frozen --out DIR"),
-    "strategies": Table(strategies, "crowd-env evaluate --scenario two-exit-hall-v0 --policies STRATEGY --physics SCHEME"),
-    "controller": Table(controller, "crowd-env train --scenario two-exit-hall-v0 --decides routing --out DIR"),
-    "training": Table(training, "python train.py"),
-    "scenarios": Table(scenarios, "crowd-env run SCENARIO --physics SCHEME --runs 100"),
-    "bodies": Table(bodies, "crowd-env run room-v0 --physics SCHEME --set radius=RANGE --set speed=RANGE --runs 50"),
-    "theatre": Table(theatre, "crowd-env reproduce table7"),
-    "variants": Table(variants, "crowd-env reproduce table5 OPTIONS"),
-    "clearance": Table(clearance, "crowd-env reproduce lin-fig7 lin-fig8"),
-    "flows": Table(flows, "crowd-env reproduce lin-fig10"),
-    "measured": Table(measured, _MAP_BY),
-    "criteria": Table(criteria, _MAP_BY),
-    "full-speed": Table(lambda source: measured(source, "gate", "doors", manner="competitive"), _FULL_SPEED),
-    "map": Table(lambda source: passed(read_table("measured")), _MAP_BY),
-    **{name: Table(partial(_of_tasks, make)) for name, make in task_tables.MAKERS.items()},
-}  # fmt: skip
+_OF_RUNS = (
+    schemes,
+    halls,
+    jambs,
+    bodies_gate,
+    bodies_doors,
+    clogging,
+    frozen,
+    strategies,
+    controller,
+    training,
+    scenarios,
+)
+_OF_PAPERS = (bodies, theatre, variants, clearance, flows)
+# Name of the table -> what makes it; made_by.csv says by which command its figures are measured.
+MAKERS: dict[str, Callable[[Source], Grid]] = {
+    **{one.__name__.replace("_", "-"): one for one in (*_OF_RUNS, *_OF_PAPERS, measured, criteria)},
+    "full-speed": lambda source: measured(source, "gate", "doors", manner="competitive"),
+    "map": lambda source: passed(read_table("measured")),
+    **{name: partial(_of_tasks, make) for name, make in task_tables.MAKERS.items()},
+}
 
 
 def make(names: Iterable[str], source: Source) -> None:
     """Make tables anew; ValueError if one is unknown, a command fails or a finished run is missing: it stays as it was then."""
+    commands = {name: (command, note) for name, command, note in read_table(MADE_BY)[1:]}
     for name in names:
-        table = MAKERS[known("table", name, MAKERS)]
-        write_table(name, table.make(source), table.command or f"python -m validation pages {name}", table.note)
+        write_table(name, MAKERS[known("table", name, MAKERS)](source), *commands[name])
         if name in ("measured", "criteria"):
             write_limits()

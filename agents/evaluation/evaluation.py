@@ -301,15 +301,8 @@ def _joined(cell: Cell, batches: Sequence[BatchDone]) -> Evaluation:
         if cell.driver.learned_share is not None:
             seeds = [episode.seed for episode in episodes]
             learned = learned_people(seeds, cell.scenario.population.people, cell.driver.learned_share)
-    return Evaluation(
-        cell.name,
-        make_scheme(cell.scheme).info.name,
-        [episode.metrics for episode in episodes],
-        [episode.exit_time for episode in episodes],
-        np.array([episode.end for episode in episodes]),
-        episodes[0].time_limit,
-        cell.scenario.geometry.exit_names,
-        None if recorder is None else recorder.measured(episodes),
-        constants,
-        learned,
-    )
+    metrics, exits = [episode.metrics for episode in episodes], [episode.exit_time for episode in episodes]
+    ended, names = np.array([episode.end for episode in episodes]), cell.scenario.geometry.exit_names
+    measured, scheme = None if recorder is None else recorder.measured(episodes), make_scheme(cell.scheme).info.name
+    what = metrics, exits, ended, episodes[0].time_limit, names, measured, constants, learned
+    return Evaluation(cell.name, scheme, *what)

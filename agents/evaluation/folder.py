@@ -30,6 +30,10 @@ from .evaluation import Evaluation
 _KEPT = "kept"  # folder below
 _SETTINGS = "evaluation.json"
 _SHOWN = {"density": ("Density", "people / m²", 1.0), "pressure": ("Contact pressure", "kN / m", 1e-3)}
+_PRESSURE = {
+    True: "Pressure: contact force on the person there over circumference, 0 while nobody is there.",
+    False: "This scheme knows no forces: its pressure is what keeps bodies apart.",
+}
 _CURVES = 5  # in one figure, as many as there are colors
 _ARRAYS = RunMeasurements._fields
 _NUMBERS = ("simulated", "computing", "replanning")
@@ -44,15 +48,11 @@ def settings_of(
         del held[name]
     headway, outline = scenario.manner_of_run(), scenario.outline_of_run()
     held |= {"manner": headway, "outline": outline}
-    facts: dict[str, Any] = {
-        "scenario": scenario.name,
-        "manner": plain_manner(headway),
-        "outline": plain_outline(outline),
-    }
-    of_task = {} if task is None else {"task": task.identity()}
+    facts: dict[str, Any] = {} if task is None else {"task": task.identity()}
+    facts |= {"scenario": scenario.name, "manner": plain_manner(headway), "outline": plain_outline(outline)}
     if learned_share is not None:
         facts["learned_share"] = learned_share
-    return {**of_task, **facts, "digest": fingerprint(held), "runs": runs, "seed": seed}
+    return {**facts, "digest": fingerprint(held), "runs": runs, "seed": seed}
 
 
 def _made_by(entry: Entry, law: ContactScheme) -> dict[str, Any]:
@@ -177,11 +177,7 @@ class EvaluationFolder(Store):
             title, unit, scale = _SHOWN[kind]
             full = full and scale * full
             maps.append(HeatMap(f"{title}, {said}", scale * values, origin, CELL, unit, kind, full))  # type: ignore[arg-type]
-        note = "Density: people within 1 m of a place over π m².  "
-        if not result.pressure_is_force:
-            note += "This scheme knows no forces: its pressure is what keeps bodies apart."
-        else:
-            note += "Pressure: contact force on the person there over circumference, 0 while nobody is there."
+        note = f"Density: people within 1 m of a place over π m².  {_PRESSURE[result.pressure_is_force]}"
         name = f"heat-{_plain(result.policy)}-{_plain(result.scheme)}.png"
         title = f"{result.policy}, {scenario.name}, {result.scheme}, {result.runs} runs"
         return heat_maps(self.folder / name, scenario.geometry, maps, title=title, note=note)
@@ -197,11 +193,7 @@ def _evaluation(policy: str, scheme: str, kept: dict[str, Any]) -> Evaluation:
     grid = Grid(tuple(kept["origin"]), kept["maps"].shape[1:])
     of_runs: dict[str, Any] = {name: kept[name] for name in (*_ARRAYS, *_NUMBERS)}
     measured = Measured(maps=Maps(*kept["maps"]), grid=grid, **of_runs)
-    return Evaluation(
-        policy,
-        scheme,
-        episodes,
-        list(kept["exit_times"]),
+    facts = (
         kept["ended"],
         kept["time_limit"],
         tuple(kept["exit_names"]),
@@ -209,6 +201,7 @@ def _evaluation(policy: str, scheme: str, kept: dict[str, Any]) -> Evaluation:
         kept["constants"],
         kept.get("learned"),
     )
+    return Evaluation(policy, scheme, episodes, list(kept["exit_times"]), *facts)
 
 
 def _curves(results: Sequence[Evaluation]) -> dict[str, list[np.ndarray]]:

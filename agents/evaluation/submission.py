@@ -231,15 +231,12 @@ def _figures(
 ) -> dict[str, Any]:
     """Return the figures of a policy as `Evaluation.row` has them, made of its first ``count`` runs."""
     runs = {name: values[:count] for name, values in runs.items()}
-    unknown = dict.fromkeys(EpisodeMetrics._fields, np.nan)
-    cleared = np.where(runs["unfinished"] == 0, runs["last_time"], np.nan)
-    since = np.where(runs["blocked"] > 0, 0.0, np.nan)
-    episodes = []
-    for k in range(len(cleared)):
-        known = {name: runs[name][k] for name in ("flow", "max_speed", "contact_impulse", "max_overlap")}
-        counts = {name: int(runs[name][k]) for name in ("unfinished", "escaped")}
-        known |= {"evacuation_time": cleared[k], "blocked_since": since[k]}
-        episodes.append(EpisodeMetrics(**(unknown | known | counts)))
+    known = {name: values for name, values in runs.items() if name in EpisodeMetrics._fields}
+    known["evacuation_time"] = np.where(runs["unfinished"] == 0, runs["last_time"], np.nan)
+    known["blocked_since"] = np.where(runs["blocked"] > 0, 0.0, np.nan)
+    unknown: dict[str, Any] = dict.fromkeys(EpisodeMetrics._fields, np.nan)
+    of_runs = (dict(zip(known, values, strict=True)) for values in zip(*known.values(), strict=True))
+    episodes = [EpisodeMetrics(**(unknown | one)) for one in of_runs]
     crushed = runs["crushed"]
     return {
         "policy": policy,

@@ -13,7 +13,7 @@ from torch.nn.functional import softplus
 
 from crowd_env.core.arrays.state import Floats
 
-from ..networks.beta import LEAST
+from ..networks.network import LEAST
 
 _MARGIN = 1e-6  # of samples from the bounds, where densities are infinite or zero
 _CONCENTRATION = 3.0  # at first: alpha + beta - 2
@@ -21,7 +21,7 @@ _LOG_WIDTH = 0.6931471805599453  # log 2: actions are in [-1, 1], Beta distribut
 
 
 class BetaActions(Distribution):
-    """Independent Beta distributions over [-1, 1], see `crowd_env.agents.networks.beta.BetaMLP` for their parameters."""
+    """Independent Beta distributions over [-1, 1], see `crowd_env.agents.networks.network.BetaMLP` for their parameters."""
 
     alpha: Tensor  # (K, A)
     beta: Tensor  # (K, A)
@@ -51,7 +51,7 @@ class BetaActions(Distribution):
             return 2.0 * self._inner.sample().clamp(_MARGIN, 1.0 - _MARGIN) - 1.0
 
     def mode(self) -> Tensor:
-        """Return the likeliest actions (K, A), see `crowd_env.agents.networks.beta.beta_mode`."""
+        """Return the likeliest actions (K, A), see `crowd_env.agents.networks.network.beta_mode`."""
         over, under = (self.alpha - 1.0).clamp(min=0.0), (self.beta - 1.0).clamp(min=0.0)
         inner = (over + under) > 0.0
         share = over / torch.where(inner, over + under, 1.0)

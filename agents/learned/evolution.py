@@ -11,7 +11,7 @@ from crowd_env.envs.rollout import Episode, run_episodes
 
 from ..drivers import clearing_times, policy_driver
 from ..evaluation.evaluation import HELD_OUT_SEED
-from ..evolved import Evolved
+from ..walking import Evolved
 from .watch import Watch
 
 

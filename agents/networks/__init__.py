@@ -1,8 +1,6 @@
 """Networks as plain numbers: used, written and read with numpy alone, so that opening one runs nobody's code."""
 
-from .beta import BetaMLP
 from .file import NETWORK, NETWORKS, network_digest, read_network, write_network
-from .mlp import MLP
-from .network import Network
+from .network import MLP, BetaMLP, Network
 
 __all__ = ["MLP", "NETWORK", "NETWORKS", "BetaMLP", "Network", "network_digest", "read_network", "write_network"]

@@ -16,9 +16,7 @@ from safetensors.numpy import save
 from crowd_env.core.checks import known
 from crowd_env.core.files.atomic import written
 
-from .beta import BetaMLP
-from .mlp import MLP
-from .network import Network
+from .network import MLP, BetaMLP, Network
 
 NETWORK = "best.safetensors"  # file in the folder of a training
 # Kind, as files call it -> network.

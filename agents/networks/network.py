@@ -1,7 +1,8 @@
-"""What every kind of network has: numbers in, numbers out, and named arrays that say all of it."""
+"""Networks as numbers: what every kind has, layers of tanh units, and such layers that end in Beta distributions."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,6 +11,9 @@ from crowd_env.core.arrays.state import Floats
 
 # Rows at once: larger products are shared out to threads, which costs more than it saves, much more on busy cores.
 _AT_ONCE = 60
+_SETTINGS = {"activation": "tanh"}
+# Both parameters of a Beta distribution are at least this.  Below 1 the density is largest at a bound, which then is the mode.
+LEAST = 0.8
 
 
 class Network(ABC):
@@ -69,3 +73,117 @@ class Network(ABC):
             part = where[begin : begin + _AT_ONCE]
             out[part] = self.forward(np.asarray(rows)[part].astype(np.float64))
         return out
+
+
+@dataclass(frozen=True, eq=False)
+class MLP(Network):
+    """Layers of tanh units with a linear one at the end.
+
+    Parameters
+    ----------
+    weights : (outputs, inputs) of each layer.
+    biases : (outputs,) of each layer.
+
+    Raises
+    ------
+    ValueError
+        If layers do not fit one another, or a number is not finite.
+    """
+
+    kind: ClassVar[str] = "mlp"
+    weights: tuple[Floats, ...]
+    biases: tuple[Floats, ...]
+
+    def __post_init__(self) -> None:
+        if not self.weights or len(self.weights) != len(self.biases):
+            raise ValueError(f"{len(self.weights)} arrays of weights and {len(self.biases)} of biases")
+        object.__setattr__(self, "weights", tuple(np.array(one, dtype=np.float64) for one in self.weights))
+        object.__setattr__(self, "biases", tuple(np.array(one, dtype=np.float64) for one in self.biases))
+        size = None
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            if weight.ndim != 2 or bias.shape != weight.shape[:1] or size not in (None, weight.shape[1]):
+                raise ValueError(f"layer {k} has weights {weight.shape} and biases {bias.shape}, which do not fit")
+            if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
+                raise ValueError(f"layer {k} holds numbers that are not finite")
+            size = weight.shape[0]
+
+    @property
+    def inputs(self) -> int:
+        """How many numbers it takes."""
+        return int(self.weights[0].shape[1])
+
+    @property
+    def outputs(self) -> int:
+        """How many numbers it returns."""
+        return int(self.weights[-1].shape[0])
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """Return ``weight0``, ``bias0``, ``weight1``, ..."""
+        found: dict[str, np.ndarray] = {}
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            found |= {f"weight{k}": weight, f"bias{k}": bias}
+        return found
+
+    def settings(self) -> dict[str, Any]:
+        """Return the activation."""
+        return dict(_SETTINGS)
+
+    @classmethod
+    def of(cls, tensors: Mapping[str, np.ndarray], settings: Mapping[str, Any]) -> "MLP":
+        """Return the network of these tensors; see `Network.of`."""
+        if settings != _SETTINGS:
+            raise ValueError(f"its settings are {dict(settings)}; those of a network {cls.kind!r} are {_SETTINGS}")
+        layers = range(max(1, len(tensors) // 2))
+        expected = [f"{array}{k}" for k in layers for array in ("weight", "bias")]
+        if set(tensors) != set(expected):
+            raise ValueError(
+                f"its tensors are {', '.join(sorted(tensors)) or 'none'} instead of weight0, bias0, weight1, ..."
+            )
+        return cls(tuple(tensors[f"weight{k}"] for k in layers), tuple(tensors[f"bias{k}"] for k in layers))
+
+    def forward(self, rows: Floats) -> Floats:
+        """Return the outputs (K, O) for inputs (K, I)."""
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            rows = np.tanh(rows @ weight.T + bias)
+        return np.asarray(rows @ self.weights[-1].T + self.biases[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class BetaMLP(MLP):
+    """An `MLP` whose outputs are the parameters of a Beta distribution for each number of an action, over [-1, 1].
+
+    The layers end in 2 A numbers for A of an action: ``alpha = LEAST + softplus`` of the first A, ``beta`` likewise of the
+    others (Chou, Maturana, Scherer 2017, whose parameters are at least 1: no mode of theirs is a bound).
+
+    Raises
+    ------
+    ValueError
+        As an `MLP`, or if the number of outputs of the layers is odd.
+    """
+
+    kind: ClassVar[str] = "beta-mlp"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.biases[-1]) % 2:
+            raise ValueError(f"its layers end in {len(self.biases[-1])} numbers; two are needed for each of an action")
+
+    @property
+    def outputs(self) -> int:
+        """How many numbers of an action it returns."""
+        return super().outputs // 2
+
+    def forward(self, rows: Floats) -> Floats:
+        """Return the modes (K, A) in [-1, 1] for inputs (K, I)."""
+        alpha, beta = np.split(LEAST + np.logaddexp(0.0, super().forward(rows)), 2, axis=1)
+        return 2.0 * beta_mode(alpha, beta) - 1.0
+
+
+def beta_mode(alpha: Floats, beta: Floats) -> Floats:
+    """Return where the density of a Beta distribution over [0, 1] is largest; of two such bounds that nearer to its mean.
+
+    ``(alpha - 1) / (alpha + beta - 2)`` where both are above 1; else 1 where alpha is larger, 0 where beta is.
+    """
+    over, under = np.maximum(alpha - 1.0, 0.0), np.maximum(beta - 1.0, 0.0)
+    inner = (over + under) > 0.0
+    return np.where(inner, over / np.where(inner, over + under, 1.0), (1.0 + np.sign(alpha - beta)) / 2.0)

@@ -15,7 +15,7 @@ from crowd_env import Scenario, make_scenario
 from crowd_env.core.checks import known, whole
 from crowd_env.envs.observation.terms import USUAL
 
-from .registry import make_task
+from .task import make_task
 
 # What everyone sees: the usual terms, and of those who are nearer the exit the next one and how many they are.
 _WITH_AHEAD = (*USUAL, "ahead")

@@ -1,14 +1,21 @@
-"""What a task is: where, who, under which contact law, for how long, and which draws are held out."""
+"""What a task is: where, who, under which contact law, for how long, and which draws are held out.
+
+No task of ``tasks.toml`` changes but with its version: `Task.digest` sums up everything that a task comes to, defaults of the
+package included, and a test compares it with what is ``frozen`` there.  Where a default has changed, write the old value into
+the task.  Where that cannot be, raise the version and freeze the new digest: figures of two versions do not stand in one table.
+"""
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, fields, is_dataclass, replace
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import tomllib
 
 from crowd_env import Scenario, make_scenario, make_scheme
 from crowd_env.core.arrays.headway import make_manner
-from crowd_env.core.checks import whole
+from crowd_env.core.checks import known, whole
 from crowd_env.core.files.fingerprint import fingerprint
 
 from ..evaluation.evaluation import HELD_OUT_SEED
@@ -138,3 +145,21 @@ def _plain(value: Any) -> Any:
     if held.get("solver") == "accelerated":
         held["solver"] = "auto"  # as they called it
     return {"": kind} | held
+
+
+# Name -> task.
+TASKS: dict[str, Task] = {
+    name: Task(name, **facts)
+    for name, facts in tomllib.loads(Path(__file__).with_name("tasks.toml").read_text(encoding="utf-8")).items()
+}
+
+
+def make_task(name: str) -> Task:
+    """Return the task of a name in `TASKS`.
+
+    Raises
+    ------
+    ValueError
+        If it is unknown; the message lists the known ones.
+    """
+    return TASKS[known("task", name, TASKS)]

@@ -9,8 +9,7 @@ from typing import Any
 
 from crowd_env import Scenario
 
-from .registry import TASKS
-from .task import Task
+from .task import TASKS, Task
 
 _SLOW = {"distribution": "normal", "mean": 1.0, "sd": 0.2, "low": 0.5, "high": 1.5}  # m/s  many old people
 

@@ -22,8 +22,8 @@ from crowd_env.agents.benchmark import (
     summarize,
     table,
 )
-from crowd_env.agents.evolved import Evolved
 from crowd_env.agents.rules import ShortestPath
+from crowd_env.agents.walking import Evolved
 from crowd_env.cli.agents import benchmark as command
 
 TEN = [70.38, 69.6, 71.92, 70.31, 68.39, 71.08, 73.91, 72.84, 67.89, 66.2]

@@ -12,7 +12,7 @@ from crowd_env.agents.learned.beta import BetaActions, bias_at
 from crowd_env.agents.learned.export import network_of
 from crowd_env.agents.learned.training import env_options_of
 from crowd_env.agents.networks import BetaMLP
-from crowd_env.agents.networks.beta import LEAST
+from crowd_env.agents.networks.network import LEAST
 from crowd_env.agents.trained import LearnedPolicy
 
 RNG = np.random.default_rng(0)

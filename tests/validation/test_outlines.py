@@ -156,7 +156,7 @@ def keep(folder, case, outline, manner, draws=5, **more):
 
 
 def made(tmp_path, name):
-    return MAKERS[name].make(Source(lambda _: {}, tmp_path / "run"))
+    return MAKERS[name](Source(lambda _: {}, tmp_path / "run"))
 
 
 def at_the_gate(flow, error, stuck):

@@ -144,7 +144,7 @@ def test_tables_of_commands_have_the_heads_that_are_stored():
         return {**found, "sets": [{}], "rows": [found]}
 
     for name in ("schemes", "clogging", "strategies", "scenarios", "bodies"):
-        assert MAKERS[name].make(Source(command))[0] == read_table(name)[0], name
+        assert MAKERS[name](Source(command))[0] == read_table(name)[0], name
     assert asked[:2] == [f"crowd_env run room-v0 --physics dem{step} --runs 50" for step in ("", " --set dt=0.001")]
 
 
@@ -156,7 +156,7 @@ def made_of(folder, name, *rows):
         found.setdefault((case, scheme, manner), []).append(mine)
     for (case, scheme, manner), some in found.items():
         Finished(folder).keep_rows(case, Setting(scheme, manner), some, True, 1.0)
-    return MAKERS[name].make(Source(lambda line: {}, folder))
+    return MAKERS[name](Source(lambda line: {}, folder))
 
 
 def test_halls_are_told_by_scheme_and_size(tmp_path):
@@ -175,7 +175,7 @@ def test_the_map_is_what_passed_case_by_case(tmp_path):
     found = made_of(tmp_path, "measured", *rows)
     assert found[2] == ["`gate`", "calm", "`hertz`", "**no**", "1.13 /s"] and found[0] == read_table("measured")[0]
     assert passed(found)[1:] == [["`gate`", "calm", "yes", "**no**"], ["`ring`", "calm", "yes", "**no**"]]
-    asked = MAKERS["criteria"].make(Source(lambda line: {}, tmp_path))
+    asked = MAKERS["criteria"](Source(lambda line: {}, tmp_path))
     assert asked[1] == ["`gate`", "5", "as recorded", "a paper"]
     (gate, _) = limits(found, asked, [[], ["NIST 2.7", "no lifts"]])["cases"]
     assert gate == {

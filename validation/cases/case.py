@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import tomllib
 
 from crowd_env import SCHEMES, Normal, Population, Uniform
 from crowd_env.core.arrays.headway import MANNERS, Headway
@@ -83,6 +84,7 @@ class Case:
     title : what happens in it.
     run : computes its rows.
     source : where its criterion and numbers come from.
+    criterion : what has to hold; empty where it is that of each row.
     draws : how many crowds it takes by default.
     manners : those under which it is run by default.
     recordings : whether it looks at `Setting.data`.
@@ -93,11 +95,21 @@ class Case:
     title: str
     run: Callable[[Setting], Iterable[Row]]
     source: str
+    criterion: str = ""
     draws: int = 20
-    manners: tuple[str, ...] = tuple(MANNERS)
+    manners: Sequence[str] = tuple(MANNERS)
     recordings: bool = False
     draw: Callable[[Path, Sequence[Row]], None] | None = None
     discs_because: str = ""
+
+
+# What cases.toml says of the cases, of the tests of standards, and of those that are not supported.
+FACTS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("cases.toml").read_text(encoding="utf-8"))
+
+
+def said_of(case: str) -> tuple[str, str]:
+    """Return what has to hold in a case, and where that comes from."""
+    return FACTS["cases"][case]["criterion"], FACTS["cases"][case]["source"]
 
 
 def row(case: str, setting: Setting, passed: bool | None, figure: str, criterion: str, source: str, **more: Any) -> Row:
@@ -139,3 +151,19 @@ def adults(count: int, **options: Any) -> Population:
     """
     people: dict[str, Any] = {"desired_speed": Normal(1.34, 0.26, 0.8, 1.9), "radius": Uniform(0.15, 0.19)}
     return Population(count, **(people | options))
+
+
+class Verdict(NamedTuple):
+    """Whether a test is passed, the figures as a sentence, and the numbers behind them."""
+
+    passed: bool | None  # None = the standard asks for figures, not for a bound
+    figure: str
+    more: dict[str, Any]
+
+
+class Check(NamedTuple):
+    """A test of one or several standards that ask the same."""
+
+    run: Callable[[Setting], Verdict]
+    criterion: str
+    source: str

@@ -12,18 +12,11 @@ import numpy as np
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run
 from crowd_env.core.arrays.headway import make_manner
 from crowd_env.rendering.survival import survival_curves
-from validation.cases.case import COMPARED, Row, Setting, number, row, share
+from validation.cases.case import COMPARED, Row, Setting, number, row, said_of, share
 from validation.cases.crowds import Passages, draw_crowds
 from validation.cases.doors import door
 
-SOURCE = (
-    "of people who press: Zuriguel et al. 2014, doi 10.1038/srep07324; Garcimartín et al. 2014, doi "
-    "10.1016/j.trpro.2014.09.085"
-)
-CRITERION = (
-    "the tail of the gaps is a power law rather than an exponential (log-likelihood ratio above 0, p below 0.05); exponent, "
-    "bursts and blocked runs are reported, and people who keep a distance are not judged"
-)
+CRITERION, SOURCE = said_of("clogging")
 
 _PEOPLE, _DOOR = 100, 0.7  # m
 _LINE = 0.3  # m, where the neck ends

@@ -7,17 +7,11 @@ import shapely
 
 from crowd_env import Geometry, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, number, row
+from validation.cases.case import Row, Setting, adults, number, row, said_of
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
 from validation.cases.voronoi import Look, look, mean_between
 
-SOURCE = (
-    "every measured fundamental diagram (such as Zhang et al. 2011, J. Stat. Mech. P06004); corner and bounds are ours"
-)
-CRITERION = (
-    "speed in the corner falls with density: rank correlation over seven runs at most -0.8, and at most half as fast in the "
-    "densest run as in the emptiest; nobody stuck"
-)
+CRITERION, SOURCE = said_of("corner")
 RANK, HALVED = -0.8, 0.5
 
 

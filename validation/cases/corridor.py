@@ -7,17 +7,13 @@ import numpy as np
 
 from crowd_env import Geometry, Normal, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, number, row
+from validation.cases.case import Row, Setting, adults, number, row, said_of
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
 from validation.cases.trajectories import Trajectories, read_trajectories
 from validation.cases.voronoi import Look, fundamental_diagram, look, samples_between
 
-SOURCE = (
-    "Zhang, Klingsch, Schadschneider, Seyfried 2011 (J. Stat. Mech. P06004), DOI 10.34735/ped.2009.14; figures computed from "
-    "the recordings by the Voronoi method"
-)
+CRITERION, SOURCE = said_of("corridor")
 DATA = "corridor_hermes2009_uo"  # folder of the recordings
-CRITERION = "density within 25 % and flow within 15 % of the recorded in 7 or more of 9 runs"
 DENSITY_WITHIN, FLOW_WITHIN, ENOUGH = 0.25, 0.15, 7
 
 

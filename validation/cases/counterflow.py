@@ -6,17 +6,10 @@ import numpy as np
 
 from crowd_env import Geometry, Groups, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, number, row, share
+from validation.cases.case import Row, Setting, adults, number, row, said_of, share
 from validation.cases.crowds import Bools, Crowds, Floats, Passages, draw_crowds, mean_of
 
-SOURCE = (
-    "that two-way streams lose, but do not stop: Zhang et al. 2012, doi 10.1088/1742-5468/2012/02/P02002 (the third is ours); "
-    "lane order: Nowak, Schadschneider 2012, doi 10.1103/PhysRevE.85.066128"
-)
-CRITERION = (
-    "corridor of 4 m: no gridlock; mean speed falls by less than a third against as many who all walk one way; lane order "
-    "above that of shuffled directions (95 %) at most moments"
-)
+CRITERION, SOURCE = said_of("counterflow")
 
 _PEOPLE = 100  # in each stream
 _DENSITY = 1.5  # 1/m2, of both together

@@ -4,11 +4,10 @@ import numpy as np
 
 from crowd_env import Geometry, Groups, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, number, row
+from validation.cases.case import Row, Setting, adults, number, row, said_of
 from validation.cases.crowds import Passages, draw_crowds, mean_of
 
-SOURCE = "NIST TN 1822, test 2.8 (IMO MSC.1/Circ.1533, test 8)"
-CRITERION = "100 against 0, 10, 50, 100: the last of the 100 arrives the later, the more come; no deadlock with 50"
+CRITERION, SOURCE = said_of("crossing")
 AGAINST = (0, 10, 50, 100)
 
 _PEOPLE, _DENSITY = 100, 4.0  # 1/m2, at the far end of either room

@@ -4,14 +4,10 @@ from typing import Any
 
 from crowd_env import Geometry, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, number, row
+from validation.cases.case import Row, Setting, adults, number, row, said_of
 from validation.cases.crowds import Passages, draw_crowds, mean_of, steady_flow
 
-SOURCE = (
-    "Kretz, Grünebohm, Schreckenberg 2006 (J. Stat. Mech. P10014); Seyfried et al. 2009 (Transp. Sci. 43:395); Müller 1981; "
-    "Nagai 2006; Daamen, Hoogendoorn 2010; Hermes 2009"
-)
-CRITERION = "J/b from 1.6 to 2.8 /(m s) for doors of 0.8 to 2.4 m, and nobody stuck"
+CRITERION, SOURCE = said_of("doors")
 # 1/(m s): the points of tests/data/published_flows.csv, as compiled by the test suite of JuPedSim, and their mean.
 LOW, HIGH, MEAN = 1.6, 2.8, 2.12
 

@@ -7,18 +7,11 @@ import numpy as np
 
 from crowd_env import Hertz, Scenario, Uniform, make_scheme
 from crowd_env.core.arrays.headway import make_manner
-from validation.cases.case import Row, Setting, row
+from validation.cases.case import Row, Setting, row, said_of
 from validation.cases.crowds import Passages, draw_crowds
 from validation.cases.doors import door
 
-SOURCE = (
-    "Nicolas, Bouzat, Kuperman 2017 (arXiv 1610.05909) for people who do not push; Helbing, Farkas, Vicsek 2000 (doi "
-    "10.1038/35035023) and Lin, Ma, Lo 2016 for those who do"
-)
-CRITERION = (
-    "people who do not push are never slower for being in a hurry, and never stuck; friction makes those who push slower; "
-    "whether the fastest of them are slower or stuck is reported, not judged"
-)
+CRITERION, SOURCE = said_of("faster")
 SLACK = 0.05  # by which a time may be longer than that of the next slower desired speed
 
 SPEEDS = (1.0, 1.5, 2.0, 3.0, 4.0)  # m/s, of everyone

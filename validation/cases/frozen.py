@@ -23,7 +23,7 @@ from crowd_env.core.files.store import Store
 from crowd_env.envs.metrics import share_interval
 from crowd_env.reproduce.evacuations import evacuate
 from crowd_env.reproduce.lin2016.settings import LinSettings
-from validation.cases.case import Row, Setting, row
+from validation.cases.case import Row, Setting, row, said_of
 
 PEOPLE = 200
 SPEEDS = (1.2, 1.4)  # times v*: below and above the onset in the paper's Figure 7, 1.6 to 1.8 m/s
@@ -67,14 +67,7 @@ def onset(speeds: tuple[float, ...], shares: list[float]) -> float | None:
     return speeds[0] if shares[0] == 0.5 else None
 
 
-TITLE = f"{PEOPLE} people leave a room of 15 x 15 m through an exit of 1 m, or block it"
-CRITERION = (
-    f"half of the draws block between {SPEEDS[0]:g} and {SPEEDS[-1]:g} times v* = 2 phi A tau / m, whatever the friction of "
-    "people and the social force; the shares are of all draws, with Wilson's 95 % interval"
-)
-SOURCE = (
-    "Lin, Ma, Lo, Chinese Physics B 25 (2016) 034501, Figure 7; the balance of forces in validation/cases/frozen.py"
-)
+CRITERION, SOURCE = said_of("frozen")
 
 
 def run(setting: Setting) -> Iterable[Row]:

@@ -11,15 +11,11 @@ from shapely.geometry import Polygon
 from shapely.geometry import box as rectangle
 
 from crowd_env import Geometry, Scenario, Uniform
-from validation.cases.case import Row, Setting, adults, number, row, share
+from validation.cases.case import Row, Setting, adults, number, row, said_of, share
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of, steady_flow
 from validation.cases.trajectories import find_recording, read_trajectories
 
-SOURCE = "Wuppertal 2018, run 040_c_56_h-, DOI 10.34735/ped.2018.1; Adrian, Seyfried, Sieben 2020"
-CRITERION = (
-    "flow 1.13 /s ± 15 %; 10th, 20th, 40th, 60th, 75th person within 15 % of 8.3, 16.2, 33.1, 51.4, 65.6 s; coefficient of "
-    "variation of the gaps at most 0.35; nobody stuck"
-)
+CRITERION, SOURCE = said_of("gate")
 DATA = "bottleneck_wuppertal2018_040c56h"  # folder of the recording
 
 FLOW = 1.13  # 1/s, slope of the recorded N(t)

@@ -16,10 +16,9 @@ from crowd_env import CrowdEnv, Geometry, Population, Scenario
 from crowd_env.core.arrays.state import MAX_SPEED
 from crowd_env.envs.crowd import Step
 from crowd_env.envs.rollout import rollout
-from validation.cases.case import Row, Setting, row
+from validation.cases.case import Row, Setting, row, said_of
 
-SOURCE = "walls are walls; 12.4 m/s is the fastest that anyone is known to have run (Bolt, Berlin 2009)"
-CRITERION = f"nobody is outside of the plan at any decision, nobody is ever faster than {MAX_SPEED:g} m/s"
+CRITERION, SOURCE = said_of("halls")
 
 _TIME_LIMIT = 3600.0  # s
 

@@ -12,7 +12,7 @@ from shapely.geometry import box
 from crowd_env import Geometry, Hertz, Population, Scenario, make_scheme
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.physics import ContactScheme
-from validation.cases.case import Row, Setting, row
+from validation.cases.case import Row, Setting, row, said_of
 
 _SIDE, _PEOPLE = 5.0, 20
 _STUCK_AFTER = 30.0  # s without anyone getting out
@@ -47,6 +47,4 @@ def run(setting: Setting) -> Iterator[Row]:
             yield row("jambs", replace(setting, scheme=name), None, figure, CRITERION, SOURCE, **more)
 
 
-TITLE = f"{_PEOPLE} people leave by a narrow door with jambs of different radius"
-CRITERION = f"none: how many of the draws end with a door that nobody leaves by for {_STUCK_AFTER:g} s"
-SOURCE = "no recording: an adult passes a door of 0.5 m"
+CRITERION, SOURCE = said_of("jambs")

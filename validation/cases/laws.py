@@ -14,8 +14,6 @@ from validation.cases import corner, counterflow, doors, ring, row
 from validation.cases.case import Row, Setting, number
 from validation.cases.case import row as row_of
 
-SOURCE = "every measured fundamental diagram and door; experiments by name: see the cases"
-
 Verdict = tuple[bool, str]
 
 WIDTHS = (0.8, 1.2, 2.0)  # m

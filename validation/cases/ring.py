@@ -6,13 +6,10 @@ import numpy as np
 import shapely
 
 from crowd_env import Geometry
-from validation.cases.case import Row, Setting, adults, row
+from validation.cases.case import Row, Setting, adults, row, said_of
 from validation.cases.crowds import Floats, Moment, crowds_at, generator, mean_of
 
-SOURCE = (
-    "12 single-file experiments, each weighted alike (Zenodo 10.5281/zenodo.8378592), in place of the bands of RiMEA 16"
-)
-CRITERION = "mean speed between the 10 % and the 90 % speeds of the experiments at 9 or more of 11 line densities"
+CRITERION, SOURCE = said_of("ring")
 ENOUGH = 9
 
 # Line density [1/m] (middle of a bin of 0.2 /m) -> 10 %, 50 % and 90 % of the recorded speeds [m/s].

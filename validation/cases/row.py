@@ -17,16 +17,10 @@ import numpy as np
 from shapely.geometry import box
 
 from crowd_env import Geometry, Simulation, make_bodies, make_state
-from validation.cases.case import Row, Setting, number, row
+from validation.cases.case import Row, Setting, number, row, said_of
 from validation.cases.crowds import Floats
 
-SOURCE = (
-    "Feldmann, Adrian 2023, doi 10.1016/j.ssci.2023.106173: distance and speed of a push are mainly functions of its strength "
-    "(that they grow with it is our reading); two of its pushes as in the repository Crowd-Mechanics/LEMONS"
-)
-CRITERION = (
-    "the stronger the push, the faster it travels, and no fewer people move; how many, how far and how fast is reported"
-)
+CRITERION, SOURCE = said_of("row")
 
 
 class Push(NamedTuple):

@@ -29,16 +29,14 @@ def make_algorithm(config: Mapping[str, Any], runners: int) -> PPO:
     env = make_env(config, envs=1)
     # At most a quarter of the slots of a round: so many people are inside in one, and RLlib asks for no second.
     size = min(settings.batch_size, -(-settings.n_steps * rooms * runners * env.num_people // 4))
+    spaces: dict[str, Any] = {
+        "observation_space": env.single_observation_space,
+        "action_space": env.single_action_space,
+    }
     told = {"run": dict(config), "envs": rooms, "n_steps": settings.n_steps}
     return (
         PPOConfig()
-        .environment(
-            "crowds",
-            env_config=told,
-            observation_space=env.single_observation_space,
-            action_space=env.single_action_space,
-            disable_env_checking=True,
-        )
+        .environment("crowds", env_config=told, disable_env_checking=True, **spaces)
         .env_runners(
             env_runner_cls=CrowdEnvRunner,
             num_env_runners=runners,

@@ -12,15 +12,7 @@ from crowd_env.cli.reproduce import SETTINGS
 
 # Command -> module of this folder with its application.
 COMMANDS: Mapping[str, str] = MappingProxyType(
-    {
-        "train": "learn",
-        "evaluate": "evaluate",
-        "show": "show",
-        "submit": "submit",
-        "export": "export",
-        "ship": "ship",
-        "benchmark": "benchmark",
-    }
+    {"train": "learn", **{name: name for name in ("evaluate", "show", "submit", "export", "ship", "benchmark")}}
 )
 
 

@@ -8,9 +8,9 @@ import pytest
 from cases import looped
 
 from validation.cases import Setting, standards
+from validation.cases.case import Check, Verdict
 from validation.cases.crowds import Moment, draw_crowds
 from validation.cases.standards import evacuations, walking
-from validation.cases.standards.verdict import Check, Verdict
 
 ONE = Setting("dem", "hurried", draws=1)
 QUICK = ("rimea-1", "rimea-2", "rimea-5", "rimea-6", "rimea-10", "nist-4.1", "nist-2.10")

@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env import DoorEvent, Geometry, Groups, Scenario, Uniform
+from crowd_env import DoorEvent, Geometry, Groups, Population, Scenario, Uniform
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Setting, adults
-from validation.cases.crowds import Passages, draw_crowds, mean_of, steady_flow
-from validation.cases.standards.verdict import Verdict
+from validation.cases.case import Setting, Verdict, adults
+from validation.cases.crowds import Ints, Passages, draw_crowds, mean_of, steady_flow
 
 _FAR = 3.0  # m, free space behind an exit at which a flow is measured
 
@@ -21,6 +20,22 @@ def last_out(setting: Setting, scenarios: list[Scenario], limit: float) -> list[
     out = crowds.walk(limit).exit_time
     times = [float(np.max(out[crowds.people(e)])) for e in range(crowds.count)]
     return [float(np.mean([times[e] for e in crowds.of(k)])) for k in range(len(scenarios))]
+
+
+def exits_taken(
+    setting: Setting, place: Geometry, people: Population | Groups, limit: float = 120.0, **options: Any
+) -> Ints:
+    """Return which exit everyone takes (draws, N); the options are those of `Scenario`."""
+    scenario = Scenario("exits", place, people, limit, **options)
+    return draw_crowds([scenario], setting).walk(limit).exit_index.reshape(setting.draws, -1)
+
+
+def flows_past(setting: Setting, scenario: Scenario, *at: float) -> list[float]:
+    """Return the steady flows [1/s] past lines of constant x [m], mean over draws."""
+    crowds = draw_crowds([scenario], setting)
+    lines = [Passages(crowds, 0, one) for one in at]
+    crowds.walk(scenario.time_limit, *lines)
+    return [mean_of([steady_flow(line.times(e)) for e in range(crowds.count)]) for line in lines]
 
 
 def behind(x: float, y: float, out: int) -> tuple[list[Any], Any]:
@@ -82,8 +97,7 @@ def rooms(setting: Setting) -> Verdict:
         thin_walls=walls,
         regions=regions,
     )
-    crowds = draw_crowds([Scenario("rooms", place, Groups(tuple(groups)), 120.0)], setting)
-    taken = crowds.walk(120.0).exit_index.reshape(setting.draws, -1)
+    taken = exits_taken(setting, place, Groups(tuple(groups)))
     wanted = [place.exit_names.index(str(group.route)) for group in groups for _ in range(group.people)]
     right = float((taken == wanted).mean())
     return Verdict(right == 1.0, f"{100 * right:.0f} % of {len(wanted)} people took their exit", {"share": right})
@@ -97,9 +111,7 @@ def near_exit(setting: Setting) -> Verdict:
         exits={name: line for name, (_, line) in parts.items()},
         regions={"left": box(0.0, 0.0, 20.0, 20.0)},
     )
-    one = replace(setting, draws=1)
-    crowds = draw_crowds([Scenario("two exits", place, adults(1000, start_region="left"), 900.0)], one)
-    taken = crowds.walk(900.0).exit_index
+    taken = exits_taken(replace(setting, draws=1), place, adults(1000, start_region="left"), 900.0)
     near, far = (int((taken == place.exit_names.index(name)).sum()) for name in ("near", "far"))
     return Verdict(near > far > 0, f"{near} by the near exit, {far} by the other", {"near": near, "far": far})
 
@@ -112,10 +124,8 @@ def neck(setting: Setting) -> Verdict:
     place = Geometry.from_polygon(
         floor, exits={"end": [(end, -5.0), (end, 5.0)]}, regions={"left": box(0.0, -5.0, 5.0, 5.0)}
     )
-    crowds = draw_crowds([Scenario("neck", place, adults(150, start_region="left"), 300.0)], setting)
-    lines = [Passages(crowds, 0, at) for at in (15.0, 25.3)]
-    crowds.walk(300.0, *lines)
-    through, out = (mean_of([steady_flow(line.times(e)) for e in range(crowds.count)]) for line in lines)
+    scenario = Scenario("neck", place, adults(150, start_region="left"), 300.0)
+    through, out = flows_past(setting, scenario, 15.0, 25.3)
     figure = f"{through:.2f} /s through the neck, {out:.2f} /s through the exit"
     return Verdict(bool(out <= through + 0.05), figure, {"neck": through, "exit": out})
 
@@ -127,10 +137,7 @@ def exit_flow(setting: Setting) -> Verdict:
     place = Geometry.from_polygon(
         floor, exits={"end": [(end, 0.0), (end, 5.0)]}, regions={"room": box(0.0, 0.0, 8.0, 5.0)}
     )
-    crowds = draw_crowds([Scenario("exit", place, adults(100, start_region="room"), 240.0)], setting)
-    line = Passages(crowds, 0, 8.3)
-    crowds.walk(240.0, line)
-    flow = mean_of([steady_flow(line.times(e)) for e in range(crowds.count)])
+    (flow,) = flows_past(setting, Scenario("exit", place, adults(100, start_region="room"), 240.0), 8.3)
     return Verdict(None, f"{flow:.2f} /(m s); people in experiments: 1.6 to 2.8", {"flow": flow})
 
 
@@ -142,10 +149,9 @@ def closing_exit(setting: Setting) -> Verdict:
         doors={"door": "first"},
         regions={"left": box(0.0, 5.0, 9.0, 10.0)},
     )
-    people = adults(20, start_region="left")
-    scenario = Scenario("closing", place, people, 120.0, door_events=(DoorEvent("door", False, at=1.0),))
-    crowds = draw_crowds([scenario], setting)
-    share = float((crowds.walk(120.0).exit_index == place.exit_names.index("second")).mean())
+    closes = (DoorEvent("door", False, at=1.0),)
+    taken = exits_taken(setting, place, adults(20, start_region="left"), door_events=closes)
+    share = float((taken == place.exit_names.index("second")).mean())
     return Verdict(share == 1.0, f"{100 * share:.0f} % left by the exit that stayed open", {"share": share})
 
 

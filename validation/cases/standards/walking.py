@@ -7,10 +7,9 @@ import shapely
 
 from crowd_env import Geometry, LogNormal, Normal, Population, Scenario, SpeedZone, Uniform
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Setting, adults
+from validation.cases.case import Setting, Verdict, adults
 from validation.cases.crowds import Floats, Moment, Passages, crowds_at, draw_crowds, generator, mean_of
 from validation.cases.ring import annulus
-from validation.cases.standards.verdict import Verdict
 
 _ALL_AT = (1.33, 1.0)  # m/s, of the tests in a corridor of 40 m
 _STAIRS = 10.0  # m
