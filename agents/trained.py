@@ -164,11 +164,7 @@ class LearnedController(_Learned):
     what = "controller that sends people to exits"
 
     def __init__(
-        self,
-        network: Network,
-        choices: np.ndarray,
-        options: dict[str, Any],
-        trained: dict[str, Any] | None = None,
+        self, network: Network, choices: np.ndarray, options: dict[str, Any], trained: dict[str, Any] | None = None
     ) -> None:
         self.network, self.trained = network, trained or {}
         self.options = {name: options[name] for name in _OF_CONTROLLER if name in options}

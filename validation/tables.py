@@ -129,7 +129,7 @@ def frozen(source: Source) -> Grid:
 def strategies(source: Source) -> Grid:
     """One row a strategy and scheme, beside the shortest way on the same draws."""
     line = "--scenario two-exit-hall-v0 --policies shortest fastest comfortable nearest"
-    found = source(f"crowd_env.cli.agents.evaluate {line} --physics dem nsm1 nsm2 nsm2-printed hertz --runs 20")["rows"]
+    found = source(f"crowd_env evaluate {line} --physics dem nsm1 nsm2 nsm2-printed hertz --runs 20")["rows"]
     by = "minus_first[evacuation_time][ci95]"
     return grid(map(_left, found), **{
         "route": "{policy}", "scheme": "`{scheme}`", "last person out, s": "{bound}{unfinished_at_limit[last]:.1f}",

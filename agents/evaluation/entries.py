@@ -46,11 +46,7 @@ class Entry:
 
 
 def make_entries(
-    names: Sequence[str],
-    scenario: Scenario,
-    task: Task | None = None,
-    *,
-    learned_share: float | None = None,
+    names: Sequence[str], scenario: Scenario, task: Task | None = None, *, learned_share: float | None = None
 ) -> list[Entry]:
     """Return the entries of these names for a scenario.
 

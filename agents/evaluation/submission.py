@@ -46,11 +46,7 @@ _RUNS = dict[str, np.ndarray]  # column -> (R,)
 
 
 def write_submissions(
-    folder: Path,
-    task: Task,
-    policies: Mapping[str, Path | None],
-    results: Sequence[Evaluation],
-    found: Found,
+    folder: Path, task: Task, policies: Mapping[str, Path | None], results: Sequence[Evaluation], found: Found
 ) -> list[Path]:
     """Write the file of a task's references and one for each policy; return the paths of the latter.
 

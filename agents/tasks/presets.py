@@ -5,7 +5,7 @@ own physics step and with its own number of people.
 """
 
 from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -46,30 +46,17 @@ class Preset:
     _: KW_ONLY
     people: int
     dt: float
-    options: Mapping[str, Any] = field(default_factory=dict)
-    action: str | Mapping[str, Any] = "speeds"
-    terms: tuple[str, ...] = _WITH_AHEAD
-    reward: Mapping[str, Any] = field(
-        default_factory=lambda: {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0}, "team_share": 0.0}
-    )
-    start: str = "rule"
-    ppo: Mapping[str, Any] = field(
-        default_factory=lambda: {
-            "gamma": 0.98,
-            "n_steps": 32,
-            "batch_size": 4096,
-            "n_epochs": 4,
-            "ent_coef": 0.001,
-        }
-    )
-    # Small steps and no wish to be random: the clone acts well already, and its logits are sure of it.
-    once_cloned: Mapping[str, Any] = field(
-        default_factory=lambda: {"learning_rate": 2e-4, "ent_coef": 0.0, "rule_logit": 0.0}
-    )
-    envs: int = 24
-    steps: int = 12_000_000
-    eval_every: int = 1_200_000
-    eval_runs: int = 24
+    options: Mapping[str, Any]
+    action: str | Mapping[str, Any]
+    terms: tuple[str, ...]
+    reward: Mapping[str, Any]
+    start: str
+    ppo: Mapping[str, Any]
+    once_cloned: Mapping[str, Any]
+    envs: int
+    steps: int
+    eval_every: int
+    eval_runs: int
 
     def settings(self, start: str) -> dict[str, Any]:
         """Return the settings of PPO for a start."""
@@ -104,14 +91,13 @@ def training_place(scenario: str, options: Mapping[str, Any], people: int | None
     return make_scenario(scenario, **options, population=place.population.changed(people=whole("--people", people)))
 
 
-def _read(name: str, facts: dict[str, Any]) -> Preset:
-    return Preset(name, **(facts | ({"terms": tuple(facts["terms"])} if "terms" in facts else {})))
-
-
 _FILE = Path(__file__).with_name("presets.toml")
+_READ = tomllib.loads(_FILE.read_text(encoding="utf-8"))
+_USUAL = _READ.pop("usual")
 # Name of the task -> preset.
 PRESETS: Mapping[str, Preset] = {
-    name: _read(name, facts) for name, facts in tomllib.loads(_FILE.read_text(encoding="utf-8")).items()
+    name: Preset(name, **{**_USUAL, **facts, "terms": tuple(facts.get("terms", _WITH_AHEAD))})
+    for name, facts in _READ.items()
 }
 
 

@@ -3,9 +3,12 @@
 They stand beside the tasks, whose digests do not depend on them.  What a policy gains in a task it should not lose here.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
+from pathlib import Path
 from typing import Any
+
+import tomllib
 
 from crowd_env import Scenario
 
@@ -55,9 +58,6 @@ class Variation:
 
 AS_IT_STANDS = Variation("task", "the task as it stands")
 
-_TWICE = Variation("twice", "twice the people", people=2.0)
-_MORE = Variation("more", "half as many people again", people=1.5)  # twice as many do not fit
-_HALF = Variation("half", "half of the people", people=0.5)
 _SLOWER = Variation("slow", "slow people: 1.0 ± 0.2 m/s", population={"desired_speed": _SLOW})
 _MIXED = Variation("half-learned", "half of the people follow the rule", learned_share=0.5)
 _HURRIED = Variation(
@@ -67,46 +67,36 @@ _HURRIED = Variation(
     manner="hurried",
 )
 _PEOPLE = (_SLOWER, _MIXED, _HURRIED)
+# Times the people of the task.
+_CROWDS = {
+    2.0: Variation("twice", "twice the people", people=2.0),
+    1.5: Variation("more", "half as many people again", people=1.5),  # where twice as many do not fit
+    0.5: Variation("half", "half of the people", people=0.5),
+}
+# Option [m] of a scenario -> what it is.
+_OPTIONS = {"door_width": "a door of", "exit_width": "exits of", "width": "a width of", "distance": "a pillar at"}
 
 
-def _other(name: str, value: float, about: str) -> Variation:
-    """Return a variation by an option [m] of the scenario."""
-    return Variation(f"{name.removesuffix('_width')}-{value:g}", f"{about} {value:g} m", options={name: value})
+def _read(facts: Mapping[str, Any]) -> Iterator[Variation]:
+    """Yield the variations of a task in ``variations.toml``, in the order of tables."""
+    yield _CROWDS[facts["people"]]
+    for name, about in _OPTIONS.items():
+        for value in facts.get(name, ()):
+            short = name.removesuffix("_width")
+            yield Variation(f"{short}-{value:g}", f"{about} {value:g} m", options={name: value})
+    for scheme in facts["physics"]:
+        yield Variation(scheme, f"under {scheme}", scheme=scheme)
+    yield from _PEOPLE
 
 
-def _under(*schemes: str) -> tuple[Variation, ...]:
-    return tuple(Variation(scheme, f"under {scheme}", scheme=scheme) for scheme in schemes)
-
-
-def _door(*widths: float) -> tuple[Variation, ...]:
-    return tuple(_other("door_width", width, "a door of") for width in widths)
-
-
-def _width(*widths: float) -> tuple[Variation, ...]:
-    return tuple(_other("width", width, "a width of") for width in widths)
-
-
-# Task -> what it is varied by, in the order of tables; no preset of training has any of these widths.
+_FILE = Path(__file__).with_name("variations.toml")
+# Task -> what it is varied by.
 VARIATIONS: dict[str, tuple[Variation, ...]] = {
-    "competitive-door": (_TWICE, *_door(0.8, 1.2), *_under("dem", "nsm2"), *_PEOPLE),
-    "narrow-door": (_TWICE, *_door(0.55, 0.7), *_under("dem", "hertz"), *_PEOPLE),
-    "hertz-room": (_TWICE, *_door(0.7, 1.0), *_under("nsm2"), *_PEOPLE),
-    "literal-room": (_TWICE, *_door(0.7, 1.0), *_under("hertz"), *_PEOPLE),
-    "counter-flow": (_TWICE, *_width(1.6, 2.5), *_under("dem", "hertz"), *_PEOPLE),
-    "two-exit-hall": (_TWICE, *_door(0.8, 1.3), *_under("dem", "hertz"), *_PEOPLE),
-    "two-narrow-exits": (_TWICE, *_door(0.6, 0.8), *_under("dem", "hertz"), *_PEOPLE),
-    "theatre": (_HALF, *_under("dem", "hertz"), *_PEOPLE),
-    "floor": (_TWICE, _other("exit_width", 0.9, "exits of"), *_under("dem", "hertz"), *_PEOPLE),
-    "large-hall": (_HALF, *_door(2.0), *_under("nsm2"), *_PEOPLE),
-    "room": (_TWICE, *_door(0.7, 1.0), *_under("dem", "hertz"), *_PEOPLE),
-    "pillar": (_TWICE, *_door(1.2), _other("distance", 0.7, "a pillar at"), *_under("nsm2"), *_PEOPLE),
-    "bottleneck": (_TWICE, *_width(0.8, 1.4), *_under("nsm2"), *_PEOPLE),
-    "t-junction": (_MORE, *_width(1.8, 3.0), *_under("nsm2"), *_PEOPLE),
-    "crossing": (_TWICE, *_width(3.0, 5.0), *_under("dem", "hertz"), *_PEOPLE),
+    name: tuple(_read(facts)) for name, facts in tomllib.loads(_FILE.read_text(encoding="utf-8")).items()
 }
 
 
 def variations(task: Task) -> tuple[Variation, ...]:
     """Return a task as it stands and its variations; of a task that is not registered, those of people alone."""
-    held_out = VARIATIONS[task.name] if task.name in TASKS and task.name in VARIATIONS else (_TWICE, *_PEOPLE)
+    held_out = VARIATIONS[task.name] if task.name in TASKS and task.name in VARIATIONS else (_CROWDS[2.0], *_PEOPLE)
     return AS_IT_STANDS, *held_out

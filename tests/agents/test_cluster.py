@@ -16,7 +16,8 @@ pytestmark = pytest.mark.nightly
 POLICIES = ("rule", "rule-best-speed", "random", "follow")
 EVALUATE = (
     "-m",
-    "crowd_env.cli.agents.evaluate",
+    "crowd_env",
+    "evaluate",
     "--task",
     "narrow-door",
     "--people",

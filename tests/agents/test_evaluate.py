@@ -251,6 +251,6 @@ def test_the_command_as_it_is_written(tmp_path):
     words = (
         f"--scenario room-v0 --policies shortest fastest stand-still --physics dem nsm2 --runs 2 --out {tmp_path}/out"
     )
-    program = [sys.executable, "-m", "crowd_env.cli.agents.evaluate", *words.split()]
+    program = [sys.executable, "-m", "crowd_env", "evaluate", *words.split()]
     result = subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=True)
     assert "fastest" in result.stdout and "The order is" in result.stdout

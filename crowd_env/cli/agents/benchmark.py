@@ -76,7 +76,3 @@ def _said(result: dict[str, Any] | None) -> str:
     row = result["final"]
     mean = row["clearing_time"]["mean"]
     return f"{'-' if mean is None else f'{mean:.1f} s'}, {row['unfinished']} of {row['runs']} runs unfinished"
-
-
-if __name__ == "__main__":
-    app()

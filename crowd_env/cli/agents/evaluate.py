@@ -214,7 +214,3 @@ def _print(tables: Sequence[Table | None], lines: Sequence[str]) -> None:
     console.print(*(table for table in tables if table is not None))
     for line in lines:
         console.print(line, markup=False, highlight=False, soft_wrap=True)
-
-
-if __name__ == "__main__":
-    app()

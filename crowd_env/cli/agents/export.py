@@ -110,10 +110,7 @@ def to_onnx(found: LearnedPolicy | LearnedController) -> Any:
         graph.constants,
     )
     model = onnx.helper.make_model(
-        body,
-        producer_name="crowd_env",
-        ir_version=_IR_VERSION,
-        opset_imports=[onnx.helper.make_opsetid("", _OPSET)],
+        body, producer_name="crowd_env", ir_version=_IR_VERSION, opset_imports=[onnx.helper.make_opsetid("", _OPSET)]
     )
     onnx.helper.set_model_props(model, {key: json.dumps(value) for key, value in _metadata(found).items()})
     onnx.checker.check_model(model, full_check=True)
@@ -179,7 +176,3 @@ def main(
             )
         else:
             notes.print(f"{onnx}: {len(content)} bytes", markup=False, soft_wrap=True)
-
-
-if __name__ == "__main__":
-    app()

@@ -111,7 +111,3 @@ def main(
     with friendly_errors():
         path = ship(run, name, replace=replace)
         notes.print(f"{path} and {path.with_suffix('.json').name}", markup=False, soft_wrap=True)
-
-
-if __name__ == "__main__":
-    app()

@@ -39,8 +39,7 @@ def main(
         str, typer.Argument(metavar="TASK", autocompletion=complete_from(TASKS), help=_TASK)
     ] = "competitive-door",
     policies: Annotated[
-        list[str] | None,
-        plain(_WHO, _OF_TASK, names=("--policies", "--policy"), among=_NAMES, metavar="POLICY ..."),
+        list[str] | None, plain(_WHO, _OF_TASK, names=("--policies", "--policy"), among=_NAMES, metavar="POLICY ...")
     ] = None,
     seed: Annotated[int | None, plain("Which held-out draw of the people.", _BLOCKED)] = None,
     film: Annotated[Path | None, of_output("Where: .mp4 or .gif.", "TASK.mp4 here")] = None,
@@ -98,7 +97,3 @@ def _title(entry: Entry, task: str) -> str:
 
 def _driver(entry: Entry, task: Task, place: Scenario) -> Callable[[int], Driver]:
     return entry.driver(place, task.scheme, 1)
-
-
-if __name__ == "__main__":
-    app()

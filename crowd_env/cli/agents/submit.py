@@ -66,7 +66,3 @@ def main(
         sources = {entry.name: entry.source for given, entry in zip(named, entries, strict=True) if given in policy}
         for path in write_submissions(out, chosen, sources, results, found):
             typer.echo(str(path))
-
-
-if __name__ == "__main__":
-    app()
