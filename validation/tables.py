@@ -105,7 +105,7 @@ def bodies_doors(source: Source) -> Grid:
 def clogging(source: Source) -> Grid:
     """One row a desired speed."""
     rows = [
-        {"speed": speed, **source(f"crowd_env clogging --set speed={speed} --people 200 --runs 10")["sets"][0]}
+        {"speed": speed, **source(f"crowd_env clogging {source.folder / speed}")["sets"][0]}
         for speed in ("1.0", "1.5", "1.8")
     ]
     return grid(rows, **{

@@ -1,4 +1,4 @@
-"""Exit times in files: read those of an experiment, write those of a simulation, in one form.
+"""Exit times in files, of an experiment or of a simulation, in one form.
 
 Columns ``run,time``: the run that an exit belongs to, and its time [s].  More may follow: ``exit``, the name of the exit taken,
 and ``out``, 1 for someone who got out; a row with 0 says that watching the run ended at that time with people inside.  Where a
@@ -66,16 +66,6 @@ def read_exits(path: str | Path) -> list[RunExits]:
         except ValueError as error:
             raise ValueError(f"{table.path}: run {run!r}: {error}") from None
     return runs
-
-
-def write_exits(path: str | Path, runs: Sequence[RunExits], labels: Sequence[object]) -> Path:
-    """Write exit times so that `read_exits` reads them again, and return the path; ``labels`` name the runs."""
-    rows: list[tuple[object, ...]] = []
-    for label, run in zip(labels, runs, strict=True):
-        rows += [(label, repr(float(time)), exit, 1) for time, exit in zip(run.time, run.exit, strict=True)]
-        if np.isfinite(run.until):
-            rows.append((label, repr(run.until), "", 0))
-    return write_csv(Path(path), ("run", "time", "exit", "out"), rows)
 
 
 def write_gaps(path: str | Path, sets: Mapping[str, Sequence[RunExits]], *, per_exit: bool = False) -> Path:

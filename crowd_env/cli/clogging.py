@@ -1,78 +1,46 @@
 """The command ``crowd-env clogging``."""
 
 import json
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
-from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run, powerlaw_library
-from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
+from crowd_env.analysis.clogging import Clogging, RunExits, clogging, powerlaw_library
+from crowd_env.analysis.exit_times import read_exits, write_gaps
 from crowd_env.analysis.figures import number, percent, share
-from crowd_env.cli.console import AsJson, Runs, Seed, Workers, show_table
-from crowd_env.cli.evacuations import evacuate
-from crowd_env.cli.place import (
-    PLACES,
-    Changes,
-    CrowdName,
-    Exits,
-    PeopleCount,
-    PhysicsName,
-    Unit,
-    complete_scenario,
-    place_of,
-)
-from crowd_env.core.arrays.headway import plain_manner
-from crowd_env.core.arrays.outline import plain_outline
-from crowd_env.core.checks import counted
-from crowd_env.core.console import check_folder, friendly_errors, interrupted, notes
-from crowd_env.envs.rollout import Episode, RunsInterrupted
-from crowd_env.geometry.geometry import Geometry
-from crowd_env.physics import ContactScheme
-from crowd_env.scenarios.scenario import Scenario
-from crowd_env.scenarios.titles import run_title
+from crowd_env.analysis.results.folder import CONFIG
+from crowd_env.analysis.results.tables import EXITS
+from crowd_env.cli.console import AsJson, show_table
+from crowd_env.core.console import check_folder, friendly_errors, notes
+from crowd_env.core.files.json_file import read_json
+
+_BLOCKED_AFTER = 120.0  # s, where the place does not say it
 
 EXAMPLES = """Examples:
 
-crowd-env clogging --set speed=1.5 --runs 10
+crowd-env run lin-room-v0 --physics hertz --set speed=1.5 --runs 10 --out room
 
-crowd-env clogging lin-room-v0 --set speed=1.5 --times experiment.csv --out clogging
+crowd-env clogging room
 
-crowd-env clogging --times results/exits.csv
+crowd-env clogging room experiment.csv --out clogging
 """
 
 
 def clog(
-    context: typer.Context,
-    scenario: Annotated[
-        str | None,
+    sources: Annotated[
+        list[Path],
         typer.Argument(
-            metavar="SCENARIO",
-            autocompletion=complete_scenario,
-            help=f"{PLACES}  By default lin-room-v0, or with --times none.",
+            metavar="DIR|FILE...",
+            help="Folder of crowd-env run --out, or CSV file of recorded exits, columns run,time (out = 0: watched until "
+            "then with people inside); several compare.",
         ),
-    ] = None,
-    exit: Exits = None,
-    unit: Unit = None,
-    people: PeopleCount = None,
-    crowd: CrowdName = None,
-    physics: PhysicsName = "hertz",
-    set: Changes = None,
-    runs: Runs = 10,
-    seed: Seed = 0,
-    workers: Workers = None,
-    times: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="CSV file of recorded exits, columns run,time (out = 0: watched until then with people inside); may be "
-            "repeated, and stand beside a scenario."
-        ),
-    ] = None,
+    ],
     pause: Annotated[float, typer.Option(help="A gap of this many seconds ends a burst.")] = 2.0,
     per_exit: Annotated[bool, typer.Option("--per-exit", help="Gaps between people who took the same exit.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for exits.csv, gaps.csv and survival.png.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for gaps.csv and survival.png.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how a crowd clogs: gaps between exits, bursts, and the exponent of the tail of the gaps.
@@ -83,62 +51,32 @@ def clog(
         if out is not None:
             check_folder("--out", out)
         powerlaw_library()  # is missed now, not after the work
-        sets = _recorded(times or [])
-        blocked_after = 120.0
-        episodes: list[Episode] = []
-        stopped: RunsInterrupted | None = None
-        if scenario is not None or not sets:
-            place, scheme, options = place_of({**context.params, "scenario": scenario or "lin-room-v0"})
-            name = _name(place, scheme)
-            blocked_after = place.blocked_after if np.isfinite(place.blocked_after) else blocked_after
-            episodes, stopped, _ = evacuate(name, place, runs, seed=seed, workers=workers, scheme=scheme, **options)
-            sets = {name: [exits_of_episode(episode, place.geometry) for episode in episodes], **sets}
-        found = {
-            name: clogging(data, pause=pause, per_exit=per_exit, blocked_after=blocked_after)
-            for name, data in sets.items()
-        }
-        paths = [] if out is None else _write(out, found, sets, [episode.seed for episode in episodes], per_exit)
+        names = [source.name for source in sources]
+        sets, found = {}, {}
+        for source, name in zip(sources, names, strict=True):
+            name = name if names.count(name) == 1 else str(source)
+            sets[name] = read_exits(source / EXITS if source.is_dir() else source)
+            found[name] = clogging(sets[name], pause=pause, per_exit=per_exit, blocked_after=_blocked_after(source))
+        paths = [] if out is None else _write(out, found, sets, per_exit)
     if as_json:
-        rows = [{"name": name, "manner": None, "outline": None, **_figures(each)} for name, each in found.items()]
-        if episodes:  # the simulated runs are the first set
-            rows[0]["manner"] = plain_manner(place.manner_of_run())
-            rows[0]["outline"] = plain_outline(place.outline_of_run())
-        typer.echo(json.dumps({"sets": rows}))
+        typer.echo(json.dumps({"sets": [{"name": name, **_figures(each)} for name, each in found.items()]}))
     else:
         _show(found)
     if paths:
         notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
-    if stopped is not None:
-        interrupted(f"{stopped}; the figures are of these")
 
 
-def exits_of_episode(episode: Episode, geometry: Geometry) -> RunExits:
-    """Return when the people of an evacuation got out, and by which exits."""
-    names = np.array([*geometry.exit_names, ""])  # the last one, row -1, is for people who did not get out
-    return exits_of_run(episode.exit_time, episode.end, names[episode.exit_index])
+def _blocked_after(source: Path) -> float:
+    """Return after how long without anyone out an exit counts as blocked [s]."""
+    after = float(read_json(source / CONFIG)["blocked_after"]) if source.is_dir() else math.inf
+    return after if math.isfinite(after) else _BLOCKED_AFTER
 
 
-def _recorded(paths: Sequence[Path]) -> dict[str, list[RunExits]]:
-    """Return the runs of files by their names, or by their whole paths where names are the same."""
-    names = [path.name for path in paths]
-    return {path.name if names.count(path.name) == 1 else str(path): read_exits(path) for path in paths}
-
-
-def _name(place: Scenario, scheme: ContactScheme) -> str:
-    speed = place.population.desired_speed
-    range = f"{speed.low:g}" if speed.low == speed.high else f"{speed.low:g} to {speed.high:g}"
-    return f"{run_title(place, scheme.info.name)}, {counted(place.population.people, 'person', 'people')}, {range} m/s"
-
-
-def _write(
-    out: Path, found: dict[str, Clogging], sets: dict[str, list[RunExits]], seeds: Sequence[int], per_exit: bool
-) -> list[Path]:
+def _write(out: Path, found: dict[str, Clogging], sets: dict[str, Sequence[RunExits]], per_exit: bool) -> list[Path]:
     from crowd_env.rendering.survival import survival_curves
 
     try:
         paths = [write_gaps(out / "gaps.csv", sets, per_exit=per_exit)]
-        if seeds:  # the simulated runs are the first set
-            paths.append(write_exits(out / "exits.csv", next(iter(sets.values())), seeds))
         if any(each.gaps.closed.any() for each in found.values()):
             title = next(iter(found)) if len(found) == 1 else "Gaps between exits"
             labels = {"all runs" if len(found) == 1 else name: each for name, each in found.items()}

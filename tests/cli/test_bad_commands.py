@@ -130,29 +130,21 @@ CASES = [
     ("run --starts near.csv --people 5", "--people 5 near.csv 2"),
     (f"run two.wkt {DOOR} --starts lost.csv", "start 0 (8.5, 1) part that no exit reaches"),
     # exit times
-    ("clogging --times none.csv", "none.csv No such file"),
-    ("clogging --times blank.csv", "blank.csv no exit times"),
-    ("clogging --times exits.csv", "exits.csv no exit times"),
-    ("clogging --times early.csv", "early.csv row 2 -0.5 >= 0"),
-    ("clogging --times notime.csv", "notime.csv column 'time' is missing"),
-    ("clogging --times never.csv", "never.csv row 2 nan finite"),
-    ("clogging --times one.csv", "one.csv row 1 'one'"),
-    ("clogging --times cell.csv", "cell.csv row 1 '' number"),
-    ("clogging --times cells.csv", "cells.csv row 1 3 cells 2 columns decimal comma"),
-    ("clogging --times yes.csv", "yes.csv out is 'yes'"),
-    ("clogging --times stay.csv", "stay.csv row 2 second"),
-    ("clogging --times late.csv", "late.csv run '1' after the last exit"),
-    ("clogging --times json.csv", "JSON CSV"),
-    ("clogging moon-v0", "moon-v0 room-v0"),
-    ("clogging room-v0 --runs 0", "runs 0 at least 1"),
-    ("clogging room-v0 --people 1000000000", "1000000000 people do not fit"),
-    ("clogging room-v0 --set speed=-1", "speed >= 0"),
-    ("clogging room-v0 --set speed=nan", "nan"),
-    ("clogging room-v0 --set dt=0", "dt"),
-    ("clogging room-v0 --pause 0", "pause > 0"),
-    ("clogging room-v0 --out good.toml", "good.toml not a folder"),
-    ("clogging room-v0 --physics glue", "glue nsm2"),
-    ("clogging floor-v0 --people 1", "1 person for groups"),
+    ("clogging none.csv", "none.csv No such file"),
+    ("clogging blank.csv", "blank.csv no exit times"),
+    ("clogging exits.csv", "exits.csv no exit times"),
+    ("clogging early.csv", "early.csv row 2 -0.5 >= 0"),
+    ("clogging notime.csv", "notime.csv column 'time' is missing"),
+    ("clogging never.csv", "never.csv row 2 nan finite"),
+    ("clogging one.csv", "one.csv row 1 'one'"),
+    ("clogging cell.csv", "cell.csv row 1 '' number"),
+    ("clogging cells.csv", "cells.csv row 1 3 cells 2 columns decimal comma"),
+    ("clogging yes.csv", "yes.csv out is 'yes'"),
+    ("clogging stay.csv", "stay.csv row 2 second"),
+    ("clogging late.csv", "late.csv run '1' after the last exit"),
+    ("clogging json.csv", "JSON CSV"),
+    ("clogging mixed.csv --pause 0", "pause > 0"),
+    ("clogging mixed.csv --out good.toml", "good.toml not a folder"),
     # scenario files
     ("run missing.toml", "missing.toml No such file"),
     ("run crowd.toml", "crowd.toml 1000000000 people do not fit"),
@@ -216,7 +208,7 @@ USAGE = [
     "run a b",
     "run --fly",
 ]
-USAGE += ["clogging --people 0", "reproduce", "plan", "warmup --physics", "run --unit"]
+USAGE += ["clogging", "reproduce", "plan", "warmup --physics", "run --unit"]
 
 NOTES = [
     ("run long.wkt --exit 320,0,320,2 --time-limit 1 --physics dem", "320 m x 2 m cm --unit cm"),
@@ -228,7 +220,7 @@ NOTES = [
     ("run plan.wkt --exit 5.98,2,5.98,3", "0.02 m off the boundary moved"),
     ("run plan.wkt --exit 'POLYGON ((6.2 2, 7 2, 7 3, 6.2 3, 6.2 2))'", "0.20 m off the boundary moved"),
     ("run line.wkt --exit 6,2,6,3", "left out LineString"),
-    ("clogging --times mixed.csv", "run '1' not in the order of time"),
+    ("clogging mixed.csv", "run '1' not in the order of time"),
 ]
 QUIET = [
     "run bom.wkt --exit 6,2,6,3",
@@ -239,7 +231,6 @@ QUIET = [
     "run --starts capitals.csv",
     "run --starts tabs.csv",
     "run long.wkt --exit 320,0,320,2 --time-limit 1 --physics dem --unit m",
-    "clogging floor-v0 --people 4 --set speed=1.5 --physics dem",
 ]
 
 

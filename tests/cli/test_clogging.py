@@ -8,24 +8,18 @@ from clogging_samples import needs_powerlaw, pareto
 from typer.testing import CliRunner
 
 from crowd_env.analysis.clogging import exits_of_run
-from crowd_env.analysis.exit_times import read_exits, write_exits, write_gaps
+from crowd_env.analysis.exit_times import read_exits, write_gaps
 from crowd_env.cli.main import app
 
 # ------------------------------------------------------------------------------------------------------------- files
 
 
-def test_what_is_written_is_read_again(tmp_path):
+def test_every_gap_is_written(tmp_path):
     runs = [
-        exits_of_run([1.25, 0.1 + 0.2, np.nan], 130.0, ["east", "west", ""]),
+        exits_of_run([1.25, 0.3, np.nan], 130.0, ["east", "west", ""]),
         exits_of_run([4.0, 5.0], exit=["west", "west"]),
         exits_of_run([np.nan], 7.0),
     ]
-    again = read_exits(write_exits(tmp_path / "new" / "exits.csv", runs, range(3)))
-    assert len(again) == 3
-    for one, other in zip(runs, again, strict=True):
-        assert one.time.tolist() == other.time.tolist()
-        assert one.until == other.until or np.isnan([one.until, other.until]).all()
-        assert [str(name) for name in one.exit] == list(other.exit)
     lines = write_gaps(tmp_path / "gaps.csv", {"sheep, 2014": runs}).read_text().splitlines()
     assert lines == [
         "data,run,gap,open",
@@ -54,8 +48,6 @@ def test_exits_out_of_order_are_taken_in_order_with_a_note(tmp_path):
 
 KEYS = {
     "name": None,
-    "manner": None,
-    "outline": None,
     "runs": None,
     "exits": None,
     "unfinished_runs": None,
@@ -68,12 +60,20 @@ KEYS = {
     "clogged": None,
     "statement": None,
 }
-ROOM = ["clogging", "room-v0", "--physics", "dem", "--runs", "4", "--seed", "3"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """The folder of four runs."""
+    folder = tmp_path_factory.mktemp("runs") / "room"
+    result = CliRunner().invoke(app, f"run room-v0 --physics dem --runs 4 --seed 3 --record 0 --out {folder}".split())
+    assert result.exit_code == 0, result.output
+    return folder
 
 
 @needs_powerlaw
-def test_the_command_prints_one_json_object_and_writes_what_it_saw(tmp_path):
-    result = CliRunner().invoke(app, [*ROOM, "--json", "--out", str(tmp_path)])
+def test_the_command_prints_one_json_object_and_writes_what_it_saw(folder, tmp_path):
+    result = CliRunner().invoke(app, ["clogging", str(folder), "--json", "--out", str(tmp_path)])
     assert result.exit_code == 0, result.stderr
     assert result.stdout.count("\n") == 1
     (told,) = json.loads(result.stdout)["sets"]
@@ -83,36 +83,28 @@ def test_the_command_prints_one_json_object_and_writes_what_it_saw(tmp_path):
     assert told["runs"] == 4 and told["exits"] == 80 and told["gaps"]["count"] == 76
     assert (tmp_path / "survival.png").read_bytes()[:4] == b"\x89PNG"
     assert len((tmp_path / "gaps.csv").read_text().splitlines()) == 1 + 76
-    again = CliRunner().invoke(app, ["clogging", "--times", str(tmp_path / "exits.csv"), "--json"])
+    again = CliRunner().invoke(app, ["clogging", str(folder / "exits.csv"), "--json"])
     (read,) = json.loads(again.stdout)["sets"]
-    assert {**read, "name": None} == {**told, "name": None, "manner": None, "outline": None}
+    assert {**read, "name": "room"} == told
 
 
 @needs_powerlaw
-def test_an_evacuation_becomes_the_exits_of_a_run():
-    from crowd_env.cli.clogging import exits_of_episode
-    from crowd_env.envs.rollout import run_episodes
-    from crowd_env.scenarios import make_scenario
-
-    place = make_scenario("room-v0", time_limit=6.0)
-    episodes = run_episodes(place, 3, scheme="dem", seed=5)
-    runs = [exits_of_episode(episode, place.geometry) for episode in episodes]
-    for run, episode in zip(runs, episodes, strict=True):
-        metrics = episode.metrics
-        assert len(run.time) == 20 - metrics.unfinished
-        assert run.time.mean() == pytest.approx(metrics.mean_exit_time, rel=1e-12)
-        assert np.isnan(run.until) if metrics.unfinished == 0 else run.until == pytest.approx(6.0)
-    assert any(np.isfinite(run.until) for run in runs)
+def test_the_place_says_when_an_exit_counts_as_blocked(tmp_path):
+    (tmp_path / "config.json").write_text(json.dumps({"blocked_after": 30.0}))
+    (tmp_path / "exits.csv").write_text("run,time,out\n0,1.0,1\n0,60.0,0\n")
+    for source, blocked in ((tmp_path, 1), (tmp_path / "exits.csv", 0)):
+        (told,) = json.loads(CliRunner().invoke(app, ["clogging", str(source), "--json"]).stdout)["sets"]
+        assert told["blocked_runs"] == blocked
 
 
 @needs_powerlaw
-def test_the_command_prints_a_table_and_sets_side_by_side(tmp_path):
+def test_the_command_prints_a_table_and_sets_side_by_side(folder, tmp_path):
     (tmp_path / "sheep.csv").write_text("run,time\n" + "\n".join(f"0,{t}" for t in np.cumsum(pareto(1.7, 200, 3))))
-    result = CliRunner().invoke(
-        app, [*ROOM, "--people", "3", "--set", "speed=1.5", "--times", str(tmp_path / "sheep.csv")]
-    )
+    (tmp_path / "few.csv").write_text("run,time\n0,1\n0,2.5\n")
+    files = [str(folder), str(tmp_path / "sheep.csv"), str(tmp_path / "few.csv")]
+    result = CliRunner().invoke(app, ["clogging", *files])
     assert result.exit_code == 0, result.stderr
-    for words in ("room-v0, dem, 3 people, 1.5 m/s", "sheep.csv", "± ", "no exponent: 8 gaps", "diverges", "bursts"):
+    for words in ("room", "sheep.csv", "± ", "no exponent: 1 gaps", "diverges", "bursts"):
         assert words in " ".join(result.stdout.split()), words
     assert "nan" not in result.stdout
     assert "share blocked, 95 % 0 (0..49) % 0 (0..79) %" in " ".join(result.stdout.split())  # none of 4 runs, none of 1
@@ -124,6 +116,6 @@ def test_files_of_one_name_do_not_hide_each_other(tmp_path):
     for name, count in (("a", 3), ("b", 5)):
         (tmp_path / name).mkdir()
         (tmp_path / name / "exits.csv").write_text("run,time\n" + "".join(f"0,{t}\n" for t in range(count)))
-        lines += ["--times", str(tmp_path / name / "exits.csv")]
+        lines.append(str(tmp_path / name / "exits.csv"))
     told = json.loads(CliRunner().invoke(app, lines).stdout)["sets"]
     assert [one["exits"] for one in told] == [3, 5]

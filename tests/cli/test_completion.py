@@ -41,7 +41,7 @@ def test_names_are_completed(line, names):
 
 
 def test_all_names_are_proposed_where_nothing_is_begun():
-    assert proposed("clogging ") == list(SCENARIOS)
+    assert proposed("run ") == list(SCENARIOS)
     assert proposed("warmup --physics ") == list(SCHEMES)
 
 

@@ -4,7 +4,6 @@ import json
 
 import pytest
 from cases import looped
-from clogging_samples import needs_powerlaw
 from commands import call, figures
 
 from crowd_env import MANNERS, OUTLINES, CrowdEnv, Outline
@@ -81,14 +80,6 @@ def test_a_law_of_ones_own_is_named_by_its_file(tmp_path):
             place_of({"physics": f"{tmp_path}/{wrong}"})
 
 
-@needs_powerlaw
-def test_clogging_names_the_crowd():
-    line = "clogging lin-room-v0 --people 10 --runs 1 --crowd hurried --set outline=torso --json"
-    (found,) = json.loads(call(line).stdout)["sets"]
-    assert (found["manner"], found["outline"]) == ("hurried", "torso")
-    assert found["name"].startswith("lin-room-v0, hertz, hurried, torso, 10 people")
-
-
 @pytest.mark.more
 def test_warmup_compiles_the_crowd_that_is_asked_for(monkeypatch):
     seen = []
@@ -117,11 +108,10 @@ def test_warmup_compiles_the_crowd_that_is_asked_for(monkeypatch):
     ],
 )
 def test_what_is_unknown_is_answered_by_whom_it_concerns(options, says):
-    for command in ("run room-v0", "clogging lin-room-v0"):
-        result = call(f"{command} {options}")
-        assert result.exit_code == 2
-        (line,) = result.stderr.splitlines()
-        assert says in line
+    result = call(f"run room-v0 {options}")
+    assert result.exit_code == 2
+    (line,) = result.stderr.splitlines()
+    assert says in line
 
 
 def test_options_of_before_are_answered_with_those_of_now():

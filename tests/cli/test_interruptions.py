@@ -64,23 +64,12 @@ def test_run_reports_what_is_finished(stop_after, stop):
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-@looped("line", ["run --physics dem --people 4 --runs 2", "clogging room-v0 --physics dem --people 4 --runs 2"])
-def test_without_a_finished_run_there_are_no_figures(line, monkeypatch):
+def test_without_a_finished_run_there_are_no_figures(monkeypatch):
     monkeypatch.setattr("crowd_env.envs.crowd.CrowdEnv.step", lambda *_: ctrl_c())
     for options in ("", " --json"):
-        result = call(line + options)
+        result = call("run --physics dem --people 4 --runs 2" + options)
         assert result.exit_code == 130 and result.stdout == ""
         assert result.stderr == "interrupted: 0 of 2 runs were finished\n"
-
-
-def test_clogging_reports_what_is_finished(stop_after, tmp_path):
-    stop_after(3)
-    result = call(f"clogging room-v0 --physics dem --people 4 --runs 8 --seed 5 --json --out {tmp_path}")
-    assert result.exit_code == 130, result.output
-    (only,) = json.loads(result.stdout)["sets"]
-    assert 3 <= only["runs"] < 8 and f"interrupted: {only['runs']} of 8 runs are finished" in result.stderr
-    with (tmp_path / "exits.csv").open() as file:
-        assert len({row["run"] for row in csv.DictReader(file)}) == only["runs"]
 
 
 def test_reproduce_keeps_its_runs_and_the_figures_before(stop_after, tmp_path):

@@ -134,7 +134,7 @@ def test_cells_are_dashed_where_nothing_is_known():
     assert pivoted(rows, {"n": "{n}"}, "at {at}", "{value}") == [["n", "at 3", "at 4"], ["1", "3", "4"], ["2", "", "8"]]
 
 
-def test_tables_of_commands_have_the_heads_that_are_stored():
+def test_tables_of_commands_have_the_heads_that_are_stored(tmp_path):
     """Every command is asked for, and what it does not say is a dash: heads are those of the files."""
     asked = []
 
@@ -144,7 +144,7 @@ def test_tables_of_commands_have_the_heads_that_are_stored():
         return {**found, "sets": [{}], "rows": [found]}
 
     for name in ("schemes", "clogging", "strategies", "scenarios", "bodies"):
-        assert MAKERS[name](Source(command))[0] == read_table(name)[0], name
+        assert MAKERS[name](Source(command, tmp_path))[0] == read_table(name)[0], name
     assert asked[:2] == [f"crowd_env run room-v0 --physics dem{step} --runs 50" for step in ("", " --set dt=0.001")]
 
 

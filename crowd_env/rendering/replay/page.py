@@ -1,17 +1,16 @@
-"""The page: a template, one style sheet, our own script and the packed recordings in one file that needs nothing else."""
+"""The page: a template with a style sheet, our own script and the packed recordings, one file that needs nothing else."""
 
-import html
-import json
-from collections.abc import Mapping, Sequence
-from importlib.resources import files
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowd_env.core.arrays.outline import make_outline
+from crowd_env.core.arrays.state import Ints
 from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.recording import Recording
+from crowd_env.rendering.pages import filled
 from crowd_env.rendering.palette import FULL_PRESSURE
 from crowd_env.rendering.replay.colors import STEPS, plain_colors, style_variables
 from crowd_env.rendering.replay.pack import Column, pack
@@ -22,17 +21,6 @@ from crowd_env.rendering.words import fact_rows, outcome, titles
 MOST_ROWS = 5_000_000  # people in frames, and contacts, of one page: about 30 MB
 MOST_RECORDINGS = 2
 FORMAT = 1  # of the packed recordings
-_SCRIPTS = (
-    "decode.js",
-    "tracks.js",
-    "colors.js",
-    "plan.js",
-    "people.js",
-    "view.js",
-    "charts.js",
-    "player.js",
-    "start.js",
-)
 _NEVER = -1.0  # s, as a time when people left who are inside at the end
 
 
@@ -77,22 +65,38 @@ def write_page(
     for recording, name in zip(recordings, names, strict=True):
         if not len(recording.person):
             raise ValueError(f"{name} holds nobody: there is nothing to replay")
-    parts = [_packed(recording, most_rows // len(recordings)) for recording in recordings]
-    write_text(path, _page(recordings, list(names), title, parts))
-    frames = tuple(part.about["frames"] for part in parts)
-    every = tuple(len(recording.times) for recording in recordings)
-    rows = sum(part.rows for part in parts)
-    return Page(path, path.stat().st_size, rows, frames, tuple(np.subtract(every, frames).tolist()))
+    kept = [thinned_frames(recording, most_rows // len(recordings)) for recording in recordings]
+    found, summary, labels = titles(recordings, names)
+    if len(recordings) == 1:
+        summary = f"{summary} · {outcome(recordings[0])}"
+    abouts, texts = [], []
+    for recording, frames, label in zip(recordings, kept, labels, strict=True):
+        about, text = _packed(recording, frames)
+        abouts.append({**about, "label": label})
+        texts.append(text)
+    about = {
+        "format": FORMAT,
+        "title": title or found,
+        "steps": STEPS,
+        "full_pressure": FULL_PRESSURE,
+        "colors": plain_colors(),
+        "recordings": abouts,
+    }
+    parts = {
+        "title": title or found,
+        "summary": summary,
+        "style": style_variables(),
+        "about": about,
+        "recordings": texts,
+    }
+    write_text(path, filled("crowd_env.rendering.replay", "browser", **parts))
+    rows = sum(column["length"] for one in abouts for column in one["columns"] if column["name"] == "x")
+    left_out = tuple(len(recording.times) - len(frames) for recording, frames in zip(recordings, kept, strict=True))
+    return Page(path, path.stat().st_size, rows, tuple(map(len, kept)), left_out)
 
 
-class _Packed(NamedTuple):
-    about: dict[str, Any]
-    text: str
-    rows: int
-
-
-def _packed(recording: Recording, most_rows: int) -> _Packed:
-    frames = thinned_frames(recording, most_rows)
+def _packed(recording: Recording, frames: Ints) -> tuple[dict[str, Any], str]:
+    """Return what a page says of a recording, and its packed numbers."""
     tracks, contacts = tracks_of(recording, frames), contacts_of(recording, frames)
     plan, origin = plain_plan(recording)
     columns = [
@@ -127,71 +131,14 @@ def _packed(recording: Recording, most_rows: int) -> _Packed:
     outline = make_outline(recording.outline)
     about, text = pack(columns)
     every = len(recording.times)
-    return _Packed(
-        {
-            "plan": plan,
-            "columns": about,
-            "frames": len(frames),
-            "note": ""
-            if len(frames) == every
-            else f"{len(frames)} of {every} frames are shown, to keep this page small.",
-            "groups": list(recording.groups),
-            "outline": None if outline is None else np.column_stack(outline.shape[:3]).tolist(),
-            "outcome": outcome(recording),
-            "facts": fact_rows(recording),
-        },
-        text,
-        len(tracks.x),
-    )
-
-
-def _page(recordings: Sequence[Recording], names: list[str], title: str | None, parts: Sequence[_Packed]) -> str:
-    from crowd_env.core.version import __version__
-
-    found, summary, labels = titles(recordings, names)
-    title = title or found
-    if len(recordings) == 1:
-        summary = f"{summary} · {outcome(recordings[0])}"
-    about = {
-        "format": FORMAT,
-        "title": title,
-        "steps": STEPS,
-        "full_pressure": FULL_PRESSURE,
-        "colors": plain_colors(),
-        "recordings": [part.about | {"label": label} for part, label in zip(parts, labels, strict=True)],
-    }
-    blocks = "\n".join(
-        f'<script type="application/octet-stream" id="recording-{k}">{part.text}</script>'
-        for k, part in enumerate(parts)
-    )
-    return _filled(
-        _read("template.html"),
-        {
-            "title": html.escape(title),
-            "summary": html.escape(summary),
-            "version": html.escape(__version__),
-            "style": style_variables() + _read("style.css"),
-            "about": _script_safe(about),
-            "recordings": blocks,
-            "script": '"use strict";\n' + "\n".join(_read(name) for name in _SCRIPTS),
-        },
-    )
-
-
-def _filled(template: str, parts: Mapping[str, str]) -> str:
-    """Return the template with its ``{{name}}``; nothing in a part is looked at again."""
-    pieces = template.split("{{")
-    text = [pieces[0]]
-    for piece in pieces[1:]:
-        name, rest = piece.split("}}", 1)
-        text += [parts[name], rest]
-    return "".join(text)
-
-
-def _script_safe(content: Any) -> str:
-    """Return JSON that ends no script element and begins no comment, whatever strings it holds."""
-    return json.dumps(content, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c").replace(">", "\\u003e")
-
-
-def _read(name: str) -> str:
-    return (files("crowd_env.rendering.replay") / "browser" / name).read_text(encoding="utf-8")
+    note = f"{len(frames)} of {every} frames are shown, to keep this page small."
+    return {
+        "plan": plan,
+        "columns": about,
+        "frames": len(frames),
+        "note": "" if len(frames) == every else note,
+        "groups": list(recording.groups),
+        "outline": None if outline is None else np.column_stack(outline.shape[:3]).tolist(),
+        "outcome": outcome(recording),
+        "facts": fact_rows(recording),
+    }, text

@@ -9,8 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from crowd_env.core.files.atomic import check_suffix, write_text
-from crowd_env.core.version import __version__
-from crowd_env.rendering.libraries import drawing_library
+from crowd_env.rendering.pages import filled
 from crowd_env.rendering.report.assumptions import assumptions
 from crowd_env.rendering.report.figures import figures
 from crowd_env.rendering.report.maps import Measured
@@ -41,17 +40,14 @@ def write_report(
     path = check_suffix(path, (".html",))
     if not runs:
         raise ValueError("a report needs the runs of at least one folder")
-    with drawing_library():
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-    parts = PackageLoader("crowd_env.rendering.report", "page_parts")
-    pages = Environment(loader=parts, autoescape=True, undefined=StrictUndefined)
     with TemporaryDirectory(prefix="crowd-env-") as folder:
         shown = figures(runs, measured, Path(folder))
-    text = pages.get_template("template.html").render(
+    text = filled(
+        "crowd_env.rendering.report",
+        "page_parts",
         title=title or f"Evacuation of {', '.join(dict.fromkeys(one.scenario.name for one in runs))}",
         date=datetime.date.today().isoformat(),
         asked=_asked(runs),
-        version=__version__,
         remarks=remarks_on(runs),
         **shown,
         **assumptions(runs),
