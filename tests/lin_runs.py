@@ -4,7 +4,7 @@ import numpy as np
 
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.rollout import Episode
-from crowd_env.reproduce.lin2016.fig6 import MOMENTS
+from crowd_env.reproduce.lin2016.room import MOMENTS
 
 
 def episode(case, seed, times, blocked_since=None):

@@ -10,7 +10,7 @@ from typing import Any
 
 from crowd_env import SCHEMES
 from crowd_env.core.checks import known
-from crowd_env.reproduce.pecol2011.evacuations import PRINTED as FLOWS
+from crowd_env.reproduce.pecol2011.room import PRINTED as FLOWS
 from crowd_env.reproduce.pecol2011.theatre import PRINTED as TIMES
 from validation import task_tables
 from validation.cases.case import DISC, share

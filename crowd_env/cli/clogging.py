@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -72,7 +72,7 @@ def _blocked_after(source: Path) -> float:
     return after if math.isfinite(after) else _BLOCKED_AFTER
 
 
-def _write(out: Path, found: dict[str, Clogging], sets: dict[str, Sequence[RunExits]], per_exit: bool) -> list[Path]:
+def _write(out: Path, found: dict[str, Clogging], sets: Mapping[str, Sequence[RunExits]], per_exit: bool) -> list[Path]:
     from crowd_env.rendering.survival import survival_curves
 
     try:

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.atomic import check_suffix, written
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.libraries import drawing_library
-from crowd_env.rendering.palette import FLOOR, INK, OBSTACLE, QUIET, SERIES, Color
+from crowd_env.rendering.palette import EXIT, FLOOR, INK, OBSTACLE, QUIET, SERIES, WALL, Color
 from crowd_env.rendering.plan import holes_of, shells_of
 
 if TYPE_CHECKING:
@@ -122,14 +123,30 @@ def draw_lines(axes: "Axes", lines: Iterable[Floats], color: Color, width: float
     axes.add_collection(LineCollection(list(lines), colors=hex_of(color), linewidths=width, zorder=layer, **style))
 
 
-def show_plan(axes: "Axes", geometry: Geometry, margin: float) -> None:
-    """Show all of a plan on axes without ticks, with a ``margin`` in shares of its longer side."""
+def draw_bodies(axes: "Axes", center: Floats, radius: ArrayLike, **style: Any) -> None:
+    """Draw discs at ``center`` (K, 2) [m] of ``radius`` (K,) or () [m] on axes in meters."""
+    from matplotlib.collections import EllipseCollection
+
+    size = 2.0 * np.broadcast_to(radius, len(center))
+    where: dict[str, Any] = {"units": "xy", "offsets": center, "offset_transform": axes.transData}
+    axes.add_collection(EllipseCollection(size, size, np.zeros(len(size)), **where, **style))
+
+
+def draw_plan(axes: "Axes", geometry: Geometry, *, wall: float, exit: float, margin: float) -> "PathPatch":
+    """Draw all of a plan on axes without ticks, and return the floor; people belong on layers 2 and 3.
+
+    ``wall`` and ``exit`` are points, ``margin`` is a share of the longer side.
+    """
+    floor = draw_floor(axes, geometry)
+    draw_lines(axes, geometry.exits, EXIT, exit, 1.5)
+    draw_lines(axes, geometry.walls, WALL, wall, 4, capstyle="projecting")
     x0, y0, x1, y1 = geometry.bounds
     room = margin * max(x1 - x0, y1 - y0)
     axes.set_xlim(x0 - room, x1 + room)
     axes.set_ylim(y0 - room, y1 + room)
     axes.set_aspect("equal")
     axes.set_axis_off()
+    return floor
 
 
 def hex_of(color: Color) -> str:

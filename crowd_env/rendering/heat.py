@@ -8,8 +8,8 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering.canvas import draw_floor, draw_lines, hex_of, new_figure, save_figure, show_plan
-from crowd_env.rendering.palette import EXIT, FAINT, INK, QUIET, WALL, Color, blend
+from crowd_env.rendering.canvas import draw_plan, hex_of, new_figure, save_figure
+from crowd_env.rendering.palette import FAINT, INK, QUIET, Color, blend
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -84,7 +84,7 @@ def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
     rows, columns = one.values.shape
     (left, low), cell = one.origin, one.cell
     full = one.full or float(one.values.max(initial=0.0)) or 1.0
-    floor = draw_floor(axes, geometry)
+    floor = draw_plan(axes, geometry, wall=1.6, exit=3.0, margin=0.015)
     image = axes.imshow(
         np.ma.masked_less_equal(one.values, 0.0),
         origin="lower",
@@ -93,12 +93,9 @@ def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
         vmin=0.0,
         vmax=full,
         interpolation="nearest",
-        zorder=2,
+        zorder=1.2,
     )
     image.set_clip_path(floor)
-    draw_lines(axes, geometry.exits, EXIT, 3.0, 3)
-    draw_lines(axes, geometry.walls, WALL, 1.6, 4, capstyle="projecting")
-    show_plan(axes, geometry, 0.015)
     axes.set_title(one.title, loc="left", color=hex_of(INK), fontsize=10.5, pad=4)
     figure = axes.get_figure()
     assert figure is not None

@@ -7,7 +7,7 @@ import numpy as np
 
 from crowd_env.analysis.passages import Gap
 from crowd_env.analysis.plan_check import PlanCheck
-from crowd_env.rendering.canvas import draw_floor, draw_lines, fill_rings, hex_of, mark
+from crowd_env.rendering.canvas import draw_bodies, draw_floor, draw_lines, fill_rings, hex_of, mark
 from crowd_env.rendering.palette import EXIT, EXIT_MAT, OBSTACLE, SERIES, WALL, Color
 from crowd_env.rendering.plan import exit_areas, holes_of, shells_of
 
@@ -182,23 +182,13 @@ def _of_group(k: int) -> Color:
 
 
 def _draw_people(axes: "Axes", check: PlanCheck) -> "list[Line2D]":
-    from matplotlib.collections import EllipseCollection
-
     entries = []
+    x0, y0, x1, y1 = check.bounds
+    wide = max(x1 - x0, y1 - y0) > _SEEN
     for k, part in enumerate(check.people.parts):
         here, color = check.group == k, hex_of(_of_group(k))
-        size = 2.0 * check.radius[here]
-        discs = EllipseCollection(
-            size, size, np.zeros(len(size)), units="xy", offsets=check.position[here], offset_transform=axes.transData
-        )
-        x0, y0, x1, y1 = check.bounds
-        rim = (
-            {"edgecolor": color, "linewidth": 1.5}
-            if max(x1 - x0, y1 - y0) > _SEEN
-            else {"edgecolor": "white", "linewidth": 0.3}
-        )
-        discs.set(facecolor=color, zorder=6, **rim)
-        axes.add_collection(discs)
+        rim: dict[str, Any] = {"edgecolor": color if wide else "white", "linewidth": 1.5 if wide else 0.3}
+        draw_bodies(axes, check.position[here], check.radius[here], facecolor=color, zorder=6, **rim)
         text = f"{part.people} {'person' if part.people == 1 else 'people'}" + (f", {part.name}" if part.name else "")
         dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 7, "markeredgecolor": "white"}
         entries.append(mark(text, color=color, **dot))

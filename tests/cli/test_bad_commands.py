@@ -220,7 +220,6 @@ NOTES = [
     ("run plan.wkt --exit 5.98,2,5.98,3", "0.02 m off the boundary moved"),
     ("run plan.wkt --exit 'POLYGON ((6.2 2, 7 2, 7 3, 6.2 3, 6.2 2))'", "0.20 m off the boundary moved"),
     ("run line.wkt --exit 6,2,6,3", "left out LineString"),
-    ("clogging mixed.csv", "run '1' not in the order of time"),
 ]
 QUIET = [
     "run bom.wkt --exit 6,2,6,3",

@@ -1,7 +1,5 @@
 """Who walks and how at the command line: ``--crowd``, ``--physics``, ``--routing`` and ``--set``."""
 
-import json
-
 import pytest
 from cases import looped
 from commands import call, figures

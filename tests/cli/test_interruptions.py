@@ -1,6 +1,5 @@
 """Ctrl-C and SIGTERM: what is finished is reported, and nothing else is claimed."""
 
-import csv
 import json
 import os
 import signal

@@ -162,7 +162,7 @@ def test_without_a_drawing_library_the_numbers_are_still_written(folder, monkeyp
     def missing(*_):
         raise ModuleNotFoundError("drawing needs matplotlib, which is not installed")
 
-    monkeypatch.setattr("crowd_env.reproduce.pecol2011.fig2.collisions", missing)
+    monkeypatch.setattr("crowd_env.reproduce.pecol2011.fig2.draw", missing)
     result = call("fig2")
     assert result.exit_code == 0 and "no figure: drawing needs matplotlib" in result.stderr
     assert sorted(path.name for path in (folder / "reproduce").iterdir()) == [

@@ -7,7 +7,7 @@ from reproductions import call, check_files, reported
 
 from crowd_env.cli import reproduce as command
 from crowd_env.reproduce import PAPERS
-from crowd_env.reproduce.lin2016 import fig9
+from crowd_env.reproduce.lin2016 import flow
 from crowd_env.reproduce.lin2016.sample import Sample, clearance_rows
 from crowd_env.reproduce.lin2016.settings import LinSettings
 
@@ -90,9 +90,9 @@ def test_settings_that_differ_are_reported(folder, computed, undrawn):
 
 def test_windows_hold_every_exit():
     exits = np.array([3.0, 9.99, 10.0, 25.0, 31.0, 47.0])
-    assert (fig9.window_flow(exits, 47.0) * 10).tolist() == [2, 1, 1, 1, 1]
-    assert fig9.inner_flow(exits).tolist() == [0.1, 0.1, 0.1]  # 10 to 40 s
-    assert len(fig9.inner_flow(np.empty(0))) == len(fig9.inner_flow(np.array([3.0, 4.0]))) == 0
+    assert (flow.window_flow(exits, 47.0) * 10).tolist() == [2, 1, 1, 1, 1]
+    assert flow.inner_flow(exits).tolist() == [0.1, 0.1, 0.1]  # 10 to 40 s
+    assert len(flow.inner_flow(np.empty(0))) == len(flow.inner_flow(np.array([3.0, 4.0]))) == 0
 
 
 @pytest.mark.more

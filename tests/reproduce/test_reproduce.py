@@ -10,9 +10,9 @@ from crowd_env.core.executors import Serial
 from crowd_env.core.files.store import Store
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.reproduce.evacuations import evacuate
-from crowd_env.reproduce.pecol2011 import fig1, fig2, table3, table5
-from crowd_env.reproduce.pecol2011.evacuations import Evacuations, flow_rows, raw_times
+from crowd_env.reproduce.pecol2011 import fig1, fig2, room, table3
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, pooled_line, run_slopes
+from crowd_env.reproduce.pecol2011.room import Evacuations, flow_rows, raw_times
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.scenarios import make_scenario
 
@@ -197,15 +197,15 @@ def test_nobody_out_is_no_number():
     for estimator in ESTIMATORS.values():
         assert estimator.estimate(times).value is None
     assert np.isnan(run_slopes(times)).all() and np.isnan(pooled_line(times)[0])
-    done = {name: evacuations(name, times) for name in table5.SCHEMES}
-    assert table5.order_share(done, ("nsm1", "dem")) == (None, 0)
+    done = {name: evacuations(name, times) for name in room.SCHEMES}
+    assert room.order_share(done, ("nsm1", "dem")) == (None, 0)
 
 
 def test_share_of_draws_in_an_order():
     slopes = {"dem": [3, 3, 3, 3], "nsm1": [4, 4, 4, 2], "nsm1-inertial": [2, 2, 4, 2], "nsm2-printed": [2, 2, 3.5, 2]}
     done = {name: evacuations(name, [even(slope) for slope in runs]) for name, runs in slopes.items()}
-    assert table5.order_share(done, ("nsm1", "dem", "nsm2-printed")) == (0.5, 4)
-    assert table5.order_share(done, ("nsm1-inertial", "dem")) == (0.25, 4)
+    assert room.order_share(done, ("nsm1", "dem", "nsm2-printed")) == (0.5, 4)
+    assert room.order_share(done, ("nsm1-inertial", "dem")) == (0.25, 4)
 
 
 # -------------------------------------------------------------------------------------------------------- the room
@@ -247,8 +247,8 @@ def test_options_reach_the_room(tmp_path):
 
 @pytest.mark.nightly
 def test_table_5_is_reproduced_to_ten_percent_with_the_defaults(tmp_path):
-    runs = evacuate(table5.cases(PecolSettings()), Store(tmp_path), Serial())
-    rows = {row.quantity: row for row in table5.reproduce(PecolSettings(), runs).rows}
+    runs = evacuate(room.table5_cases(PecolSettings()), Store(tmp_path), Serial())
+    rows = {row.quantity: row for row in room.table5(PecolSettings(), runs).rows}
     for scheme in ("dem", "nsm1", "nsm2-printed"):
         row = rows[f"flow, {scheme}, per run"]
         assert row.n == 50 and row.here == pytest.approx(float(row.paper), rel=0.10)

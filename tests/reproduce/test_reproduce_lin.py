@@ -20,7 +20,7 @@ from crowd_env.core.kernels import jit
 from crowd_env.physics import SCHEMES
 from crowd_env.reproduce import evacuations
 from crowd_env.reproduce.evacuations import Interrupted, evacuate
-from crowd_env.reproduce.lin2016 import fig6
+from crowd_env.reproduce.lin2016 import room
 from crowd_env.reproduce.lin2016.sample import Sample
 from crowd_env.reproduce.lin2016.settings import LinSettings
 
@@ -91,13 +91,13 @@ def test_a_run_at_the_end_of_its_time_is_neither_cleared_nor_blocked(tmp_path):
 
 
 def test_moments_of_figure_6_show_everybody_inside(tmp_path, monkeypatch):
-    monkeypatch.setattr(fig6, "MOMENTS", (0.0, 1.2, 4.0, 60.0))
+    monkeypatch.setattr(room, "MOMENTS", (0.0, 1.2, 4.0, 60.0))
     case = LinSettings(1).case(6, 1.0)
     (plain,) = run(case, tmp_path)
-    (kept,) = run(replace(case, recorder=fig6._Moments()), tmp_path)
+    (kept,) = run(replace(case, recorder=room._Moments()), tmp_path)
     assert same(kept._replace(record=None), plain)  # keeping moments changes nothing
     inside = [len(rows) for rows in kept.record]
-    assert inside == [int((plain.exit_time > moment).sum()) for moment in fig6.MOMENTS] and inside[0] == 6
+    assert inside == [int((plain.exit_time > moment).sum()) for moment in room.MOMENTS] and inside[0] == 6
     assert {len(row) for rows in kept.record for row in rows} == {4}
 
 
@@ -168,7 +168,7 @@ def test_another_case_is_another_file():
                 "damping": "rate", "cutoff": 0.3, "target": "nearest", "exit_depth": 0.1,
             }.items()
         ),
-        LinSettings(1).case(6, 1.0, recorder=fig6._Moments()),
+        LinSettings(1).case(6, 1.0, recorder=room._Moments()),
     ]  # fmt: skip
     for case in cases:
         assert case.name(0) not in names, case

@@ -5,45 +5,35 @@ from dataclasses import fields
 from typing import Any
 
 from crowd_env.envs.rollout import Episode
-from crowd_env.reproduce.evacuations import Case
-from crowd_env.reproduce.lin2016 import fig4, fig5, fig6, fig9, fig10
-from crowd_env.reproduce.lin2016.sample import Sample, Samples
+from crowd_env.reproduce.lin2016 import clearance, flow, room
+from crowd_env.reproduce.lin2016.sample import TITLES, Sample, Samples
 from crowd_env.reproduce.lin2016.settings import LinSettings
-from crowd_env.reproduce.lin2016.speeds import FIG7, FIG8
 from crowd_env.reproduce.paper import Figure, Paper
 from crowd_env.reproduce.result import Result
 
 _ALL = frozenset(one.name for one in fields(LinSettings))
+_STRENGTH, _ROTATION, _FEW, _MANY = clearance.FIGURES
+
+# Number of a figure -> its cases, what makes it of their samples, cpu time [s], and more of `Figure`.
+_FIGURES: dict[int, tuple[Any, Callable[[LinSettings, Samples], Result], float, dict[str, Any]]] = {
+    4: (_STRENGTH.cases, _STRENGTH.reproduce, 30, {}),
+    5: (_ROTATION.cases, _ROTATION.reproduce, 30, {"options": _ALL - {"no_rotation"}}),
+    6: (room.cases, room.reproduce, 3, {"options": _ALL - {"runs"}, "defaults": {"runs": 1}}),
+    7: (_FEW.cases, _FEW.reproduce, 4 * 60, {}),
+    8: (_MANY.cases, _MANY.reproduce, 6 * 60, {}),
+    9: (flow.window_cases, flow.windows, 4 * 60, {}),
+    10: (flow.mean_cases, flow.means, 10 * 60, {}),
+}
 
 
-def _figure(
-    title: str,
-    cases: Callable[[LinSettings], Mapping[Any, Case]],
-    reproduce: Callable[[LinSettings, Samples], Result],
-    cpu_time: float,
-    **more: Any,
-) -> Figure[LinSettings]:
+def _figure(number: int) -> Figure[LinSettings]:
     """Return a figure that is made of all draws of each of its cases."""
+    cases, reproduce, cpu_time, more = _FIGURES[number]
 
     def of_runs(settings: LinSettings, runs: Mapping[Any, Sequence[Episode]]) -> Result:
         return reproduce(settings, {key: Sample(case, runs[key]) for key, case in cases(settings).items()})
 
-    return Figure(title, of_runs, cases, **{"options": _ALL, **more}, cpu_time=cpu_time)
+    return Figure(TITLES[number], of_runs, cases, **{"options": _ALL, **more}, cpu_time=cpu_time)
 
 
-_ONE_DRAW: dict[str, Any] = {"options": _ALL - {"runs"}, "defaults": {"runs": 1}}
-
-PAPER = Paper(
-    "Lin, Ma, Lo",
-    LinSettings,
-    {
-        "lin-fig4": _figure(fig4.TITLE, fig4.cases, fig4.reproduce, 30),
-        "lin-fig5": _figure(fig5.TITLE, fig5.cases, fig5.reproduce, 30, options=_ALL - {"no_rotation"}),
-        "lin-fig6": _figure(fig6.TITLE, fig6.cases, fig6.reproduce, 3, **_ONE_DRAW),
-        "lin-fig7": _figure(FIG7.title, FIG7.cases, FIG7.reproduce, 4 * 60),
-        "lin-fig8": _figure(FIG8.title, FIG8.cases, FIG8.reproduce, 6 * 60),
-        "lin-fig9": _figure(fig9.TITLE, fig9.cases, fig9.reproduce, 4 * 60),
-        "lin-fig10": _figure(fig10.TITLE, fig10.cases, fig10.reproduce, 10 * 60),
-    },
-    cpu_time=12 * 60,
-)
+PAPER = Paper("Lin, Ma, Lo", LinSettings, {f"lin-fig{n}": _figure(n) for n in _FIGURES}, cpu_time=12 * 60)

@@ -19,6 +19,21 @@ from crowd_env.reproduce.result import RawTable, Result, Row
 BLOCKED = "a run is blocked when nobody has got out for 2 minutes; medians are over the runs that cleared"
 
 
+# Number of a figure -> title.
+TITLES = {
+    number: f"Lin, Ma, Lo, Figure {number}: {about}"
+    for number, about in {
+        4: "100 people at 1 m/s, by the strength A of the social force",
+        5: "100 people with and without rotation",
+        6: "200 people at 0, 30, 60 and 120 s",
+        7: "200 people, by desired speed",
+        8: "300 people, by desired speed",
+        9: "flow through the exit in windows of 10 s, people/s",
+        10: "mean flow through the exit, people/s",
+    }.items()
+}
+
+
 @dataclass(frozen=True, eq=False)
 class Sample:
     """The draws of one configuration, R of them, none of which need have cleared."""
@@ -96,8 +111,7 @@ def _span(values: Sequence[float]) -> str:
 
 
 def result(
-    name: str,
-    title: str,
+    number: int,
     settings: LinSettings,
     samples: Samples,
     rows: list[Row],
@@ -106,20 +120,19 @@ def result(
     unit: str = "s",
 ) -> Result:
     """Return a figure that is made of samples, with what these rest on; ``raw`` is every run and every exit by default."""
-
-    def drawn() -> Any:
-        figure = draw()
-        foot(figure, settings.readings())
-        return figure
-
     raw = raw or {"runs": raw_runs(samples), "exit-times": raw_exits(samples)}
     remarks = [f"{settings.readings()}; {BLOCKED}."]
-    return Result(name, title, rows, raw, drawn, remarks, settings.changed(), unit)
+
+    def drawn() -> Any:
+        return foot(draw(), settings.readings())
+
+    return Result(f"lin-fig{number}", TITLES[number], rows, raw, drawn, remarks, settings.changed(), unit)
 
 
-def foot(figure: Any, text: str) -> None:
-    """Write a line below everything."""
+def foot(figure: Any, text: str) -> Any:
+    """Return the figure with a line below everything."""
     figure.supxlabel(text, fontsize=8.5, color=hex_of(QUIET), x=0.012, ha="left")
+    return figure
 
 
 _HEADER = ("people", "desired_speed_mps", "strength_N", "rotation", "seed")
@@ -131,8 +144,7 @@ def raw_runs(samples: Samples) -> RawTable:
         (
             *found.case.facts.values(),
             one.seed,
-            _seconds(one.metrics.evacuation_time),
-            _seconds(since),
+            *map(_seconds, (one.metrics.evacuation_time, since)),
             one.metrics.unfinished,
         )
         for found in samples.values()

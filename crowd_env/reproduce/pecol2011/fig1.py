@@ -1,7 +1,7 @@
 """Figure 1: two identical pedestrians who run into each other, for several relaxation times."""
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -9,9 +9,14 @@ from crowd_env.core.arrays.state import Floats, make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.physics import DEM, NSM2, ContactScheme
 from crowd_env.physics.simulation.simulation import Simulation
-from crowd_env.reproduce.pecol2011.figures.room import meetings
+from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, series, shade
+from crowd_env.rendering.palette import INK
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 TITLE = "Figure 1: two pedestrians meet head-on, for several relaxation times"
 
@@ -96,27 +101,13 @@ def reproduce(settings: PecolSettings, runs: Mapping[str, object]) -> Result:
     table = RawTable(
         ("tau_s", "pedestrian", "time_s", "x_m", "y_m", "u_x", "u_y"),
         [
-            (
-                tau,
-                "ij"[who],
-                f"{meeting.time[k]:.3f}",
-                *(f"{v:.6f}" for v in (*meeting.position[k, who], *meeting.velocity[k, who])),
-            )
-            for tau, meeting in zip(TAUS, drawn, strict=True)
+            (tau, "ij"[who], f"{at.time[k]:.3f}", *(f"{v:.6f}" for v in (*at.position[k, who], *at.velocity[k, who])))
+            for tau, at in zip(TAUS, drawn, strict=True)
             for who in (0, 1)
-            for k in range(0, len(meeting.time), 10)
+            for k in range(0, len(at.time), 10)
         ],
     )
-
-    def draw() -> object:
-        fine = np.linspace(0.0, 1.15 * TAUS[-1], 50)
-        form = np.array([recoil_distance(SPEED, SPEED, tau) for tau in fine])
-        labels = ("NSM2, $K_N \\to \\infty$", "DEM, $k = 1.2\\times10^5$ N/m")
-        recoils = dict(zip(labels, np.array(measured, dtype=np.float64).T, strict=True))
-        touch = int(np.argmax(drawn[0].touching)) - 1  # until then they walk at their desired speed, for every tau
-        return meetings(TAUS, [meeting.position[touch:] for meeting in drawn], RADIUS, (fine, form), recoils)
-
-    return Result("fig1", TITLE, rows, {"trajectories": table}, draw, remarks, unit="m")
+    return Result("fig1", TITLE, rows, {"trajectories": table}, lambda: draw(drawn, measured), remarks, unit="m")
 
 
 def _head_on(tau: float) -> list[Row]:
@@ -140,3 +131,47 @@ def _sideways(tau: float, meeting: Meeting) -> list[Row]:
     shift = abs(meeting.position[-1, 0, 1] - meeting.position[0, 0, 1]) + tau * abs(meeting.velocity[-1, 0, 1])
     reading = f"nsm2-printed, offset {OFFSET:g} m"
     return [Row(f"shift to the side, tau = {tau:g} s", None, float(shift), "m", 1, reading, expected=expected)]
+
+
+def draw(meetings: Sequence[Meeting], recoils: Sequence[Sequence[float | None]]) -> "Figure":
+    """Return a drawing of the meetings, one a tau, beside their recoils [m], each under both schemes."""
+    taus = np.linspace(0.0, 1.15 * TAUS[-1], 50)
+    figure = new_figure((10.4, 4.4))
+    left, right = figure.subplots(1, 2, width_ratios=[1.75, 1.0])
+    touch = int(np.argmax(meetings[0].touching)) - 1  # until then they walk at their desired speed, for every tau
+    _draw_ways(left, [meeting.position[touch:] for meeting in meetings])
+    quiet_axes(right, r"relaxation time $\tau$ [s]", "recoil, exactly head-on [m]", grid=True)
+    right.plot(
+        taus,
+        [recoil_distance(SPEED, SPEED, tau) for tau in taus],
+        color=hex_of(INK),
+        lw=1.3,
+        label=r"$\tau v_d\,(1-\ln 2)$, from eq. 11",
+    )
+    labels = ("NSM2, $K_N \\to \\infty$", "DEM, $k = 1.2\\times10^5$ N/m")
+    for k, (label, values) in enumerate(zip(labels, np.array(recoils, dtype=np.float64).T, strict=True)):
+        right.plot(TAUS, values, "os"[k], color=series(k), markersize=6.5, label=label)
+    right.set_xlim(0.0, taus[-1])
+    right.set_ylim(bottom=0.0)
+    right.legend(frameon=False, fontsize=9.5, loc="upper left")
+    return figure
+
+
+def _draw_ways(axes: "Axes", trajectories: Sequence[Floats]) -> None:
+    """Draw for each tau the positions (T, 2, 2) [m] of both from their first touch on, which is the same for all."""
+    from matplotlib.patches import Circle
+
+    for name, side, (x, y) in zip("ij", (-1.0, 1.0), trajectories[0][0], strict=True):
+        axes.add_patch(Circle((x, y), RADIUS, fc="#f3f1ec", ec="#9b9890", lw=1.1, zorder=1))
+        axes.plot([1.2 * side, x], [y, y], "ko-", lw=1.3, ms=4.5, markevery=[1], zorder=4)
+        axes.text(1.27 * side, y, f"${name}$", ha="center", va="center", fontsize=13)
+    for k, (tau, positions) in enumerate(zip(TAUS, trajectories, strict=True)):
+        for who in (0, 1):
+            label = None if who else rf"$\tau$ = {tau:g} s"
+            axes.plot(*positions[:, who].T, color=shade(k / (len(TAUS) - 1)), lw=1.7, zorder=3, label=label)
+    axes.set_xlim(-1.35, 1.35)
+    axes.set_aspect("equal", adjustable="box")
+    axes.set_ylim(-0.86, 0.86)
+    axes.set_xlabel("$x$ [m]", fontsize=10)
+    axes.set_ylabel("$y$ [m]", fontsize=10)
+    axes.legend(frameon=False, fontsize=9.5, loc="lower left", handlelength=1.6)

@@ -3,20 +3,26 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme
-from crowd_env.reproduce.pecol2011.figures.room import collisions
+from crowd_env.rendering.canvas import mark, name_panel, new_figure
 from crowd_env.reproduce.pecol2011.particle import MASS, MASS_READING, RADIUS, STEP, VELOCITY, Instant, instants
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TITLE = "Figure 2: a particle against a wall under the three schemes"
 
 _STEPS = 7
 _DURATION = _STEPS * STEP
 _DRAWN = 6  # instants of a trace that are drawn
+# The paper's words: "the situation before contact is black, during the contact light-grey, after contact dark-grey".
+_PHASES = {"before": "#000000", "during": "#b9b9b9", "after": "#5f5f5f"}
 _INERTIAL = NSM1(trial="inertial", tolerance=1e-12, max_iterations=1_000_000)
 _FINE = (1e-1, 1e-2, 1e-3)  # s
 
@@ -100,7 +106,7 @@ def reproduce(settings: PecolSettings, runs: Mapping[str, object]) -> Result:
             for at, phase in zip(trace, phases(trace), strict=True)
         ],
     )
-    return Result("fig2", TITLE, rows, {"trajectories": table}, lambda: _draw(traces), remarks)
+    return Result("fig2", TITLE, rows, {"trajectories": table}, lambda: draw(traces), remarks)
 
 
 def phases(trace: Sequence[Instant]) -> list[str]:
@@ -148,11 +154,33 @@ def _finer() -> list[Row]:
     return late + overlap
 
 
-def _draw(traces: Sequence[Sequence[Instant]]) -> object:
-    panels = []
-    for panel in "abcd":
-        k = next(k for k, case in enumerate(CASES) if case.panel == panel)
-        positions = [(at.x, at.y) for at in traces[k][:_DRAWN]]
-        title = f"{panel}. {CASES[k].title}"
-        panels.append((title, positions, phases(traces[k])[:_DRAWN], avoided(traces[k]) if panel == "b" else None))
-    return collisions(panels, RADIUS)
+def draw(traces: Sequence[Sequence[Instant]]) -> "Figure":
+    """Return the disc that runs into the wall x = 0, in four panels; ``traces`` are those of the cases."""
+    from matplotlib.patches import Circle
+
+    figure = new_figure((9.6, 8.4))
+    grid = figure.subplots(2, 2, sharex=True, sharey=True)
+    for axes, panel in zip(grid.flat, "abcd", strict=True):
+        trace = next(trace for case, trace in zip(CASES, traces, strict=True) if case.panel == panel)
+        title = next(case.title for case in CASES if case.panel == panel)
+        axes.axvline(0.0, color="black", lw=2.2, zorder=1)
+        axes.axvspan(-0.28, 0.0, facecolor="none", edgecolor="#d8d6d0", hatch="///", linewidth=0.0, zorder=0)
+        if panel == "b":
+            axes.add_patch(Circle(avoided(trace), RADIUS, fill=False, ec=_PHASES["during"], ls=":", lw=1.5))
+        for k, (at, phase) in enumerate(zip(trace[:_DRAWN], phases(trace), strict=False)):
+            color = _PHASES[phase]
+            axes.add_patch(Circle((at.x, at.y), RADIUS, fill=False, ec=color, lw=1.6, zorder=3 + 0.01 * k))
+            axes.plot(at.x, at.y, "o", color=color, markersize=4.5, zorder=5)
+            if k in (0, _DRAWN - 1):
+                axes.text(at.x + 0.05, at.y, f"$t$ = {0.1 * k:.1g} s", fontsize=8.5, color=color, zorder=7)
+        name_panel(axes, f"{panel}. {title}")
+        axes.set_aspect("equal")
+        axes.set_xlim(-0.28, 1.2)
+        axes.set_ylim(-0.88, 0.36)
+        axes.set_xlabel("$x$ [m]", fontsize=10)
+        axes.set_ylabel("$y$ [m]", fontsize=10)
+        axes.label_outer()
+    marks = [mark(f"{phase} contact", color=color, lw=2) for phase, color in _PHASES.items()]
+    marks.append(mark("avoided position (b)", color=_PHASES["during"], ls=":"))
+    figure.legend(handles=marks, loc="outside lower center", ncols=4, frameon=False, fontsize=10)
+    return figure

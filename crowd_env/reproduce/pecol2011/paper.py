@@ -8,7 +8,7 @@ from dataclasses import fields
 from typing import Any
 
 from crowd_env.reproduce.paper import DRAWS, Figure, Paper
-from crowd_env.reproduce.pecol2011 import fig1, fig2, fig3, fig6, table3, table5, table7, theatre
+from crowd_env.reproduce.pecol2011 import fig1, fig2, room, table3, table7, theatre
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 
 _ROOM = DRAWS | {one.name for one in fields(PecolSettings)} - {"scheme"}
@@ -21,10 +21,10 @@ PAPER = Paper(
         "table3": Figure(table3.TITLE, table3.reproduce),
         "fig1": Figure(fig1.TITLE, fig1.reproduce),
         "fig2": Figure(fig2.TITLE, fig2.reproduce),
-        "fig3": Figure(fig3.TITLE, fig3.reproduce, fig3.cases, _ROOM | {"scheme"}, cpu_time=2),
-        "table5": Figure(table5.TITLE, table5.reproduce, table5.cases, _ROOM, cpu_time=5),
-        "table7": Figure(table7.TITLE, table7.reproduce, table7.cases, **_THEATRE, cpu_time=60),
-        "fig6": Figure(fig6.TITLE, fig6.reproduce, fig6.cases, **_THEATRE, cpu_time=40),
+        "fig3": Figure(room.FIG3, room.fig3, room.fig3_cases, _ROOM | {"scheme"}, cpu_time=2),
+        "table5": Figure(room.TABLE5, room.table5, room.table5_cases, _ROOM, cpu_time=5),
+        "table7": Figure(table7.TABLE7, table7.table7, table7.table7_cases, **_THEATRE, cpu_time=60),
+        "fig6": Figure(table7.FIG6, table7.fig6, table7.fig6_cases, **_THEATRE, cpu_time=40),
     },
     cpu_time=60,
 )

@@ -1,15 +1,20 @@
 """Table 3: the velocity of a particle after a contact with DEM, as a function of the time step."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.physics import DEM
-from crowd_env.reproduce.pecol2011.figures.room import velocity_error
+from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, series
+from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.pecol2011.particle import MASS, MASS_READING, VELOCITY, particle
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TITLE = "Table 3: velocity after contact as a function of the time step, DEM"
 
@@ -57,9 +62,19 @@ def reproduce(settings: PecolSettings, runs: Mapping[str, object]) -> Result:
         ],
     )
 
-    def draw() -> object:
-        others, theirs = (_SWEEP, np.abs(sweep - 2.0)), np.array([abs(float(text) - 2.0) for text in PRINTED.values()])
-        return velocity_error(h, error, theirs, float(MENDED) - 2.0, others, (float(order), float(start)), _STABLE)
+    def draw() -> "Figure":
+        figure = new_figure((6.4, 4.2))
+        axes = quiet_axes(figure.add_subplot(), "time step $h$ [s]", r"$|u_x - 2|$ after the contact [m/s]", grid=True)
+        theirs = np.array([abs(float(text) - 2.0) for text in PRINTED.values()])
+        line = np.array([h.min(), _STABLE])
+        axes.loglog(_SWEEP, np.abs(sweep - 2.0), ".", color="#bcbab5", markersize=4, label=f"{len(_SWEEP)} other steps")
+        axes.loglog(line, 10 ** (start + order * np.log10(line)), color=series(0), label=f"slope {order:.2f}")
+        axes.loglog(h, error, "o", color=series(0), label="here")
+        axes.loglog(h, theirs, "kx", markersize=11, label="paper, as printed")
+        axes.loglog(h[-1], float(MENDED) - 2.0, "k+", markersize=12, label="paper, a zero put back")
+        axes.axvline(_STABLE, color=hex_of(QUIET), dashes=(4, 3), label=rf"stable up to $2/\omega$ = {_STABLE:.3f} s")
+        axes.legend(frameon=False, fontsize=9.5, loc="upper left")
+        return figure
 
     return Result("table3", TITLE, rows, {"velocities": raw}, draw, remarks, unit="m/s")
 

@@ -1,17 +1,114 @@
-"""Figures in the form of those of Lin, Ma, Lo about how long a crowd takes; what blocked is marked as blocked."""
+"""How long a crowd takes: Figures 4, 5, 7 and 8 of Lin, Ma, Lo, by the social force, rotation and the desired speed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from crowd_env.rendering.canvas import hex_of, mark, new_figure, quiet_axes, series, shade
 from crowd_env.rendering.palette import QUIET
-from crowd_env.reproduce.lin2016.sample import Sample, Samples
+from crowd_env.reproduce.evacuations import Case
+from crowd_env.reproduce.lin2016.sample import Sample, Samples, clearance_rows, result
+from crowd_env.reproduce.lin2016.settings import LinSettings
+from crowd_env.reproduce.result import Result, Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+SPEEDS = (0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0)  # m/s
+PAPER_BLOCKED = 1.8  # m/s, "1.8 m/s or higher could lead to the totally blockage of the exit"
+
+
+class Point(NamedTuple):
+    """One configuration of a figure."""
+
+    of: str  # in the rows
+    case: tuple[Any, ...]  # of `LinSettings.case`: people, speed, strength, rotation
+    paper: str | None = None  # s, as printed
+    remark: str = ""  # what the paper prints in words
+
+
+class Clearance(NamedTuple):
+    """A figure of clearance times, by what it varies."""
+
+    number: int
+    points: Mapping[Any, Point]
+    draw: "Callable[[Samples], Figure]"
+    printed_mean: tuple[float, float, str] | None = None  # from speed, to speed [m/s], s
+
+    def cases(self, settings: LinSettings) -> dict[Any, Case]:
+        """Return the draws of each configuration."""
+        return {key: settings.case(*point.case) for key, point in self.points.items()}
+
+    def reproduce(self, settings: LinSettings, found: Samples) -> Result:
+        """Return the figure, made of a sample for each configuration."""
+        points = [(found[key], point) for key, point in self.points.items()]
+        rows = [row for draws, one in points for row in clearance_rows(one.of, draws, one.paper, one.remark)]
+        if self.printed_mean is not None:
+            rows.append(_mean(found, *self.printed_mean))
+        return result(self.number, settings, found, rows, lambda: self.draw(found))
+
+
+def _mean(found: Samples, low: float, high: float, paper: str) -> Row:
+    some = [draws for speed, draws in found.items() if low <= speed <= high]
+    times, lost = np.concatenate([draws.cleared for draws in some]), sum(draws.blocked for draws in some)
+    reading = f"mean of the draws that cleared; {lost or 'none'} of {lost + len(times)} blocked"
+    mean = float(times.mean()) if len(times) else None
+    return Row(f"clearance, {low:.1f} to {high:.1f} m/s", paper, mean, "s", len(times), reading)
+
+
+def _by_strength() -> Clearance:
+    barely = (None, "paper: barely differs from 300 N")
+    printed = {200.0: ("170", ""), 300.0: ("120", ""), 400.0: barely, 500.0: barely}  # A [N] -> s
+    points = {a: Point(f"A = {a:g} N", (100, 1.0, a), *words) for a, words in printed.items()}
+
+    def draw(found: Samples) -> "Figure":
+        curves = [Curve(points[a].of, series(k), draws, points[a].paper) for k, (a, draws) in enumerate(found.items())]
+        return leaving_curves(100, {"100 people who want 1 m/s, by the strength A of the social force": curves})
+
+    return Clearance(4, points, draw)
+
+
+def _by_rotation() -> Clearance:
+    remarks = {1.0: "paper: basically the same as with rotation", 2.0: "paper: clogs more, barely recovers"}
+    points = {}
+    for speed, remark in remarks.items():
+        points[speed, True] = Point(f"{speed:g} m/s, rotation", (100, speed, 300.0, True))
+        points[speed, False] = Point(f"{speed:g} m/s, no rotation", (100, speed, 300.0, False), remark=remark)
+
+    def draw(found: Samples) -> "Figure":
+        kinds = ((True, "with rotation"), (False, "without"))
+        panels = {
+            f"{letter}. 100 people who want {speed:g} m/s": [
+                Curve(name, series(k), found[speed, turning]) for k, (turning, name) in enumerate(kinds)
+            ]
+            for letter, speed in zip("ab", remarks, strict=True)
+        }
+        return leaving_curves(100, panels)
+
+    return Clearance(5, points, draw)
+
+
+def _by_speed(
+    number: int,
+    people: int,
+    speeds: Sequence[float] = SPEEDS,
+    printed: Mapping[float, str] = MappingProxyType({}),
+    mean: tuple[float, float, str] | None = None,
+) -> Clearance:
+    def point(speed: float) -> Point:
+        remark = "paper: blocked" if speed >= PAPER_BLOCKED else ""
+        return Point(f"{speed:.1f} m/s", (people, speed), printed.get(speed), remark)
+
+    points = {speed: point(speed) for speed in speeds}
+    draw = partial(clearance_times, people, paper=printed, paper_mean=mean)
+    return Clearance(number, points, draw, mean)
+
+
+# ------------------------------------------------------------------------------------------------------------ figures
 
 BLOCKED = "#b3262f"  # counts, and the band they lie in
 _BAND = "#f8ebe9"
@@ -51,7 +148,6 @@ def clearance_times(
     found: Samples,
     paper: Mapping[float, str],
     paper_mean: tuple[float, float, str] | None,
-    paper_blocked: float,
 ) -> "Figure":
     """Return one leaving process a speed, and every clearance time against the speed (Figures 7 and 8).
 
@@ -60,13 +156,11 @@ def clearance_times(
     found : desired speed [m/s] -> its draws.
     paper : speed -> clearance time [s] that the paper prints.
     paper_mean : from speed, to speed, mean clearance time that the paper prints for them; or None.
-    paper_blocked : m/s, from this speed on the paper finds the exit blocked.
     """
     figure = new_figure((11.4, 5.2))
     left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.12])
-    quiet_axes(
-        left, "time [s]", "people out", title=f"a. Leaving process, {people} people, one draw a speed", grid=True
-    )
+    title = f"a. Leaving process, {people} people, one draw a speed"
+    quiet_axes(left, "time [s]", "people out", title=title, grid=True)
     colors = [shade(level) for level in np.linspace(0.0, 1.0, len(found))]
     curves = [Curve(f"{v:.1f} m/s", color, found[v]) for v, color in zip(found, colors, strict=True)]
     _leaving(left, people, curves, every=False)
@@ -76,19 +170,16 @@ def clearance_times(
     times = [(speed, time) for speed, draws in found.items() for time in draws.cleared]
     medians = [(speed, draws.median) for speed, draws in found.items() if draws.median is not None]
     right.plot(*np.reshape(times, (-1, 2)).T, "o", color=series(0), alpha=0.4, ms=5, mew=0, label="one draw")
-    right.plot(
-        *np.reshape(medians, (-1, 2)).T, "-o", color=series(0), mec="white", label="median of those that cleared"
-    )
+    label = "median of those that cleared"
+    right.plot(*np.reshape(medians, (-1, 2)).T, "-o", color=series(0), mec="white", label=label)
     printed = [float(time) for time in paper.values()]
     if printed:
         right.plot(list(paper), printed, **_PAPER, mec="black", label="paper, from its text")
     if paper_mean is not None:
-        right.plot(
-            paper_mean[:2], [float(paper_mean[2])] * 2, **_PAPER_MEAN, label=f"paper, mean close to {paper_mean[2]} s"
-        )
-    right.axvline(
-        paper_blocked, color=hex_of(QUIET), lw=1.1, dashes=(2, 2), label=f"paper: blocked from {paper_blocked:g} m/s"
-    )
+        label = f"paper, mean close to {paper_mean[2]} s"
+        right.plot(paper_mean[:2], [float(paper_mean[2])] * 2, **_PAPER_MEAN, label=label)
+    label = f"paper: blocked from {PAPER_BLOCKED:g} m/s"
+    right.axvline(PAPER_BLOCKED, color=hex_of(QUIET), lw=1.1, dashes=(2, 2), label=label)
     right.set_xticks(list(found))
     _blocked_band(right, found, 1.08 * max([*(time for _, time in times), *printed], default=100.0))
     right.legend(frameon=False, fontsize=9, loc="lower left")
@@ -129,3 +220,11 @@ def _blocked_band(axes: "Axes", found: Samples, top: float) -> None:
             axes.text(speed, 1.05 * top, f"{draws.blocked}/{len(draws.episodes)}", ha="center", **style)
     axes.set_ylim(0.0, 1.1 * top)
     axes.set_yticks([tick for tick in axes.get_yticks() if tick <= top])
+
+
+FIGURES = (
+    _by_strength(),
+    _by_rotation(),
+    _by_speed(7, 200, (*SPEEDS, 2.2), {0.6: "340", 1.0: "210"}, (1.0, 1.8, "220")),
+    _by_speed(8, 300),
+)

@@ -1,20 +1,24 @@
 """Figure 6 of Lin, Ma, Lo: the room at four moments of one evacuation."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.crowd import CrowdEnv, Step
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.rendering.canvas import draw_bodies, draw_lines, draw_plan, hex_of, name_panel, new_figure
 from crowd_env.reproduce.evacuations import Case
-from crowd_env.reproduce.lin2016.figures.room import draw_rooms
-from crowd_env.reproduce.lin2016.sample import Samples, foot
+from crowd_env.reproduce.lin2016.sample import TITLES, Samples, foot
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 
-TITLE = "Lin, Ma, Lo, Figure 6: 200 people at 0, 30, 60 and 120 s"
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PEOPLE, SPEED = 200, 1.0  # m/s, Table 1
+_RIM = (79, 111, 136)
 MOMENTS = (0.0, 30.0, 60.0, 120.0)  # s
 
 
@@ -59,11 +63,24 @@ def reproduce(settings: LinSettings, found: Samples) -> Result:
         ("time_s", "x_m", "y_m", "radius_m", "angle_rad"),
         [(f"{moment:g}", *(f"{one:.6f}" for one in row)) for moment, people in moments.items() for row in people],
     )
-    remarks = [f"Draw {episode.seed} at {SPEED:g} m/s, the speed of Table 1. {settings.readings().partition('; ')[2]}"]
+    readings = settings.readings().partition("; ")[2]
+    remarks = [f"Draw {episode.seed} at {SPEED:g} m/s, the speed of Table 1. {readings}"]
 
-    def draw() -> Any:
+    def draw() -> "Figure":
         figure = draw_rooms(moments, shown.case.place.geometry)
-        foot(figure, f"{SPEED:g} m/s, draw {episode.seed}; {settings.readings().partition('; ')[2]}")
-        return figure
+        return foot(figure, f"{SPEED:g} m/s, draw {episode.seed}; {readings}")
 
-    return Result("lin-fig6", TITLE, rows, {"positions": raw}, draw, remarks, settings.changed(), "people")
+    return Result("lin-fig6", TITLES[6], rows, {"positions": raw}, draw, remarks, settings.changed(), "people")
+
+
+def draw_rooms(moments: Mapping[float, Floats], geometry: Geometry) -> "Figure":
+    """Return the room at four moments [s], two by two; of each person (K, 4) x, y and radius [m] and angle [rad]."""
+    figure = new_figure((8.6, 9.0))
+    for letter, axes, (time, people) in zip("abcd", figure.subplots(2, 2).flat, moments.items(), strict=True):
+        middle, radius, angle = people[:, :2], people[:, 2:3], people[:, 3]
+        draw_plan(axes, geometry, wall=2.4, exit=2.4, margin=0.03)
+        draw_bodies(axes, middle, radius[:, 0], facecolor="#c3d4e0", edgecolor=hex_of(_RIM), linewidth=0.8, zorder=2)
+        rim = middle + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+        draw_lines(axes, np.stack([middle, rim], axis=1), _RIM, 0.8, 3)
+        name_panel(axes, f"{letter}. t = {time:g} s, {len(people)} inside")
+    return figure
