@@ -11,11 +11,9 @@ from crowd_env.cli.agents import WithLearning
 from crowd_env.cli.clogging import EXAMPLES as CLOGGING_EXAMPLES
 from crowd_env.cli.clogging import clog
 from crowd_env.cli.console import AsJson, complete_from, show_table
-from crowd_env.cli.film import film
-from crowd_env.cli.forces import forces
 from crowd_env.cli.place import CrowdName
 from crowd_env.cli.plan import plan
-from crowd_env.cli.replay import replay
+from crowd_env.cli.recorded import film, forces, replay
 from crowd_env.cli.report import report
 from crowd_env.cli.reproduce import reproduce
 from crowd_env.cli.run import EXAMPLES as RUN_EXAMPLES
@@ -64,10 +62,8 @@ def list_names(as_json: AsJson = False) -> None:
 
 
 app.command()(plan)
-app.command("film")(film)
-app.command("replay")(replay)
-app.command("forces")(forces)
-app.command("report")(report)
+for looking in (film, replay, forces, report):
+    app.command()(looking)
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""Recordings that commands are given: files, or folders that ``crowd-env run --out`` has written."""
+"""Commands that look at recorded runs, files or folders of ``crowd-env run --out``: film, replay and forces."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,59 +6,192 @@ from typing import Annotated, NamedTuple
 
 import typer
 
+from crowd_env.cli.console import OF_OUTPUT, check_picture
+from crowd_env.core.checks import POSITIVE, counted, number
+from crowd_env.core.console import check_place, friendly_errors, notes, progress_bar
+from crowd_env.core.files.atomic import check_suffix
 from crowd_env.recording import Recording, load
 from crowd_env.recording.formats import RECORDINGS, recordings_in
 
-Sources = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="DIR...", help="Folder of crowd-env run --out, or recording (.sqlite, .h5); several compare."
+_SOURCE = "Folder of crowd-env run --out, or recording (.sqlite, .h5)"
+Sources = Annotated[list[Path], typer.Argument(metavar="DIR...", help=f"{_SOURCE}; several compare.")]
+Source = Annotated[Path, typer.Argument(metavar="DIR", help=f"{_SOURCE}.")]
+
+FilmWidth = Annotated[
+    int | None,
+    typer.Option(
+        help="Width of the film in px; default 480 an evacuation.", min=160, max=3840, rich_help_panel=OF_OUTPUT
     ),
 ]
-Source = Annotated[
-    Path, typer.Argument(metavar="DIR", help="Folder of crowd-env run --out, or recording (.sqlite, .h5).")
+FilmFps = Annotated[
+    float | None,
+    typer.Option(
+        help="Frames of the film a second; default 20, of long GIFs down to 10.", max=100, rich_help_panel=OF_OUTPUT
+    ),
+]
+FilmSpeed = Annotated[
+    float | None,
+    typer.Option(
+        help="Seconds that a second of the film shows; default 1, or as many as make a film of 30 s.",
+        rich_help_panel=OF_OUTPUT,
+    ),
 ]
 
 
 class Recorded(NamedTuple):
-    """Recordings, what they are called, and where pictures of them go if nothing is asked for."""
+    """Files of recordings, what they are called, and where pictures of them go if nothing is asked for."""
 
-    recordings: list[Recording]
+    files: list[Path]
     names: list[str]
     folder: Path
     stem: str
 
+    def load(self) -> list[Recording]:
+        """Return the recordings; ValueError if a file is missing or no recording."""
+        return [load(file) for file in self.files]
 
-def read_recorded(sources: Sequence[Path], most: int, what: str) -> Recorded:
-    """Return the recordings of some sources, the first one of each folder.
+    def place(self, out: Path | None, name: str) -> Path:
+        """Return where to write: ``out``, or ``name`` in the folder of the runs, or beside the recording by its name."""
+        return out or self.folder / (f"{Path(self.stem).name}{Path(name).suffix}" if self.stem else name)
+
+
+def find_recorded(sources: Sequence[Path], most: int, what: str) -> Recorded:
+    """Return the files of some sources, the first one of each folder.
 
     Raises
     ------
     ValueError
-        If there are more than ``most``, one is missing or no recording, or a folder holds none.
+        If there are more than ``most``, or a folder holds none.
     """
     if len(sources) > most:
         raise ValueError(f"{len(sources)} recordings were given; {what}")
-    files = [_file_of(source) for source in sources]
+    files = []
+    for source in sources:
+        found = recordings_in(source) if source.is_dir() else [source]
+        if not found:
+            raise ValueError(f"{source} holds no recording in {RECORDINGS}/; crowd-env run --out records the first run")
+        files.append(found[0])
     names = [source.stem or source.name for source in sources]
     if len(set(names)) < len(names):
         names = [str(source) for source in sources]
     alone = len(sources) == 1 and sources[0].is_dir()
     folder = sources[0] if alone else sources[0].parent
-    return Recorded([load(file) for file in files], names, folder, "" if alone else " and ".join(names))
+    return Recorded(files, names, folder, "" if alone else " and ".join(names))
 
 
-def _file_of(source: Path) -> Path:
-    if not source.is_dir():
-        return source
-    found = recordings_in(source)
-    if not found:
-        raise ValueError(f"{source} holds no recording in {RECORDINGS}/; crowd-env run --out records the first run")
-    return found[0]
+def film_file(option: str, path: Path, name: str = "film") -> Path:
+    """Return the file of a film: MP4 if ``path`` has no suffix, called ``name`` if it is a folder.
+
+    Raises
+    ------
+    ValueError
+        If its suffix is another than those of films, or it cannot be written.
+    ModuleNotFoundError
+        If a drawing library is not installed; the message says how to install it.
+    """
+    from crowd_env.rendering.film import FORMATS
+    from crowd_env.rendering.libraries import film_suffix
+
+    if not path.suffix:
+        path = path / name if path.is_dir() else path
+        path = path.with_name(path.name + film_suffix())
+        if path.suffix == ".gif":
+            notes.print(f"note: MP4 needs imageio-ffmpeg, which is not installed: {path}", markup=False, soft_wrap=True)
+    check_picture(option, path, tuple(FORMATS))
+    return path
 
 
-def place_of(out: Path | None, recorded: Recorded, name: str) -> Path:
-    """Return where to write: ``out``, or ``name`` in the folder of the runs, or beside the recording by its name."""
-    if out is not None:
-        return out
-    return recorded.folder / (f"{Path(recorded.stem).name}{Path(name).suffix}" if recorded.stem else name)
+def size_of(path: Path) -> str:
+    """Return where a file is, and how large."""
+    count = path.stat().st_size
+    return f"{path}, {f'{count / 1e6:.1f} MB' if count >= 1e6 else f'{count / 1e3:.0f} kB'}"
+
+
+def film(
+    sources: Sources,
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="Film, .mp4 or .gif, or picture, .png; default film.mp4 there.")
+    ] = None,
+    width: FilmWidth = None,
+    fps: FilmFps = None,
+    speed: FilmSpeed = None,
+) -> None:
+    """Film recorded runs, side by side under one clock.
+
+    Examples: crowd-env run room-v0 --out room
+
+    crowd-env film room
+
+    crowd-env film nearest fastest -o compared.gif
+    """
+    with friendly_errors():
+        recorded = find_recorded(sources, 4, "a film shows 4 at most")
+        path = film_file("--out", out or recorded.place(None, "film").with_suffix(""))
+        from crowd_env.rendering import write_film
+
+        recordings, titles = recorded.load(), recorded.names if len(sources) > 1 else ()
+        with progress_bar("film, frames") as progress:
+            write_film(path, recordings, titles=titles, width=width, fps=fps, speed=speed, progress=progress)
+        notes.print(f"film: {size_of(path)}", markup=False, soft_wrap=True)
+
+
+def replay(
+    sources: Sources,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Page, .html; default replay.html there.")] = None,
+) -> None:
+    """Make one web page that replays a recorded run, or two side by side; it needs no network, only a browser.
+
+    Examples: crowd-env run room-v0 --out room
+
+    crowd-env replay room
+
+    crowd-env replay nearest fastest -o compared.html
+    """
+    with friendly_errors():
+        recorded = find_recorded(sources, 2, "a page shows one, or two side by side")
+        page = recorded.place(out, "replay.html")
+        check_suffix(page, (".html",))
+        check_place("--out", page)
+        from crowd_env.rendering.replay import write_page
+
+        written = write_page(page, recorded.load(), names=recorded.names)
+        for name, frames, left_out in zip(recorded.names, written.frames, written.left_out, strict=True):
+            if left_out:
+                text = f"note: {name}: {frames} of {frames + left_out} frames are shown, so that the page stays small"
+                notes.print(text, style="yellow", markup=False, soft_wrap=True)
+        shown = counted(sum(written.frames), "frame", "frames")
+        notes.print(f"page: {size_of(page)}, {shown}", markup=False, soft_wrap=True)
+
+
+def forces(
+    source: Source,
+    out: Annotated[Path | None, typer.Option("--out", "-o", help="Picture, .png; default forces.png there.")] = None,
+    at: Annotated[
+        float | None, typer.Option(help="Moment in s; default the end if the exits block, else the hardest push.")
+    ] = None,
+    around: Annotated[
+        float | None, typer.Option(help="How far around the exit, in m; inf for all; default 3.5 in big places.")
+    ] = None,
+) -> None:
+    """Draw who presses on whom in a recorded run, by lines as wide as the force.
+
+    Examples: crowd-env run room-v0 --out room
+
+    crowd-env forces room --at 3
+    """
+    with friendly_errors():
+        if at is not None:
+            number("--at", at, POSITIVE, "s")
+        if around is not None and not around >= 0.5:
+            raise ValueError(f"--around is {around:g}; it must be >= 0.5 m")
+        recorded = find_recorded([source], 1, "the forces are those of one")
+        path = recorded.place(out, "forces.png")
+        check_picture("--out", path, (".png",))
+        from crowd_env.rendering import forces_of, write_force_network
+
+        (recording,) = recorded.load()
+        found = forces_of(recording, at)
+        facts = recording.facts
+        write_force_network(path, found, around=around, title=f"{facts.get('scenario', '')} {facts.get('scheme', '')}")
+        mean = recording.frame_interval
+        notes.print(f"forces: {path}, mean of {mean:g} s until {found.time:.1f} s", markup=False, soft_wrap=True)

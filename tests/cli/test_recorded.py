@@ -34,7 +34,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_page_lies_beside_the_recording_and_holds_it(recorded: Path) -> None:
     code, said = replay(recorded)
     page = recorded.with_suffix(".html")
-    assert code == 0 and f"page: {page} (" in said
+    assert code == 0 and f"page: {page}, " in said
     recording = load(recorded)
     (found,) = read_page(page)
     order = np.argsort(recording.person, kind="stable")

@@ -16,7 +16,7 @@ from crowd_env.agents.tasks import TASKS, Task, make_task
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
 from crowd_env.cli.agents.options import of_output, plain
 from crowd_env.cli.console import complete_from
-from crowd_env.cli.films import FilmFps, FilmSpeed, FilmWidth, check_film_options, film_file, said_of
+from crowd_env.cli.recorded import FilmFps, FilmSpeed, FilmWidth, film_file, size_of
 from crowd_env.core.checks import Range, whole
 from crowd_env.core.console import friendly_errors, notes, progress_bar
 from crowd_env.envs.rollout import Driver
@@ -56,7 +56,6 @@ def main(
     crowd-env show competitive-door --policies rule follow competitive-door/ppo --seed 5 --film door.gif
     """
     with friendly_errors():
-        check_film_options(film_width, film_fps, film_speed)
         chosen = make_task(task)
         if seed is None:
             seed = DRAWS.get(task, 0)
@@ -76,7 +75,7 @@ def main(
             typer.echo(f"{one.facts['shown_as']}: {told} {one.end:.1f} s")
         with progress_bar("film, frames") as progress:
             write_beside(path, films, width=film_width, fps=film_fps, speed=film_speed, progress=progress)
-        notes.print(said_of(path), markup=False, soft_wrap=True)
+        notes.print(f"film: {size_of(path)}", markup=False, soft_wrap=True)
 
 
 def _of_task(task: str) -> list[str]:
