@@ -1,4 +1,4 @@
-"""Recordings made by hand, and pages read back by the format that `crowd_env.rendering.replay.pack` documents."""
+"""Recordings made by hand, and pages read back by the format that `crowd_env.rendering.replay.page` documents."""
 
 import base64
 import gzip
@@ -109,7 +109,7 @@ class Parsed(HTMLParser):
 
 
 def unpack(about: list[Mapping[str, Any]], text: str) -> dict[str, np.ndarray]:
-    """Return the columns of a packed recording by name, as `crowd_env.rendering.replay.pack` says they are packed."""
+    """Return the columns of a packed recording by name, as `crowd_env.rendering.replay.page` says they are packed."""
     data, found, start = gzip.decompress(base64.b64decode(text)), {}, 0
     for one in about:
         kind = np.dtype({"steps": "<i2", "whole": "<i4", "real": "<f4"}[one["kind"]])

@@ -2,6 +2,7 @@
 
 import json
 import time
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -18,8 +19,8 @@ from crowd_env.cli.report import report
 from crowd_env.cli.reproduce import reproduce
 from crowd_env.cli.run import EXAMPLES as RUN_EXAMPLES
 from crowd_env.cli.run import run
-from crowd_env.cli.schema import schema
-from crowd_env.core.console import friendly_errors, progress_bar
+from crowd_env.core.console import friendly_errors, notes, progress_bar
+from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.physics import SCHEMES, make_scheme
 from crowd_env.scenarios import SCENARIOS, make_scenario
 
@@ -98,9 +99,22 @@ def warmup(
         typer.echo(f"{name:14s} {spent:6.2f} s")
 
 
-app.command("reproduce")(reproduce)
+app.command()(reproduce)
 app.command("clogging", epilog=CLOGGING_EXAMPLES)(clog)
-app.command("schema")(schema)
+
+
+@app.command()
+def schema(out: Annotated[Path | None, typer.Option(help="File to write, .json; default: print it.")] = None) -> None:
+    """Give the JSON Schema of scenario files, with which editors complete keys and mark mistakes."""
+    with friendly_errors():
+        from crowd_env.scenarios.schema import json_schema
+
+        text = json.dumps(json_schema(), indent=2, ensure_ascii=False)
+        if out is None:
+            typer.echo(text)
+            return
+        write_text(check_suffix(out, (".json",)), text + "\n")
+        notes.print(f"schema: {out}", markup=False, soft_wrap=True)
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ from crowd_env.cli.console import OF_OUTPUT, AsJson, check_picture
 from crowd_env.cli.place import place_of
 from crowd_env.core.console import check_place, friendly_errors, notes
 from crowd_env.core.files.atomic import check_suffix
-from crowd_env.rendering.report.differences import differences
+from crowd_env.rendering.report.figures import differences
 from crowd_env.rendering.report.maps import measure
 from crowd_env.rendering.report.runs import load_runs, remarks_on
 

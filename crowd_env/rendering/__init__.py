@@ -2,8 +2,7 @@
 
 from crowd_env.rendering.figures import egress_curves, learning_curve
 from crowd_env.rendering.film import write_film, write_still, write_strip
-from crowd_env.rendering.forces.moment import forces_of
-from crowd_env.rendering.forces.network import write_force_network
+from crowd_env.rendering.forces import forces_of, write_force_network
 from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.palette import FULL_PRESSURE
 from crowd_env.rendering.survival import survival_curves

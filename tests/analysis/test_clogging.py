@@ -238,7 +238,7 @@ def test_a_missing_library_is_one_sentence(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "powerlaw", None)
     with pytest.raises(ModuleNotFoundError, match=r"powerlaw.*not installed: pip install powerlaw"):
         fit_tail(Gaps(pareto(2.0, 100, 1), NONE))
-    result = CliRunner().invoke(app, ["clogging", "room-v0", "--physics", "dem", "--runs", "1"])
+    result = CliRunner().invoke(app, ["clogging", "exits.csv"])
     assert result.exit_code == 2 and result.stdout == ""
     assert (
         result.stderr.startswith("error: ")

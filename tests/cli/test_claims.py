@@ -7,7 +7,7 @@ import sys
 from cases import looped
 from commands import call
 
-from crowd_env.cli import evacuations
+from crowd_env.cli import run as running
 from crowd_env.core.files.store import claimed
 
 RUN = "run room-v0 --people 3 --runs 1 --physics dem"
@@ -49,7 +49,7 @@ def test_the_second_command_is_told_and_runs_nothing(tmp_path, monkeypatch):
     with monkeypatch.context() as patch, claimed(path / ".lock") as ours:
         assert ours
         before = sorted(tmp_path.rglob("*"))
-        patch.setattr(evacuations, "run_episodes", None)
+        patch.setattr(running, "run_episodes", None)
         told = call(f"{RUN} --out {path}")
         assert (told.exit_code, told.stdout) == (2, "") and sorted(tmp_path.rglob("*")) == before
         said = f"error: {path}: another command is writing there; let it end, or name another folder\n"

@@ -11,8 +11,8 @@ import typer
 from cases import looped
 from commands import call
 
-from crowd_env.cli import evacuations
 from crowd_env.cli import reproduce as command
+from crowd_env.cli import run as running
 from crowd_env.core.checks import counted
 from crowd_env.core.console import friendly_errors
 
@@ -42,7 +42,7 @@ def stop_after(monkeypatch):
         def bar(title, total):
             yield told
 
-        for module in (command, evacuations):
+        for module in (command, running):
             monkeypatch.setattr(module, "progress_bar", bar)
 
     return prepare

@@ -7,7 +7,7 @@ import pytest
 from cases import looped
 from commands import call, figures
 
-from crowd_env.cli import evacuations
+from crowd_env.cli import run as running
 from crowd_env.recording import load
 
 RUN = "run room-v0 --people 8 --physics dem --seed 4"
@@ -29,7 +29,7 @@ def test_the_first_run_is_recorded_and_the_figures_stay(tmp_path):
 @pytest.mark.more
 def test_runs_are_recorded_wherever_they_are_made(tmp_path, monkeypatch):
     """Those that processes make are recorded there, and are what they are without."""
-    monkeypatch.setattr(evacuations, "_WORTH_A_PROCESS", 0.0)
+    monkeypatch.setattr(running, "_WORTH_A_PROCESS", 0.0)
     line = f"{RUN} --runs 4 --workers 2"
     told = call(f"{line} --json --out {tmp_path} --record 3 --no-contacts")
     assert told.exit_code == 0 and json.loads(told.stdout) == figures(line)

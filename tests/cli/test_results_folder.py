@@ -6,7 +6,7 @@ import pytest
 from cases import looped
 from commands import call, figures
 
-from crowd_env.cli import evacuations
+from crowd_env.cli import run as running
 from crowd_env.envs.rollout import RunsInterrupted, run_episodes
 
 RUN = "run two-exit-hall-v0 --physics dem --people 6 --seed 3"
@@ -53,7 +53,7 @@ def test_an_interrupted_command_goes_on_where_it_was(whole, tmp_path, monkeypatc
             if only != [0]:
                 raise KeyboardInterrupt
 
-        patch.setattr(evacuations, "run_episodes", stop_at_two)
+        patch.setattr(running, "run_episodes", stop_at_two)
         stopped = call(f"{RUN} --runs 4 --out {tmp_path}")
     assert (
         stopped.exit_code == 130 and "2 of 4 runs are finished" in stopped.stderr and "; to go on: " in stopped.stderr
@@ -62,7 +62,7 @@ def test_an_interrupted_command_goes_on_where_it_was(whole, tmp_path, monkeypatc
     assert json.loads((tmp_path / "summary.json").read_text())["interrupted_of"] == 4
     made = []
     monkeypatch.setattr(
-        evacuations, "run_episodes", lambda *a, only, **b: made.extend(only) or run_episodes(*a, only=only, **b)
+        running, "run_episodes", lambda *a, only, **b: made.extend(only) or run_episodes(*a, only=only, **b)
     )
     again = call(f"{RUN} --runs 4 --out {tmp_path}")
     assert again.exit_code == 0 and f"{tmp_path}: 2 of 4 runs are finished" in again.stderr and len(made) == 2
@@ -73,7 +73,7 @@ def test_an_interrupted_command_goes_on_where_it_was(whole, tmp_path, monkeypatc
 def test_what_is_whole_is_computed_again_only_to_be_recorded(whole, monkeypatch):
     made = []
     monkeypatch.setattr(
-        evacuations, "run_episodes", lambda *a, only, **b: made.extend(only) or run_episodes(*a, only=only, **b)
+        running, "run_episodes", lambda *a, only, **b: made.extend(only) or run_episodes(*a, only=only, **b)
     )
     before = tables(whole)
     assert call(f"{RUN} --runs 4 --out {whole} --record 0").exit_code == 0 and made == []
@@ -103,7 +103,7 @@ def test_an_error_loses_no_run_that_was_finished(monkeypatch, tmp_path):
             raise ValueError("a process has died")
         return found
 
-    monkeypatch.setattr(evacuations, "run_episodes", fails)
+    monkeypatch.setattr(running, "run_episodes", fails)
     result = call(f"{RUN} --runs 6 --out {tmp_path}")
     assert result.exit_code == 2 and result.stderr == "error: a process has died\n"
     assert len(list((tmp_path / "runs").iterdir())) == 3
@@ -161,10 +161,10 @@ def test_what_is_no_config_is_refused(text, tmp_path):
 
 @pytest.mark.more
 def test_results_do_not_depend_on_the_number_of_processes(whole, monkeypatch, tmp_path):
-    monkeypatch.setattr(evacuations, "_WORTH_A_PROCESS", 0.0)
+    monkeypatch.setattr(running, "_WORTH_A_PROCESS", 0.0)
     started = []
-    processes = evacuations.Processes
-    monkeypatch.setattr(evacuations, "Processes", lambda workers: started.append(workers) or processes(workers))
+    processes = running.Processes
+    monkeypatch.setattr(running, "Processes", lambda workers: started.append(workers) or processes(workers))
     for workers, expected in ((1, []), (3, [3])):
         started.clear()
         assert call(f"{RUN} --runs 4 --workers {workers} --out {tmp_path / str(workers)}").exit_code == 0
@@ -172,7 +172,7 @@ def test_results_do_not_depend_on_the_number_of_processes(whole, monkeypatch, tm
 
 
 def test_a_handful_of_small_runs_starts_no_process(monkeypatch):
-    monkeypatch.setattr(evacuations, "Processes", None)
+    monkeypatch.setattr(running, "Processes", None)
     assert figures("run --physics dem --people 5 --runs 20 --workers 8")["runs"] == 20
 
 

@@ -14,7 +14,7 @@ from crowd_env.physics.pressure import ContactForces, contact_forces, mean_conta
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.recording import record
 from crowd_env.rendering import forces_of, write_force_network
-from crowd_env.rendering.forces.network import force_network_figure
+from crowd_env.rendering.forces import force_network_figure
 from crowd_env.rendering.palette import WALL
 from crowd_env.scenarios import make_scenario
 

@@ -1,20 +1,24 @@
 """The page: a template with a style sheet, our own script and the packed recordings, one file that needs nothing else."""
 
-from collections.abc import Sequence
+import base64
+import gzip
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from crowd_env.core.arrays.outline import make_outline
-from crowd_env.core.arrays.state import Ints
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.files.atomic import check_suffix, write_text
+from crowd_env.geometry.parsing import from_wkt
 from crowd_env.recording import Recording
+from crowd_env.rendering import palette
+from crowd_env.rendering.canvas import hex_of
 from crowd_env.rendering.pages import filled
-from crowd_env.rendering.palette import FULL_PRESSURE
-from crowd_env.rendering.replay.colors import STEPS, plain_colors, style_variables
-from crowd_env.rendering.replay.pack import Column, pack
-from crowd_env.rendering.replay.shapes import plain_plan
+from crowd_env.rendering.palette import FULL_PRESSURE, Color, blend, darker, pressure_color
+from crowd_env.rendering.plan import holes_of, shells_of
 from crowd_env.rendering.replay.tracks import contacts_of, thinned_frames, tracks_of
 from crowd_env.rendering.words import fact_rows, outcome, titles
 
@@ -142,3 +146,112 @@ def _packed(recording: Recording, frames: Ints) -> tuple[dict[str, Any], str]:
         "outcome": outcome(recording),
         "facts": fact_rows(recording),
     }, text
+
+
+_LARGEST = 2**15 - 1
+
+
+class Column(NamedTuple):
+    """Numbers (L,) to be packed: whole ones as they are, others as float32, or (those of samples) in steps.
+
+    Steps are differences from number to number in 16 bits: of somebody who walks steadily they are small and much alike.
+    """
+
+    name: str
+    values: Floats | Ints
+    step: float | None = None  # what they are rounded to; coarser if 16 bits would not do
+
+
+def pack(columns: Sequence[Column]) -> tuple[list[dict[str, Any]], str]:
+    """Return what each column is (name, length, kind, step), and the text of all.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite.
+    """
+    about, parts = [], []
+    for name, values, step in columns:
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name} of a recording has a value that is not finite")
+        kind = "steps" if step else "whole" if values.dtype.kind in "iu" else "real"
+        if step:
+            step = max(step, float(np.abs(values).max(initial=0.0)) / _LARGEST)
+            values = np.diff(np.rint(values / step).astype("<i2"), prepend=np.int16(0))
+        about.append({"name": name, "length": len(values), "kind": kind, "step": step})
+        parts.append(values.astype({"steps": "<i2", "whole": "<i4", "real": "<f4"}[kind]).tobytes())
+    packed = gzip.compress(b"".join(parts), compresslevel=9, mtime=0)
+    return about, base64.b64encode(packed).decode("ascii")
+
+
+_DIGITS = 4  # of a meter
+
+
+def plain_plan(recording: Recording) -> tuple[dict[str, Any], Floats]:
+    """Return the plan, and the point (2,) [m] from which all of the page is measured: coordinates of maps are large."""
+    area = from_wkt(recording.walkable, "the walkable area of the recording")
+    shells, holes = shells_of(area), holes_of(area)
+    points = [*shells, *holes, recording.position, *(segment for _, segment in recording.exits)]
+    every = np.concatenate([np.reshape(part, (-1, 2)) for part in points])
+    border = np.concatenate(shells) if shells else every
+    origin = np.floor(every.min(axis=0))
+
+    def plain(points: Floats) -> Any:
+        return np.round(np.asarray(points) - origin, _DIGITS).tolist()
+
+    plan = {
+        "origin": origin.tolist(),
+        "bounds": [*plain(border.min(axis=0)), *plain(border.max(axis=0))],
+        "shells": [plain(ring) for ring in shells],
+        "holes": [plain(ring) for ring in holes],
+        "thin_walls": [plain(wall) for wall in recording.thin_walls],
+        "doors": [plain(leaf) for _, leaf in recording.doors],
+        "exits": [{"name": name, "ends": plain(segment)} for name, segment in recording.exits],
+    }
+    return plan, origin
+
+
+STEPS = 32
+# From standing to walking fast, and from out in a moment to a long way to go; neither looks like a pressure, and both can be
+# seen on a white floor and on a dark one.
+_SPEED: tuple[Color, ...] = ((112, 76, 148), (76, 118, 184), (66, 172, 176), (176, 216, 140))
+_TIME: tuple[Color, ...] = ((188, 222, 196), (104, 180, 168), (46, 126, 152), (58, 74, 128))
+_UNKNOWN: Color = (158, 165, 172)
+
+
+def _with_rims(colors: NDArray[np.uint8]) -> dict[str, list[str]]:
+    return {"fill": [hex_of(color) for color in colors], "rim": [hex_of(color) for color in darker(colors)]}
+
+
+def plain_colors() -> dict[str, Any]:
+    """Return the ramps of bodies, each with darker rims, and the colors of groups."""
+    level = np.linspace(0.0, 1.0, STEPS)
+    return {
+        "pressure": _with_rims(pressure_color(level)),
+        "speed": _with_rims(blend(_SPEED, level)),
+        "time": _with_rims(blend(_TIME, level)),
+        "group": _with_rims(darker(palette.SERIES, by=-0.1)),  # lighter: they are seen on a dark floor too
+        "unknown": _with_rims(np.array([_UNKNOWN], dtype=np.uint8)),
+    }
+
+
+def style_variables() -> str:
+    """Return the colors of a page as properties of its style sheet; other dark ones stand in the style sheet itself."""
+    named = {
+        "background": palette.BACKGROUND,
+        "floor": palette.FLOOR,
+        "wall": palette.WALL,
+        "obstacle": palette.OBSTACLE,
+        "exit": palette.EXIT,
+        "mat": palette.EXIT_MAT,
+        "ink": palette.INK,
+        "quiet": tuple(darker(palette.QUIET, by=0.06)),  # small letters need more contrast than those of a film
+        "faint": palette.FAINT,
+    }
+    curves = (palette.SERIES, darker(palette.SERIES, by=-0.2))  # on a dark page lighter
+    light, dark = (_properties({f"series-{k}": color for k, color in enumerate(colors)}) for colors in curves)
+    return f":root {{ {_properties(named)} {light} }}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"
+
+
+def _properties(colors: Mapping[str, Any]) -> str:
+    return " ".join(f"--{name}: {hex_of(color)};" for name, color in colors.items())

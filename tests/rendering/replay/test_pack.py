@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from replayed_pages import unpack
 
-from crowd_env.rendering.replay.pack import Column, pack
+from crowd_env.rendering.replay.page import Column, pack
 
 
 def test_numbers_come_back_whole_or_to_half_a_step_wherever_they_lie() -> None:

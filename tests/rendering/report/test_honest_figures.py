@@ -11,7 +11,7 @@ from reported_pages import Parsed, command
 
 from crowd_env.cli.report import place_of
 from crowd_env.rendering import figures
-from crowd_env.rendering.report.differences import differences
+from crowd_env.rendering.report.figures import differences
 from crowd_env.rendering.report.runs import load_runs
 
 pytestmark = pytest.mark.more

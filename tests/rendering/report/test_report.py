@@ -12,8 +12,8 @@ from reported_pages import Parsed, command
 from crowd_env.analysis.results.measurements import CELL, MeasurementRecorder, grid_over
 from crowd_env.cli.report import place_of
 from crowd_env.envs.rollout import run_episodes
-from crowd_env.rendering.report.differences import differences
-from crowd_env.rendering.report.limits import limits_of
+from crowd_env.rendering.report.assumptions import limits_of
+from crowd_env.rendering.report.figures import differences
 from crowd_env.rendering.report.maps import _worst, measure
 from crowd_env.rendering.report.runs import load_runs
 

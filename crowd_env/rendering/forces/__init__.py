@@ -1,1 +1,0 @@
-"""Contact forces as pictures."""
