@@ -162,10 +162,11 @@ def _select(name: str, given: Mapping[str, Any], out: Path) -> list[_Chosen]:
     ValueError
         In one sentence, if a name or an option is wrong, belongs to nothing that is chosen, or cannot be used.
     """
-    chosen = find(name)
+    names = [(key, one) for key, figures in find(name).items() for one in figures]
     for option in given:
-        if not any(FIGURES[figure].takes(option) for figures in chosen.values() for figure in figures):
-            raise ValueError(f"{flag(option)} belongs to {_owners(option)}; {name} has no use for it")
+        if not any(FIGURES[one].takes(option) for _, one in names):
+            takers = ", ".join(one for one, figure in FIGURES.items() if figure.takes(option))
+            raise ValueError(f"{flag(option)} belongs to {takers}; {name} has no use for it")
     if given.get("workers", 1) < 1:
         raise ValueError(f"--workers is {given['workers']}; it must be at least 1")
     if "workers" in given and "ray" in given:
@@ -173,30 +174,16 @@ def _select(name: str, given: Mapping[str, Any], out: Path) -> list[_Chosen]:
             f"--workers is {given['workers']} beside --ray: processes of this machine, or a cluster; leave one out"
         )
     parts = []
-    for key, figures in chosen.items():
-        for figure in figures:
-            settings, what = PAPERS[key].settings_of(figure, given), FIGURES[figure]
-            cases = {} if what.cases is None else what.cases(settings)
-            for k, case in enumerate(cases.values()):
-                case.check()
-                if k == 0:  # a plan too large for a map of ways
-                    case.place.field()
-            parts.append(_Chosen(figure, what, settings, cases))
+    for key, name in names:
+        settings, what = PAPERS[key].settings_of(name, given), FIGURES[name]
+        cases = {} if what.cases is None else what.cases(settings)
+        for case in cases.values():
+            case.check()
+        if cases:
+            next(iter(cases.values())).place.field()  # is a plan too large for a map of ways?
+        parts.append(_Chosen(name, what, settings, cases))
     check_folder("--out", out)
     return parts
-
-
-def _owners(option: str) -> str:
-    """Return in words which figures take an option: "table5 and lin (all but lin-fig5)"."""
-    owners = []
-    for key, paper in PAPERS.items():
-        takers = [name for name, figure in paper.figures.items() if figure.takes(option)]
-        others = [name for name in paper.figures if name not in takers]
-        if len(takers) > len(others):
-            owners.append(key + (f" (all but {', '.join(others)})" if others else ""))
-        else:
-            owners += takers
-    return " and ".join([", ".join(owners[:-1]), owners[-1]] if owners[:-1] else owners)
 
 
 def _write(result: Result, out: Path) -> list[Path]:

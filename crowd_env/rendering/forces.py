@@ -12,7 +12,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import ContactForces, contact_forces, mean_contact_forces
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.recording import Recording
-from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
+from crowd_env.rendering.canvas import hex_of, mark, new_figure, save_figure
 from crowd_env.rendering.discs import put_bodies, put_discs
 from crowd_env.rendering.libraries import drawing_library
 from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, INK, QUIET, RAMP, Color
@@ -67,13 +67,11 @@ def write_force_network(
     ValueError
         If the suffix is another, or ``around`` or ``full_force`` is not positive.
     """
-    forces = crowd if isinstance(crowd, ContactForces) else _forces(crowd, at, e)
+    if isinstance(crowd, Recording):
+        crowd = forces_of(crowd, at)
+    forces = contact_forces(crowd, e) if isinstance(crowd, Simulation) else crowd
     figure = force_network_figure(forces, around=around, full_force=full_force, color=color, title=title)
     return save_figure(figure, path, formulas=False)
-
-
-def _forces(crowd: Recording | Simulation, at: float | None, e: int) -> ContactForces:
-    return contact_forces(crowd, e) if isinstance(crowd, Simulation) else forces_of(crowd, at)
 
 
 def force_network_figure(
@@ -97,29 +95,34 @@ def force_network_figure(
     axes = figure.add_axes((0.0, _FOOTER / size[1], 1.0, layout.height / size[1]))
     extent = (0, layout.width, layout.height, 0)
     axes.imshow(np.asarray(_with_people(plan, forces, layout)), extent=extent, interpolation="none")
-    axes.imshow(
-        _walls_only(np.asarray(plan)), extent=extent, interpolation="none", zorder=4
-    )  # lines end where the wall begins
+    walls = _walls_only(np.asarray(plan))
+    axes.imshow(walls, extent=extent, interpolation="none", zorder=4)  # lines end where the wall begins
     axes.set_axis_off()
     pressing = np.flatnonzero(forces.force > 0.0)
     pressing = pressing[np.argsort(forces.force[pressing])]  # the largest on top
     force = forces.force[pressing]
     full = full_force or float(force.max(initial=0.0)) or 1.0
-    width = 72.0 / _DPI * layout.scale * _WIDEST * 2.0 * _typical_radius(forces)  # pt, of the line of `full`
+    typical = float(np.median(forces.radius)) if len(forces.radius) else 0.25
+    width = 72.0 / _DPI * layout.scale * _WIDEST * 2.0 * typical  # pt, of the line of `full`
     ends = np.stack([layout.pixels(forces.position[forces.i[pressing]]), layout.pixels(forces.at[pressing])], axis=1)
-    lines = LineCollection(
-        list(ends),
-        linewidths=width * force / full,
-        colors=_colors(force / full, color),
-        capstyle="round",
-        label="forces",
-        zorder=3,
-    )
+    look: dict[str, Any] = {"linewidths": width * force / full, "colors": _colors(force / full, color)}
+    lines = LineCollection(list(ends), capstyle="round", label="forces", zorder=3, **look)
     axes.add_collection(lines, autolim=False)
     axes.set_xlim(0, layout.width)
     axes.set_ylim(layout.height, 0)
-    _write_text(figure, forces, size, title)
-    _draw_legend(figure, size, layout, full, width, color, len(force) > 0)
+    text: dict[str, Any] = {"color": hex_of(INK), "fontsize": 12, "fontweight": "bold", "va": "center"}
+    figure.text(0.03, 1.0 - 0.5 * _HEADER / size[1], title, **text)
+    figure.text(0.97, 1.0 - 0.5 * _HEADER / size[1], f"{forces.time:.1f} s", ha="right", **text)
+    unit, of_unit = ("N", 1.0) if full < 1e4 else ("kN", 1e3)
+    shown = _round_forces(full) if len(force) else []
+    marks = [mark("normal force" if shown else "nobody presses on anybody", linestyle="none")]
+    for level in shown:
+        (shade,) = _colors(np.array([level / full]), color)
+        style: dict[str, Any] = {"linewidth": width * level / full, "solid_capstyle": "butt"}
+        marks.append(mark(f"{level / of_unit:g} {unit}", color=shade, **style))
+    at: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (-0.05, 0.5 * _FOOTER / size[1])}
+    style = {"frameon": False, "handlelength": 3.2, "columnspacing": 1.6, "labelcolor": hex_of(QUIET)}
+    figure.legend(handles=marks, ncols=len(marks), fontsize=10, **at, **style)
     return figure
 
 
@@ -192,47 +195,12 @@ def _walls_only(plan: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.dstack([plan, np.where(floor, 0, 255).astype(np.uint8)])
 
 
-def _typical_radius(forces: ContactForces) -> float:
-    return float(np.median(forces.radius)) if len(forces.radius) else 0.25
-
-
 def _colors(level: Floats, color: bool) -> Floats:
     """Return a color (K, 4) for each force: the ramp of pressures without its palest part, or ink."""
     if not color:
         return np.tile([*(np.array(INK) / 255.0), 0.85], (len(level), 1))
     rows = np.rint((0.1 + 0.9 * np.clip(level, 0.0, 1.0)) * (len(RAMP) - 1)).astype(np.int64)
     return np.column_stack([RAMP[rows] / 255.0, np.ones(len(level))])
-
-
-def _write_text(figure: "Figure", forces: ContactForces, size: tuple[int, int], title: str) -> None:
-    y = 1.0 - 0.5 * _HEADER / size[1]
-    figure.text(0.03, y, title, color=hex_of(INK), fontsize=12, fontweight="bold", va="center")
-    figure.text(
-        0.97, y, f"{forces.time:.1f} s", color=hex_of(INK), fontsize=12, fontweight="bold", va="center", ha="right"
-    )
-
-
-def _draw_legend(
-    figure: "Figure", size: tuple[int, int], layout: Layout, full: float, width: float, color: bool, any_force: bool
-) -> None:
-    """Draw lines of round forces, as wide as in the picture, with their newtons."""
-    axes = figure.add_axes((0.0, 0.0, 1.0, _FOOTER / size[1]))
-    axes.set_xlim(0, size[0])
-    axes.set_ylim(_FOOTER, 0)
-    axes.set_axis_off()
-    text: dict[str, Any] = {"color": hex_of(QUIET), "fontsize": 10, "va": "center"}
-    x, y = 0.03 * size[0], 0.5 * _FOOTER
-    if not any_force:
-        axes.text(x, y, "nobody presses on anybody", **text)
-        return
-    axes.text(x, y, "normal force", **text)
-    x += 172
-    for force in _round_forces(full):
-        (shade,) = _colors(np.array([force / full]), color)
-        label = f"{force:g} N" if full < 1e4 else f"{force / 1e3:g} kN"
-        axes.plot([x, x + 70], [y, y], color=shade, linewidth=width * force / full, solid_capstyle="butt")
-        axes.text(x + 84, y, label, **text)
-        x += 124 + 12 * len(label)
 
 
 def _round_forces(full: float) -> list[float]:

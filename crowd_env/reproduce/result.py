@@ -1,13 +1,14 @@
 """One number beside the paper's, and all that one table or figure amounts to."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, astuple, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.json_file import write_json
 
+_COLUMNS = {"expected": "closed_form"}  # that have another name outside
 _EQUAL = 1e-9  # relative; what the solvers leave
 
 
@@ -79,17 +80,9 @@ class Row:
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
-        return {
-            "quantity": self.quantity,
-            "paper": None if self.paper is None else float(self.paper),
-            "here": self.here,
-            "unit": self.unit,
-            "n": self.n,
-            "reading": self.reading,
-            "closed_form": self.expected,
-            "sd": self.sd,
-            "ci95": None if self.ci95 is None else list(self.ci95),
-        }
+        told = {_COLUMNS.get(name, name): value for name, value in asdict(self).items() if name != "closes"}
+        paper, ci95 = (self.paper and float(self.paper)), (self.ci95 and list(self.ci95))
+        return {**told, "paper": paper, "ci95": ci95}
 
 
 def _percent(value: float, other: float, decimals: int = 2) -> str:
@@ -130,10 +123,7 @@ class Result:
     def save(self, folder: Path) -> list[Path]:
         """Write the rows as CSV and all that is said as JSON, and the numbers behind them as CSV; return the paths."""
         header = ("quantity", "paper", "here", "unit", "n", "reading", "closed_form", "sd", "ci95_low", "ci95_high")
-        rows = [
-            (r.quantity, r.paper, r.here, r.unit, r.n, r.reading, r.expected, r.sd, *(r.ci95 or (None, None)))
-            for r in self.rows
-        ]
+        rows = [(*astuple(row)[:8], *(row.ci95 or (None, None))) for row in self.rows]
         paths = [write_csv(folder / f"{self.name}.csv", header, rows)]
         paths.append(folder / f"{self.name}.json")
         write_json(paths[-1], self.as_json())

@@ -2,8 +2,9 @@
 
 import math
 from dataclasses import dataclass, field, fields
-from types import NoneType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
 
 TARGET_HELP = (
     "What people walk to: path (shortest path of a disc), or straight to the center of the door (centre), its nearest "
@@ -67,13 +68,10 @@ class Settings:
             If it is not of its kind.
         """
         hint = get_type_hints(cls)[name]
-        kind = (
-            str if get_origin(hint) is Literal else next((one for one in get_args(hint) if one is not NoneType), hint)
-        )
         try:
-            return {"true": True, "false": False}[text.lower()] if kind is bool else kind(text)
-        except (ValueError, KeyError):
-            raise ValueError(f"--set {name}={text}: {text!r} is no {kind.__name__}") from None
+            return text if get_origin(hint) is Literal else TypeAdapter(hint).validate_python(text)
+        except ValidationError as error:
+            raise ValueError(f"--set {name}={text}: {error.errors()[0]['msg'].lower()}") from None
 
     def changed(self) -> dict[str, object]:
         """Return the options that differ from the defaults, without which draws are made."""

@@ -149,10 +149,10 @@ def test_the_picture_shows_walls_and_the_widths_of_its_legend_are_those_of_the_l
     path = write_force_network(tmp_path / "a.png", forces_in(force=(100.0, 500.0, 10.0)), title="three")
     assert (np.asarray(Image.open(path).convert("RGB")) == WALL).all(axis=-1).mean() > 0.01
     figure = force_network_figure(forces_in(force=(100.0, 500.0, 10.0)))
-    legend = figure.axes[-1]
-    told = {float(text.get_text().removesuffix(" N")) for text in legend.texts[1:]}
+    (legend,) = figure.legends
+    told = {float(text.get_text().removesuffix(" N")) for text in legend.get_texts()[1:]}
     assert told == {100.0, 200.0, 500.0}
-    widths = sorted(line.get_linewidth() for line in legend.get_lines())
+    widths = sorted(line.get_linewidth() for line in legend.get_lines()[1:])
     assert widths == pytest.approx(max(drawn_lines(figure).get_linewidths()) * np.array([0.2, 0.4, 1.0]))
 
 

@@ -92,7 +92,7 @@ MISTAKES = (
     ("lin --set door_width=1", "door_width fig3 table5 lin"),
     ("lin-fig7 --set people=50", "people fig3 table5 lin-fig7"),
     ("lin-fig7 --set scheme=dem", "scheme fig3 lin-fig7"),
-    ("lin-fig5 --set no_rotation=true", "no_rotation all but lin-fig5"),
+    ("lin-fig5 --set no_rotation=true", "no_rotation belongs to lin-fig4, lin-fig6"),
     ("lin-fig6 --runs 3", "--runs lin-fig6"),
     ("lin-fig4 --set preset=guess", "preset guess calibrated literal"),
     ("lin-fig4 --set damping=much", "damping much per-length rate critical"),
