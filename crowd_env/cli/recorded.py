@@ -97,7 +97,7 @@ def film_file(option: str, path: Path, name: str = "film") -> Path:
         path = path.with_name(path.name + film_suffix())
         if path.suffix == ".gif":
             notes.print(f"note: MP4 needs imageio-ffmpeg, which is not installed: {path}", markup=False, soft_wrap=True)
-    check_picture(option, path, tuple(FORMATS))
+    check_picture(option, path, FORMATS)
     return path
 
 

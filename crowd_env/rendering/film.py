@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +24,7 @@ _SECONDS = 30.0  # s  that a film lasts at most, if no speed is asked for
 _FPS = 20.0  # 1/s, if no rate is asked for
 # A GIF stores each frame whole where people walk: beyond so many the rate sinks so far.
 _GIF_FPS, _GIF_FRAMES = 10.0, 300
+FORMATS = (".gif", ".mp4", ".png")
 
 
 def write_film(
@@ -60,19 +61,26 @@ def write_film(
     ValueError
         If the suffix is another, there is no recording, or ``width``, ``fps`` or ``speed`` is not positive.
     """
-    path = check_suffix(path, tuple(FORMATS))
-    films = _several(recordings, titles)
+    path = check_suffix(path, FORMATS)
+    suffix = path.suffix.lower()
+    if suffix == ".png":
+        return write_still(path, recordings, titles=titles, width=width)
+    films, titles = _several(recordings, titles)
     for name, value in (("fps", fps), ("speed", speed)):
         if value is not None and not value > 0:
             raise ValueError(f"{name} is {value!r}; it must be > 0")
-    end = max(film.end for film in films.recordings)
-    end = end if max_seconds is None else min(end, max_seconds)
+    end = min(max(film.end for film in films), np.inf if max_seconds is None else max_seconds)
     speed = default_speed(end) if speed is None else speed
     if fps is None:
         fps = _FPS
-        if path.suffix.lower() == ".gif":
+        if suffix == ".gif":
             fps = float(np.clip(_GIF_FRAMES * speed / max(end, 1e-9), _GIF_FPS, _FPS))
-    return FORMATS[path.suffix.lower()](path, films, width, _Clock(end, fps, hold, speed, progress))
+    stage = _Stage(films, titles, width, end, speed)
+    if suffix == ".mp4":
+        return write_mp4(path, stage.frames(1.0 / fps, hold, progress), fps)
+    step = max(round(100.0 / fps), 2) / 100.0
+    sample = [stage.frame(part * end) for part in np.linspace(0.0, 1.0, 9)]
+    return write_gif(path, stage.frames(step, hold, progress), step, sample)
 
 
 def default_speed(end: float) -> float:
@@ -80,51 +88,17 @@ def default_speed(end: float) -> float:
     return float(max(1, np.ceil(end / _SECONDS)))
 
 
-class _Clock(NamedTuple):
-    """What is shown of the evacuations, and how fast."""
-
-    end: float  # s  of the evacuations
-    fps: float  # 1/s  frames of the film
-    hold: float  # s  of the film, on the last frame
-    speed: float  # seconds of the evacuations in one of the film
-    progress: Callable[[int, int], object] | None
-
-
-class _Films(NamedTuple):
-    recordings: list[Recording]
-    titles: list[str]
-
-
-def _several(recordings: Recording | Sequence[Recording], titles: Sequence[str]) -> _Films:
+def _several(recordings: Recording | Sequence[Recording], titles: Sequence[str]) -> tuple[list[Recording], list[str]]:
+    """Return the recordings, and what stands above each."""
     found = [recordings] if isinstance(recordings, Recording) else list(recordings)
     if not found:
         raise ValueError("a film needs at least one recording")
     if not titles:
         titles = titles_of(found, [f"recording {k + 1}" for k in range(len(found))])[2]
         if len(found) == 1:
-            titles = [
-                " · ".join(str(found[0].facts[name]) for name in ("scenario", "scheme") if name in found[0].facts)
-            ]
-    return _Films(found, list(titles))
-
-
-def _gif(path: Path, films: _Films, width: int | None, clock: _Clock) -> Path:
-    step = max(round(100.0 / clock.fps), 2) / 100.0
-    stage = _Stage(films, width, clock.end, clock.speed)
-    sample = [stage.frame(part * clock.end) for part in np.linspace(0.0, 1.0, 9)]
-    return write_gif(path, stage.frames(clock, step), step, sample)
-
-
-def _mp4(path: Path, films: _Films, width: int | None, clock: _Clock) -> Path:
-    return write_mp4(path, _Stage(films, width, clock.end, clock.speed).frames(clock, 1.0 / clock.fps), clock.fps)
-
-
-def _png(path: Path, films: _Films, width: int | None, clock: _Clock) -> Path:
-    return write_still(path, films.recordings, titles=films.titles, width=width)
-
-
-# Suffix -> what writes a film of recordings: (path, films, width in px or None, clock) -> path.
-FORMATS: dict[str, Callable[[Path, _Films, int | None, _Clock], Path]] = {".gif": _gif, ".mp4": _mp4, ".png": _png}
+            facts = found[0].facts
+            titles = [" · ".join(str(facts[name]) for name in ("scenario", "scheme") if name in facts)]
+    return found, list(titles)
 
 
 def write_still(
@@ -142,10 +116,9 @@ def write_still(
     ValueError
         If the suffix is not .png or there is no recording.
     """
-    films = _several(recordings, titles)
-    end = max(film.end for film in films.recordings)
-    time = films.recordings[0].peak_time() if time is None else time
-    return write_png(path, _Stage(films, width, end).frame(time))
+    films, titles = _several(recordings, titles)
+    time = films[0].peak_time() if time is None else time
+    return write_png(path, _Stage(films, titles, width, max(film.end for film in films)).frame(time))
 
 
 def write_strip(path: str | Path, recording: Recording, times: Sequence[float], *, width: int = 1280) -> Path:
@@ -175,19 +148,21 @@ def write_strip(path: str | Path, recording: Recording, times: Sequence[float], 
 class _Stage:
     """Places the panels and the curves of a film on one image."""
 
-    def __init__(self, films: _Films, width: int | None, end: float, speed: float = 1.0) -> None:
-        count = len(films.recordings)
+    def __init__(
+        self, films: list[Recording], titles: Sequence[str], width: int | None, end: float, speed: float = 1.0
+    ) -> None:
+        count = len(films)
         width = min(_PANEL * count, _WIDEST) if width is None else width
         self._panel = panel = 2 * (width // (2 * count))
         text = float(np.clip(panel / 32.0, 10.0, 18.0))
-        same_place = len({recording.walkable for recording in films.recordings}) == 1
-        self._films = films
+        same_place = len({recording.walkable for recording in films}) == 1
+        self._films, self._titles, self._end, self._speed = films, titles, end, speed
         self.renderers = [
             Renderer(recording.geometry, width=panel, text=text, scale_bar=not same_place or k == count - 1)
-            for k, recording in enumerate(films.recordings)
+            for k, recording in enumerate(films)
         ]
         margin = self.renderers[0].layout.margin
-        self.strip = EgressStrip(*films, width=panel * count, margin=margin, text=text, end=end, speed=speed)
+        self.strip = EgressStrip(films, titles, width=panel * count, margin=margin, text=text, end=end, speed=speed)
         self._plans = max(renderer.size[1] for renderer in self.renderers)
 
     def frame(self, time: float) -> "Image":
@@ -196,22 +171,22 @@ class _Stage:
 
         count = len(self.renderers)
         whole = PIL.Image.new("RGB", (self._panel * count, self._plans + self.strip.height), BACKGROUND)
-        for k, (renderer, recording, title) in enumerate(zip(self.renderers, *self._films, strict=True)):
+        for k, (renderer, recording, title) in enumerate(zip(self.renderers, self._films, self._titles, strict=True)):
             panel = _panel(renderer, recording, time, title=title, clock=True, legend=k == 0)
             whole.paste(panel, (k * self._panel, 0))
         whole.paste(self.strip.draw(time), (0, self._plans))
         return whole
 
-    def frames(self, clock: _Clock, step: float) -> "Iterator[Image]":
-        """Yield the images of a film, one every ``step`` [s] of it, and then the last one as long as it is held."""
-        shown = step * clock.speed
-        count = int(np.ceil(clock.end / shown - 1e-9))
+    def frames(self, step: float, hold: float, progress: Callable[[int, int], object] | None) -> "Iterator[Image]":
+        """Yield the images of a film, one every ``step`` [s] of it, and then the last one as long as ``hold`` [s] says."""
+        shown = step * self._speed
+        count = int(np.ceil(self._end / shown - 1e-9))
         for k in range(count):
             yield self.frame(k * shown)
-            if clock.progress is not None:
-                clock.progress(1, count)
-        last = self.frame(clock.end)
-        for _ in range(1 + round(clock.hold / step)):
+            if progress is not None:
+                progress(1, count)
+        last = self.frame(self._end)
+        for _ in range(1 + round(hold / step)):
             yield last
 
 
