@@ -205,41 +205,30 @@ def spot(gap: Gap) -> str:
 
 def check_place(scenario: Scenario, seed: int = 0) -> PlanCheck:
     """Return what is understood of a scenario."""
-    return check_plan(
-        scenario.name,
-        scenario.geometry,
-        scenario.population,
-        title=scenario.title,
-        room=room_of(scenario.outline_of_run()),
-        seed=seed,
-    )
+    room = room_of(scenario.outline_of_run())
+    return check_plan(scenario.name, scenario.geometry, scenario.population, title=scenario.title, room=room, seed=seed)
 
 
 def plain_check(check: PlanCheck) -> dict[str, Any]:
     """Return what is known of a place, ready for JSON: lengths in meters, areas in square meters."""
     geometry = check.geometry
-    exits = []
-    for name, width in check.widths.items():
-        lines = zip(geometry.exits, geometry.exit_names, strict=True)
-        one: dict[str, Any] = {
-            "name": name,
-            "width": width,
-            "lines": [line.tolist() for line, other in lines if other == name],
-            "narrowest_passage": None,
+
+    def plain_exit(name: str, width: float) -> dict[str, Any]:
+        lines = [
+            line.tolist() for line, other in zip(geometry.exits, geometry.exit_names, strict=True) if other == name
+        ]
+        found = check.passages[name]
+        narrowest = found and {
+            **{"width": found.gap.width, "line": found.gap.line.tolist()},
+            **{"is_exit": found.is_exit, "share_of_people": found.behind},
         }
-        if passage := check.passages[name]:
-            one["narrowest_passage"] = {
-                "width": passage.gap.width,
-                "line": passage.gap.line.tolist(),
-                "is_exit": passage.is_exit,
-                "share_of_people": passage.behind,
-            }
-        exits.append(one)
+        return {"name": name, "width": width, "lines": lines, "narrowest_passage": narrowest}
+
     return {
         "name": check.name,
         "bounds": list(geometry.bounds),
         "area": geometry.area,
-        "exits": exits,
+        "exits": [plain_exit(*exit) for exit in check.widths.items()],
         "regions": {name: geometry.area_of(name) for name in geometry.regions},
         "doors": list(geometry.doors),
         "not_reached": [{"area": area, "at": _inside(part)} for part, area in check.unreached],

@@ -1,6 +1,7 @@
 """A place on axes in meters: floor, what no exit reaches, regions, walls, doors, exits, people and narrow passages."""
 
 import textwrap
+from itertools import cycle
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -60,9 +61,8 @@ def draw_place(axes: "Axes", check: PlanCheck, *, widths: bool, edge: bool = Tru
         fill_rings(axes, [hole], EXIT_MAT, 1.26)
     others: list[Line2D] = []
     if edge and _draw_edge(axes, check, floor):
-        others.append(
-            _square(f"nearer to a wall than a body's radius, {0.5 * check.body[0]:.2f} m", EDGE, edge=(200, 196, 188))
-        )
+        near = f"nearer to a wall than a body's radius, {0.5 * check.body[0]:.2f} m"
+        others.append(_square(near, EDGE, edge=(200, 196, 188)))
     regions = _draw_regions(axes, check)
     if check.unreached:
         others.append(_draw_unreached(axes, check))
@@ -72,9 +72,8 @@ def draw_place(axes: "Axes", check: PlanCheck, *, widths: bool, edge: bool = Tru
     leaves = geometry.walls[geometry.door_of_wall >= 0]
     draw_lines(axes, leaves, DOOR, 2.4, 5)
     if len(leaves):
-        others.append(
-            mark(textwrap.fill(f"doors: {', '.join(geometry.doors)}", _WIDEST), color=hex_of(DOOR), linewidth=2.4)
-        )
+        names = textwrap.fill(f"doors: {', '.join(geometry.doors)}", _WIDEST)
+        others.append(mark(names, color=hex_of(DOOR), linewidth=2.4))
     draw_lines(axes, geometry.exits, EXIT, 4.5, 5, capstyle="butt")
     exits = _name_exits(axes, check, widths, size)
     people = _draw_people(axes, check)
@@ -82,10 +81,8 @@ def draw_place(axes: "Axes", check: PlanCheck, *, widths: bool, edge: bool = Tru
 
 
 def _square(label: str, color: Color, alpha: float = 1.0, edge: Color | None = None) -> "Line2D":
-    face = (*(part / 255 for part in color), alpha)
-    return mark(
-        label, linestyle="none", marker="s", markersize=9, markerfacecolor=face, markeredgecolor=hex_of(edge or color)
-    )
+    style: dict[str, Any] = {"markerfacecolor": (hex_of(color), alpha), "markeredgecolor": hex_of(edge or color)}
+    return mark(label, linestyle="none", marker="s", markersize=9, **style)
 
 
 def _draw_edge(axes: "Axes", check: PlanCheck, floor: "PathPatch") -> bool:
@@ -103,13 +100,9 @@ def _draw_edge(axes: "Axes", check: PlanCheck, floor: "PathPatch") -> bool:
 
 def _draw_regions(axes: "Axes", check: PlanCheck) -> "list[Line2D]":
     """Tint and frame each region in its own color, the smaller above the larger, and return their entries."""
-    geometry = check.geometry
+    geometry, others = check.geometry, cycle(_REGIONS)
     starts = {part.start_region: _of_group(k) for k, part in reversed(list(enumerate(check.people.parts)))}
-    others = [name for name in geometry.regions if name not in starts]
-    colors = {
-        name: starts[name] if name in starts else _REGIONS[others.index(name) % len(_REGIONS)]
-        for name in geometry.regions
-    }
+    colors = {name: starts[name] if name in starts else next(others) for name in geometry.regions}
     for name in sorted(geometry.regions, key=geometry.area_of, reverse=True):
         area: Any = geometry.regions[name].intersection(geometry.walkable)
         rings = [*shells_of(area), *holes_of(area)]
@@ -130,20 +123,13 @@ def _draw_unreached(axes: "Axes", check: PlanCheck) -> "Line2D":
     return _square(f"no exit reaches it: {total:.3g} m²", (248, 218, 214), 1.0, NARROW)
 
 
-def _label(axes: "Axes", text: str, at: Any, off: Any, color: Color, size: float, turn: float = 0.0) -> None:
-    style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": size, "fontweight": "bold", "zorder": 9}
-    background = {"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 0.8}
-    axes.annotate(
-        text,
-        at,
-        off,
-        textcoords="offset points",
-        color=hex_of(color),
-        rotation=turn,
-        annotation_clip=False,
-        bbox=background,
-        **style,
-    )
+def _label(
+    axes: "Axes", text: str, at: Any, off: Any, color: Color, size: float, *, turn: float = 0.0, boxed: bool = True
+) -> None:
+    look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": size, "fontweight": "bold", "zorder": 9}
+    where: dict[str, Any] = {"textcoords": "offset points", "annotation_clip": False, "rotation": turn}
+    background = {"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 0.8} if boxed else None
+    axes.annotate(text, at, off, color=hex_of(color), bbox=background, **where, **look)
 
 
 def _name_exits(axes: "Axes", check: PlanCheck, widths: bool, size: float) -> "list[Line2D]":
@@ -160,20 +146,7 @@ def _name_exits(axes: "Axes", check: PlanCheck, widths: bool, size: float) -> "l
         along = (b - a) / np.hypot(*(b - a))
         outward = np.array([along[1], -along[0]])
         turn = 90.0 if abs(outward[0]) > abs(outward[1]) else 0.0
-        axes.annotate(
-            text,
-            0.5 * (a + b),
-            tuple(((1.25 * size + 1) * outward).tolist()),
-            textcoords="offset points",
-            color=hex_of(EXIT),
-            fontsize=size,
-            fontweight="bold",
-            ha="center",
-            va="center",
-            rotation=turn,
-            annotation_clip=False,
-            zorder=8,
-        )
+        _label(axes, text, 0.5 * (a + b), (1.25 * size + 1) * outward, EXIT, size, turn=turn, boxed=False)
     return entries
 
 
