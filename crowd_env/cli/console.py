@@ -1,6 +1,7 @@
 """Options that several commands have, tables, and what commands check before they work."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +14,9 @@ from crowd_env.core.console import check_place
 
 # Sections of the help.
 OF_PLACE, OF_PEOPLE, OF_PHYSICS, OF_RUNS, OF_OUTPUT = "Place", "People", "Physics", "Runs", "Output"
+of_place, of_people, of_physics, of_runs, of_output = (
+    partial(typer.Option, rich_help_panel=section) for section in (OF_PLACE, OF_PEOPLE, OF_PHYSICS, OF_RUNS, OF_OUTPUT)
+)
 
 _WIDTH = 100  # letters of a table that no terminal shows
 
@@ -24,19 +28,12 @@ def complete_from(names: Iterable[str]) -> Callable[[str], list[str]]:
 
 
 # Options that several commands have.
-AsJson = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object instead of a table.", rich_help_panel=OF_OUTPUT)
-]
+AsJson = Annotated[bool, of_output("--json", help="Print one JSON object instead of a table.")]
 Workers = Annotated[
-    int | None,
-    typer.Option(
-        help="Processes at most; default one a core. Results do not depend on it.", min=1, rich_help_panel=OF_RUNS
-    ),
+    int | None, of_runs(help="Processes at most; default one a core. Results do not depend on it.", min=1)
 ]
-Runs = Annotated[
-    int, typer.Option(help="Number of evacuations, each with other people in other places.", rich_help_panel=OF_RUNS)
-]
-Seed = Annotated[int, typer.Option(help="Run k draws its people from seed + k.", min=0, rich_help_panel=OF_RUNS)]
+Runs = Annotated[int, of_runs(help="Number of evacuations, each with other people in other places.")]
+Seed = Annotated[int, of_runs(help="Run k draws its people from seed + k.", min=0)]
 
 
 def show_table(

@@ -7,7 +7,7 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from crowd_env.cli.console import OF_PEOPLE, OF_PHYSICS, OF_PLACE, OF_RUNS, complete_from
+from crowd_env.cli.console import complete_from, of_people, of_physics, of_place, of_runs
 from crowd_env.core.arrays.headway import MANNERS
 from crowd_env.core.arrays.state import MOTIVATION
 from crowd_env.core.checks import flag, known
@@ -34,77 +34,61 @@ _SWITCHES = {"yes": True, "no": False, "true": True, "false": False}
 PlaceName = Annotated[str, typer.Argument(help=PLACES, autocompletion=complete_scenario)]
 Exits = Annotated[
     list[str] | None,
-    typer.Option(
+    of_place(
         "--exit",
         help='Exit of a floor plan, in place of those in the file: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be '
         "repeated.",
-        rich_help_panel=OF_PLACE,
     ),
 ]
 Unit = Annotated[
     str | None,
-    typer.Option(
+    of_place(
         help="Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm, mm, ft or in; default m, unless "
-        "that cannot be and the file says another.",
-        rich_help_panel=OF_PLACE,
+        "that cannot be and the file says another."
     ),
 ]
 PeopleCount = Annotated[
     int | None,
-    typer.Option(
-        "--people",
-        help=f"Number of people; default the scenario's, or {PEOPLE} on a floor plan.",
-        min=1,
-        rich_help_panel=OF_PEOPLE,
-    ),
+    of_people("--people", help=f"Number of people; default the scenario's, or {PEOPLE} on a floor plan.", min=1),
 ]
-Starts = Annotated[
-    Path | None, typer.Option(help="CSV file with columns x,y: recorded starting positions.", rich_help_panel=OF_PEOPLE)
-]
+Starts = Annotated[Path | None, of_people(help="CSV file with columns x,y: recorded starting positions.")]
 CrowdName = Annotated[
     str | None,
-    typer.Option(
+    of_people(
         "--crowd",
         metavar="NAME",
         autocompletion=complete_from(MANNERS),
         help=f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's.",
-        rich_help_panel=OF_PEOPLE,
     ),
 ]
 Changes = Annotated[
     list[str] | None,
-    typer.Option(
+    of_people(
         "--set",
         metavar="NAME=VALUE",
         help="Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...) or the "
         "routing (signs); may be repeated. speed=1.5 is the same for all, speed=1.2,2 is drawn from a range.",
-        rich_help_panel=OF_PEOPLE,
     ),
 ]
 PhysicsName = Annotated[
     str,
-    typer.Option(
+    of_physics(
         "--physics",
         metavar="NAME",
         help=f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw.",
         autocompletion=complete_from(SCHEMES),
-        rich_help_panel=OF_PHYSICS,
     ),
 ]
 RoutingName = Annotated[
     str,
-    typer.Option(
+    of_people(
         "--routing",
         metavar="NAME",
         help="How people choose their route: shortest, nearest, fastest, comfortable, or the name of a route or an exit.",
         autocompletion=complete_from(STRATEGIES),
-        rich_help_panel=OF_PEOPLE,
     ),
 ]
-TimeLimit = Annotated[
-    float | None,
-    typer.Option(help="People who are inside after this many seconds are unfinished.", rich_help_panel=OF_RUNS),
-]
+TimeLimit = Annotated[float | None, of_runs(help="People who are inside after this many seconds are unfinished.")]
 
 
 class Setting(NamedTuple):

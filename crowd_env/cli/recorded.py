@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 import typer
 
-from crowd_env.cli.console import OF_OUTPUT, check_picture
+from crowd_env.cli.console import check_picture, of_output
 from crowd_env.core.checks import POSITIVE, counted, number
 from crowd_env.core.console import check_place, friendly_errors, notes, progress_bar
 from crowd_env.core.files.atomic import check_suffix
@@ -18,23 +18,14 @@ Sources = Annotated[list[Path], typer.Argument(metavar="DIR...", help=f"{_SOURCE
 Source = Annotated[Path, typer.Argument(metavar="DIR", help=f"{_SOURCE}.")]
 
 FilmWidth = Annotated[
-    int | None,
-    typer.Option(
-        help="Width of the film in px; default 480 an evacuation.", min=160, max=3840, rich_help_panel=OF_OUTPUT
-    ),
+    int | None, of_output(help="Width of the film in px; default 480 an evacuation.", min=160, max=3840)
 ]
 FilmFps = Annotated[
-    float | None,
-    typer.Option(
-        help="Frames of the film a second; default 20, of long GIFs down to 10.", max=100, rich_help_panel=OF_OUTPUT
-    ),
+    float | None, of_output(help="Frames of the film a second; default 20, of long GIFs down to 10.", max=100)
 ]
 FilmSpeed = Annotated[
     float | None,
-    typer.Option(
-        help="Seconds that a second of the film shows; default 1, or as many as make a film of 30 s.",
-        rich_help_panel=OF_OUTPUT,
-    ),
+    of_output(help="Seconds that a second of the film shows; default 1, or as many as make a film of 30 s."),
 ]
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from crowd_env.cli.console import OF_OUTPUT, AsJson, check_picture
+from crowd_env.cli.console import AsJson, check_picture, of_output
 from crowd_env.cli.place import place_of
 from crowd_env.core.console import check_place, friendly_errors, notes
 from crowd_env.core.files.atomic import check_suffix
@@ -20,15 +20,9 @@ def report(
         list[Path],
         typer.Argument(metavar="DIR...", help="Folders of crowd-env run --out; several are compared, with the first."),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Page to write, .html.", rich_help_panel=OF_OUTPUT)] = Path(
-        "report.html"
-    ),
-    title: Annotated[
-        str | None, typer.Option(help="Title of the page; default the place.", rich_help_panel=OF_OUTPUT)
-    ] = None,
-    maps: Annotated[
-        bool, typer.Option(" /--no-maps", help="Leave out the maps of recorded runs.", rich_help_panel=OF_OUTPUT)
-    ] = True,
+    out: Annotated[Path, of_output("--out", "-o", help="Page to write, .html.")] = Path("report.html"),
+    title: Annotated[str | None, of_output(help="Title of the page; default the place.")] = None,
+    maps: Annotated[bool, of_output(" /--no-maps", help="Leave out the maps of recorded runs.")] = True,
     as_json: AsJson = False,
 ) -> None:
     """Make one web page to hand in: plan, people, assumptions, results with intervals, comparison, limits of validity.

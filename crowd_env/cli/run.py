@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from crowd_env.analysis.figures import cells, doubts, report
-from crowd_env.cli.console import OF_OUTPUT, OF_RUNS, AsJson, Runs, Seed, Workers, show_table
+from crowd_env.cli.console import AsJson, Runs, Seed, Workers, of_output, of_runs, show_table
 from crowd_env.cli.place import (
     Changes,
     CrowdName,
@@ -60,34 +60,25 @@ def run(
     workers: Workers = None,
     config: Annotated[
         Path | None,
-        typer.Option(
+        of_runs(
             help="Run what the config.json of an --out says; options beside it come first.",
             is_eager=True,
             callback=again,
-            rich_help_panel=OF_RUNS,
         ),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
+        of_output(
             help="Folder for tables of all runs and people, N(t) and what was run; the same command goes on there. "
-            "film, replay, forces and report look at it.",
-            rich_help_panel=OF_OUTPUT,
+            "film, replay, forces, report and clogging look at it."
         ),
     ] = None,
     record: Annotated[
         str | None,
-        typer.Option(
-            metavar="N|all",
-            help="Record the first N runs, or all, into --out: who is where when; default 1.",
-            rich_help_panel=OF_OUTPUT,
-        ),
+        of_output(metavar="N|all", help="Record the first N runs, or all, into --out: who is where when; default 1."),
     ] = None,
     contacts: Annotated[
-        bool,
-        typer.Option(
-            " /--no-contacts", help="Record no contacts and forces: smaller files.", rich_help_panel=OF_OUTPUT
-        ),
+        bool, of_output(" /--no-contacts", help="Record no contacts and forces: smaller files.")
     ] = True,
     as_json: AsJson = False,
 ) -> None:
