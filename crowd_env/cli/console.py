@@ -1,9 +1,8 @@
 """Options that several commands have, tables, and what commands check before they work."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.box import SIMPLE_HEAD
@@ -14,10 +13,6 @@ from crowd_env.core.console import check_place
 
 # Sections of the help.
 OF_PLACE, OF_PEOPLE, OF_PHYSICS, OF_RUNS, OF_OUTPUT = "Place", "People", "Physics", "Runs", "Output"
-of_place, of_people, of_physics, of_runs, of_output = (
-    partial(typer.Option, rich_help_panel=section) for section in (OF_PLACE, OF_PEOPLE, OF_PHYSICS, OF_RUNS, OF_OUTPUT)
-)
-
 _WIDTH = 100  # letters of a table that no terminal shows
 
 
@@ -27,13 +22,30 @@ def complete_from(names: Iterable[str]) -> Callable[[str], list[str]]:
     return lambda incomplete: [name for name in known if name.startswith(incomplete)]
 
 
+def section(panel: str | None = None) -> Callable[..., Any]:
+    """Return what makes an option of a section of the help, from its text and what that says is the default.
+
+    ``names`` are others than that of the argument, ``among`` what a shell completes; the rest is that of `typer.Option`.
+    """
+
+    def option(
+        help: str, default: str | None = None, *, names: Iterable[str] = (), among: Iterable[str] = (), **more: Any
+    ) -> Any:
+        more |= {"show_default": default} if default else {}
+        more |= {"autocompletion": complete_from(among)} if among else {}
+        return typer.Option(*names, help=help, rich_help_panel=panel, **more)
+
+    return option
+
+
+of_place, of_people, of_physics = map(section, (OF_PLACE, OF_PEOPLE, OF_PHYSICS))
+of_runs, of_output = map(section, (OF_RUNS, OF_OUTPUT))
+
 # Options that several commands have.
-AsJson = Annotated[bool, of_output("--json", help="Print one JSON object instead of a table.")]
-Workers = Annotated[
-    int | None, of_runs(help="Processes at most; default one a core. Results do not depend on it.", min=1)
-]
-Runs = Annotated[int, of_runs(help="Number of evacuations, each with other people in other places.")]
-Seed = Annotated[int, of_runs(help="Run k draws its people from seed + k.", min=0)]
+AsJson = Annotated[bool, of_output("Print one JSON object instead of a table.", names=("--json",))]
+Workers = Annotated[int | None, of_runs("Processes at most; default one a core. Results do not depend on it.", min=1)]
+Runs = Annotated[int, of_runs("Number of evacuations, each with other people in other places.")]
+Seed = Annotated[int, of_runs("Run k draws its people from seed + k.", min=0)]
 
 
 def show_table(

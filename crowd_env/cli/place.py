@@ -35,60 +35,60 @@ PlaceName = Annotated[str, typer.Argument(help=PLACES, autocompletion=complete_s
 Exits = Annotated[
     list[str] | None,
     of_place(
-        "--exit",
-        help='Exit of a floor plan, in place of those in the file: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be '
+        'Exit of a floor plan, in place of those in the file: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be '
         "repeated.",
+        names=("--exit",),
     ),
 ]
 Unit = Annotated[
     str | None,
     of_place(
-        help="Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm, mm, ft or in; default m, unless "
+        "Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm, mm, ft or in; default m, unless "
         "that cannot be and the file says another."
     ),
 ]
 PeopleCount = Annotated[
     int | None,
-    of_people("--people", help=f"Number of people; default the scenario's, or {PEOPLE} on a floor plan.", min=1),
+    of_people(f"Number of people; default the scenario's, or {PEOPLE} on a floor plan.", names=("--people",), min=1),
 ]
-Starts = Annotated[Path | None, of_people(help="CSV file with columns x,y: recorded starting positions.")]
+Starts = Annotated[Path | None, of_people("CSV file with columns x,y: recorded starting positions.")]
 CrowdName = Annotated[
     str | None,
     of_people(
-        "--crowd",
+        f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's.",
+        names=("--crowd",),
+        among=MANNERS,
         metavar="NAME",
-        autocompletion=complete_from(MANNERS),
-        help=f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's.",
     ),
 ]
 Changes = Annotated[
     list[str] | None,
     of_people(
-        "--set",
-        metavar="NAME=VALUE",
-        help="Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...) or the "
+        "Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...) or the "
         "routing (signs); may be repeated. speed=1.5 is the same for all, speed=1.2,2 is drawn from a range.",
+        names=("--set",),
+        metavar="NAME=VALUE",
     ),
 ]
 PhysicsName = Annotated[
     str,
     of_physics(
-        "--physics",
+        f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw.",
+        names=("--physics",),
+        among=SCHEMES,
         metavar="NAME",
-        help=f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw.",
-        autocompletion=complete_from(SCHEMES),
     ),
 ]
 RoutingName = Annotated[
     str,
     of_people(
-        "--routing",
+        "How people choose their route: shortest, nearest, fastest, comfortable, or the name of a route or an exit.",
+        names=("--routing",),
+        among=STRATEGIES,
         metavar="NAME",
-        help="How people choose their route: shortest, nearest, fastest, comfortable, or the name of a route or an exit.",
-        autocompletion=complete_from(STRATEGIES),
     ),
 ]
-TimeLimit = Annotated[float | None, of_runs(help="People who are inside after this many seconds are unfinished.")]
+TimeLimit = Annotated[float | None, of_runs("People who are inside after this many seconds are unfinished.")]
 
 
 class Setting(NamedTuple):

@@ -17,15 +17,13 @@ _SOURCE = "Folder of crowd-env run --out, or recording (.sqlite, .h5)"
 Sources = Annotated[list[Path], typer.Argument(metavar="DIR...", help=f"{_SOURCE}; several compare.")]
 Source = Annotated[Path, typer.Argument(metavar="DIR", help=f"{_SOURCE}.")]
 
-FilmWidth = Annotated[
-    int | None, of_output(help="Width of the film in px; default 480 an evacuation.", min=160, max=3840)
-]
+FilmWidth = Annotated[int | None, of_output("Width of the film in px; default 480 an evacuation.", min=160, max=3840)]
 FilmFps = Annotated[
-    float | None, of_output(help="Frames of the film a second; default 20, of long GIFs down to 10.", max=100)
+    float | None, of_output("Frames of the film a second; default 20, of long GIFs down to 10.", max=100)
 ]
 FilmSpeed = Annotated[
     float | None,
-    of_output(help="Seconds that a second of the film shows; default 1, or as many as make a film of 30 s."),
+    of_output("Seconds that a second of the film shows; default 1, or as many as make a film of 30 s."),
 ]
 
 

@@ -61,24 +61,22 @@ def run(
     config: Annotated[
         Path | None,
         of_runs(
-            help="Run what the config.json of an --out says; options beside it come first.",
-            is_eager=True,
-            callback=again,
+            "Run what the config.json of an --out says; options beside it come first.", is_eager=True, callback=again
         ),
     ] = None,
     out: Annotated[
         Path | None,
         of_output(
-            help="Folder for tables of all runs and people, N(t) and what was run; the same command goes on there. "
+            "Folder for tables of all runs and people, N(t) and what was run; the same command goes on there. "
             "film, replay, forces, report and clogging look at it."
         ),
     ] = None,
     record: Annotated[
         str | None,
-        of_output(metavar="N|all", help="Record the first N runs, or all, into --out: who is where when; default 1."),
+        of_output("Record the first N runs, or all, into --out: who is where when; default 1.", metavar="N|all"),
     ] = None,
     contacts: Annotated[
-        bool, of_output(" /--no-contacts", help="Record no contacts and forces: smaller files.")
+        bool, of_output("Record no contacts and forces: smaller files.", names=(" /--no-contacts",))
     ] = True,
     as_json: AsJson = False,
 ) -> None:

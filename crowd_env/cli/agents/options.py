@@ -1,34 +1,15 @@
 """Options that commands about policies share."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
-
-import typer
 
 from crowd_env.agents import POLICIES, PRETRAINED
 from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.tasks import TASKS
-from crowd_env.cli.console import OF_OUTPUT, OF_PEOPLE, OF_PHYSICS, OF_PLACE, OF_RUNS, complete_from
+from crowd_env.cli.console import OF_OUTPUT, OF_PEOPLE, OF_PHYSICS, OF_PLACE, OF_RUNS, section
 from crowd_env.cli.place import split_changes
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios import SCENARIOS
-
-
-def section(panel: str | None = None) -> Callable[..., Any]:
-    """Return what makes an option of a section of the help, from its text and what that says is the default.
-
-    ``names`` are others than that of the argument, ``among`` what a shell completes; the rest is that of `typer.Option`.
-    """
-
-    def option(
-        help: str, default: str | None = None, *, names: Iterable[str] = (), among: Iterable[str] = (), **more: Any
-    ) -> Any:
-        more |= {"show_default": default} if default else {}
-        more |= {"autocompletion": complete_from(among)} if among else {}
-        return typer.Option(*names, help=help, rich_help_panel=panel, **more)
-
-    return option
-
 
 of_place, of_people, of_physics, of_learning = map(section, (OF_PLACE, OF_PEOPLE, OF_PHYSICS, "Learning"))
 of_runs, of_output, plain = map(section, (OF_RUNS, OF_OUTPUT, None))
