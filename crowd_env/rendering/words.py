@@ -26,6 +26,12 @@ def _parts(recording: Recording) -> dict[str, str]:
     return found | {"people": f"{count} {'person' if count == 1 else 'people'}"}
 
 
+def told_apart(facts: Sequence[Mapping[str, str]], separator: str) -> list[str]:
+    """Return of each thing those of its facts in which some are unlike the others."""
+    apart = [name for name in facts[0] if len({one[name] for one in facts}) > 1]
+    return [separator.join(one[name] for name in apart if one[name]) for one in facts]
+
+
 def titles(recordings: Sequence[Recording], names: Sequence[str]) -> tuple[str, str, list[str]]:
     """Return the title of a page, the line below it, and what to write over each plan.
 
@@ -33,11 +39,10 @@ def titles(recordings: Sequence[Recording], names: Sequence[str]) -> tuple[str, 
     """
     parts = [_parts(recording) for recording in recordings]
     common = {name: text for name, text in parts[0].items() if all(other[name] == text for other in parts)}
-    apart = [" · ".join(text for name, text in own.items() if name not in common and text) for own in parts]
     title = common.pop("scenario", "") or " and ".join(
         own["scenario"] or name for own, name in zip(parts, names, strict=True)
     )
-    labels = [text or name for text, name in zip(apart, names, strict=True)]
+    labels = [text or name for text, name in zip(told_apart(parts, " · "), names, strict=True)]
     return title, " · ".join(text for text in common.values() if text), labels
 
 

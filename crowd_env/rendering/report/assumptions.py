@@ -2,7 +2,7 @@
 
 import json
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from typing import Any, NamedTuple
@@ -112,11 +112,8 @@ _ASSUMED: dict[str, Callable[[Runs], str]] = {
 
 
 def _files(one: Runs) -> str:
-    found = one.config.get("files") or {}
-    return (
-        "\n".join(f"{path} (SHA-256 {digest[:16]}…)" for path, digest in found.items())
-        or "none: it ships with crowd-env"
-    )
+    found = [f"{path} (SHA-256 {digest[:16]}…)" for path, digest in (one.config.get("files") or {}).items()]
+    return "\n".join(found) or "none: it ships with crowd-env"
 
 
 _MADE: dict[str, Callable[[Runs], str]] = {
@@ -156,44 +153,37 @@ def limits_of(runs: Runs) -> Limits:
     scheme, manner = runs.config["scheme"]["name"], runs.config["manner"]
     name = manner if isinstance(manner, str) else "of their own manner"
     about = f"{scheme}, {name}"
-    rows = []
-    for case in validation_map()["cases"]:
-        outcome = case["results"].get(name, {}).get(scheme, "")
-        if outcome:
-            rows.append((case["case"], outcome, case["criterion"]))
+    cases = [(case, case["results"].get(name, {}).get(scheme, "")) for case in validation_map()["cases"]]
+    rows = [(case["case"], outcome, case["criterion"]) for case, outcome in cases if outcome]
     rows.sort(key=lambda row: _ORDER.index(row[1]))
     judged = [row for row in rows if row[1] != "reported"]
     met = sum(row[1] == "yes" for row in judged)
-    every = len(validation_map()["cases"])
+    every = len(cases)
     if not rows:
         text = f"The validation map has no row of {about}: nothing is known of how near to recorded crowds these figures are."
     else:
         failed = [row[0] for row in judged if row[1] == "no"]
         text = f"{met} of {len(judged)} judged cases are met" + (f"; not met: {', '.join(failed)}." if failed else ".")
-        if len(rows) < every:
-            text += (
-                f" Of {every} cases of the map, {every - len(rows)} have no row of {about}: of these nothing is known."
-            )
+        if less := every - len(rows):
+            text += f" Of {every} cases of the map, {less} have no row of {about}: of these nothing is known."
     said = tuple((case, _WORDS[outcome], criterion) for case, outcome, criterion in rows)
     return Limits(about, text, tuple(_others(runs.config)), said)
 
 
-def _others(config: Mapping[str, Any]) -> list[str]:
+def _others(config: Mapping[str, Any]) -> Iterator[str]:
     """Return in what a config is another than the runs of the map."""
-    said = []
     if config["manner"] == "competitive":
-        said.append(
+        yield (
             "Competitive people walk at full speed whatever is in front of them, as in the papers; people who do not press "
             "keep a distance and leave more slowly (docs/walking.md)."
         )
     if config["outline"] != "disc":
-        said.append("The rows are of people with the outline of discs; the bodies of these runs are others.")
+        yield "The rows are of people with the outline of discs; the bodies of these runs are others."
     scheme = make_scheme(config["scheme"]["name"])
     changed = [key for key, value in plain(scheme).items() if config["scheme"].get(key) != value]
     if changed:
-        said.append(f"The rows are of the scheme's own parameters; in these runs others are set: {', '.join(changed)}.")
+        yield f"The rows are of the scheme's own parameters; in these runs others are set: {', '.join(changed)}."
     if config["dt"] != scheme.info.default_dt:
-        said.append(
+        yield (
             f"The rows are of a physics step of {scheme.info.default_dt:g} s; that of these runs is {config['dt']:g} s."
         )
-    return said

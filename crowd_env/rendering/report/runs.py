@@ -1,10 +1,10 @@
 """The folders of ``crowd-env run --out``, read for a report: what was run, what came out, and what is wrong with it."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from crowd_env.analysis.figures import report
+from crowd_env.analysis.figures import listed, report
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
 from crowd_env.core.arrays.outline import room_of
 from crowd_env.core.files.fingerprint import fingerprint
@@ -12,13 +12,11 @@ from crowd_env.core.files.json_file import read_json
 from crowd_env.core.version import __version__
 from crowd_env.envs.rollout import Episode
 from crowd_env.physics import ContactScheme
+from crowd_env.rendering.words import told_apart
 from crowd_env.scenarios.scenario import Scenario
 
 # Returns the place and the contact scheme that the arguments of a config name, and more.
 PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme, Any]]
-
-# What tells runs apart, in the order in which it is looked for.
-_TELLING = ("scenario", "strategy", "scheme", "manner", "outline", "rules", "people", "seed")
 
 
 class Runs(NamedTuple):
@@ -57,33 +55,30 @@ def load_runs(folders: Sequence[Path], place_of: PlaceOf) -> list[Runs]:
 
 def remarks_on(runs: Sequence[Runs]) -> list[str]:
     """Return a sentence each on what a reader must know of the runs before any figure."""
-    said = []
-    for one in runs:
-        finished, asked = len(one.episodes), one.config["runs"]
-        if finished < asked:
-            said.append(
-                f"{one.name}: {finished} of {asked} runs were finished when this page was made; the figures are of these, and "
-                "lean to short evacuations."
-            )
-        left = one.figures["unfinished_runs"]
-        if left:
-            said.append(
-                f"{one.name}: in {left} of {finished} runs people were left inside, {one.figures['unfinished']} in all: mean "
-                "exit times, flows and shares of the exits are of those who got out, and times so found are too short."
-            )
-        if one.config["version"] != __version__:
-            said.append(
-                f"{one.name}: the runs were made by version {one.config['version']}, this page by {__version__}."
-            )
-        if one.figures["escaped"]:
-            said.append(f"{one.name}: people were found outside of the plan: its figures are void.")
-        if one.figures["unconverged_steps"]:
-            said.append(
-                f"{one.name}: the contact solver ended above its tolerance in {one.figures['unconverged_steps']} steps."
-            )
+    said = [f"{one.name}: {remark}." for one in runs for remark in _remarks(one)]
     if len({one.config["sources"] for one in runs}) > 1:
         said.append("The folders were computed by different versions of the simulator; differences may come from that.")
     return said
+
+
+def _remarks(one: Runs) -> Iterator[str]:
+    finished, asked, figures, version = len(one.episodes), one.config["runs"], one.figures, one.config["version"]
+    if finished < asked:
+        yield (
+            f"{finished} of {asked} runs were finished when this page was made; the figures are of these, and lean to short "
+            "evacuations"
+        )
+    if figures["unfinished_runs"]:
+        yield (
+            f"in {figures['unfinished_runs']} of {finished} runs people were left inside, {figures['unfinished']} in all: "
+            "mean exit times, flows and shares of the exits are of those who got out, and times so found are too short"
+        )
+    if version != __version__:
+        yield f"the runs were made by version {version}, this page by {__version__}"
+    if figures["escaped"]:
+        yield "people were found outside of the plan: its figures are void"
+    if figures["unconverged_steps"]:
+        yield f"the contact solver ended above its tolerance in {figures['unconverged_steps']} steps"
 
 
 def _load(folder: Path, place_of: PlaceOf) -> Runs:
@@ -115,51 +110,34 @@ def _names(runs: Sequence[Runs]) -> list[str]:
     """Return what tells folders apart in words; where nothing does, their names."""
     if len(runs) == 1:
         return [str(runs[0].config["strategy"])]
-    names = [""] * len(runs)
-    for what in _TELLING:
-        told = [_told(one, what) for one in runs]
-        if len(set(told)) > 1 and len(set(names)) < len(runs):
-            names = [", ".join(filter(None, pair)) for pair in zip(names, told, strict=True)]
-    for told in ([_last(one.folder) for one in runs], [str(one.folder) for one in runs]):
-        if len(set(names)) < len(names):
-            names = [
-                name if names.count(name) == 1 else ", ".join(filter(None, (name, more)))
-                for name, more in zip(names, told, strict=True)
-            ]
+    names = told_apart([_told(one) for one in runs], ", ")
+    for told in ([one.folder.absolute().name for one in runs], [str(one.folder) for one in runs]):
+        again = [names.count(name) > 1 for name in names]
+        names = [
+            ", ".join(filter(None, (name, more))) if twice else name
+            for name, more, twice in zip(names, told, again, strict=True)
+        ]
     return names
 
 
-def _last(folder: Path) -> str:
-    return folder.name or folder.absolute().name
-
-
-def _told(runs: Runs, name: str) -> str:
-    match name:
-        case "scheme":
-            return str(runs.config["scheme"]["name"])
-        case "rules":
-            return "with rules" if runs.config["rules"] else "without rules"
-        case "people":
-            return f"{runs.figures['people']} people"
-        case "seed":
-            return f"seed {runs.config['seed']}"
-        case _:
-            value = runs.config[name]
-            return value if isinstance(value, str) else described(value)
+def _told(runs: Runs) -> dict[str, str]:
+    """Return what may tell runs from others, most telling first."""
+    config = runs.config
+    return {
+        **{name: described(config[name]) for name in ("scenario", "strategy")},
+        "scheme": str(config["scheme"]["name"]),
+        **{name: described(config[name]) for name in ("manner", "outline")},
+        "rules": "with rules" if config["rules"] else "without rules",
+        "people": f"{runs.figures['people']} people",
+        "seed": f"seed {config['seed']}",
+    }
 
 
 def described(value: Any) -> str:
     """Return a plain value of a config in words, such as "uniform, low 1.2, high 2"."""
     if isinstance(value, Mapping):
-        return ", ".join(_pair(key, one) for key, one in value.items())
+        heads = ("" if key in ("distribution", "name") else f"{key.replace('_', ' ')} " for key in value)
+        return ", ".join(head + described(one) for head, one in zip(heads, value.values(), strict=True))
     if isinstance(value, list | tuple):
-        return ", ".join(described(one) for one in _some(value))
+        return listed([described(one) for one in value], 5)
     return f"{value:g}" if isinstance(value, float) else "none" if value is None else str(value)
-
-
-def _pair(key: str, value: Any) -> str:
-    return described(value) if key in ("distribution", "name") else f"{key.replace('_', ' ')} {described(value)}"
-
-
-def _some(values: Sequence[Any]) -> Iterable[Any]:
-    return values if len(values) <= 6 else [*values[:5], f"and {len(values) - 5} more"]
