@@ -7,7 +7,7 @@ from crowd_env.agents.tasks import TASKS
 from crowd_env.envs.settings import arguments_of
 from crowd_env.rendering import Renderer
 from crowd_env.rendering.encoding import write_png
-from crowd_env.rendering.live import draw_env
+from crowd_env.rendering.frames import draw_env
 
 
 def main(folder: Path = Path("docs/images/tasks")) -> None:

@@ -11,8 +11,7 @@ import typer
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, powerlaw_library
 from crowd_env.analysis.exit_times import read_exits, write_gaps
 from crowd_env.analysis.figures import number, percent, share
-from crowd_env.analysis.results.folder import CONFIG
-from crowd_env.analysis.results.tables import EXITS
+from crowd_env.analysis.results.folder import CONFIG, EXITS
 from crowd_env.cli.console import AsJson, show_table
 from crowd_env.core.console import check_folder, friendly_errors, notes
 from crowd_env.core.files.json_file import read_json

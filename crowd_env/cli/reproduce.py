@@ -16,8 +16,8 @@ from crowd_env.core.files.store import Store
 from crowd_env.rendering.canvas import save_figure
 from crowd_env.reproduce import FIGURES, PAPERS, Case, Figure, Result, Settings, find
 from crowd_env.reproduce.evacuations import Interrupted, evacuate
+from crowd_env.reproduce.paper import flag
 from crowd_env.reproduce.report import as_object, show, show_names
-from crowd_env.reproduce.settings import flag
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 

@@ -224,7 +224,7 @@ class CrowdParallelEnv(ParallelEnv):
             return None
         self._check_begun("render")
         from crowd_env.rendering import Window
-        from crowd_env.rendering.live import draw_env
+        from crowd_env.rendering.frames import draw_env
 
         frame, self._canvas = draw_env(self.env, self._canvas)
         if self.render_mode == "rgb_array":

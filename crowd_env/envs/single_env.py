@@ -75,7 +75,7 @@ class SingleEnv(gymnasium.Env):
         """Return a frame (H, W, 3) uint8, None without a render mode."""
         if self.render_mode is None:
             return None
-        from crowd_env.rendering.live import draw_env
+        from crowd_env.rendering.frames import draw_env
 
         frame, self._canvas = draw_env(self.env, self._canvas)
         return frame

@@ -7,7 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Floats
+from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.physics.pressure import contact_pressure
 from crowd_env.rendering.discs import put_bodies, put_discs
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, group_color, pressure_color
 from crowd_env.rendering.plan import MAT, Layout, draw_plan, fit, round_length
@@ -187,3 +189,23 @@ def _put_scale_bar(image: "Image", layout: Layout) -> None:
     image.paste(QUIET, (left, row, right, row + thick))
     for column in (left, right - thick):
         image.paste(QUIET, (column, row - tall, column + thick, row + thick + tall))
+
+
+def draw_env(env: CrowdEnv, renderer: Renderer | None = None, e: int = 0) -> tuple[np.ndarray, Renderer]:
+    """Return a frame (H, W, 3) uint8 of environment ``e``, and the renderer to hand in the next time."""
+    if renderer is None:
+        renderer = Renderer(env.scenario_of_env[e].geometry)
+    people, simulation = env.people(e), env.simulation
+    radius, state = simulation.bodies.radius[people], simulation.state
+    impulse = simulation.results.impulse_magnitude[people]
+    frame = renderer.frame(
+        state.position[people],
+        radius,
+        active=state.active[people],
+        color_value=contact_pressure(impulse, env.decision_dt, radius) / FULL_PRESSURE,
+        velocity=state.velocity[people],
+        angle=state.angle[people],
+        outline=simulation.outline,
+        clock=float(state.time[e]),
+    )
+    return frame, renderer

@@ -7,10 +7,9 @@ from typing import Any
 
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.lin2016.paper import PAPER as LIN
-from crowd_env.reproduce.paper import Figure, Paper
+from crowd_env.reproduce.paper import Figure, Paper, Settings
 from crowd_env.reproduce.pecol2011.paper import PAPER as PECOL
 from crowd_env.reproduce.result import RawTable, Result, Row
-from crowd_env.reproduce.settings import Settings
 
 __all__ = ["FIGURES", "PAPERS", "Case", "Figure", "Paper", "RawTable", "Result", "Row", "Settings", "find"]
 

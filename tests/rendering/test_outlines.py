@@ -13,8 +13,7 @@ from crowd_env.physics.hertz import Hertz
 from crowd_env.physics.pressure import contact_forces
 from crowd_env.recording import record
 from crowd_env.rendering.forces import force_network_figure
-from crowd_env.rendering.frames import Renderer
-from crowd_env.rendering.live import draw_env
+from crowd_env.rendering.frames import Renderer, draw_env
 from crowd_env.scenarios import make_scenario
 
 pytestmark = pytest.mark.more

@@ -6,7 +6,7 @@ from typing import Literal
 import pytest
 
 from crowd_env.reproduce import FIGURES, PAPERS, Settings, find
-from crowd_env.reproduce.settings import option
+from crowd_env.reproduce.paper import option
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from crowd_env.envs.rollout import Recorder
 from crowd_env.physics import Hertz, SocialForce
 from crowd_env.physics.hertz import DampingUnit
 from crowd_env.reproduce.evacuations import Case
-from crowd_env.reproduce.settings import TARGET_HELP, Settings, option
+from crowd_env.reproduce.paper import TARGET_HELP, Settings, option
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios import make_scenario
 

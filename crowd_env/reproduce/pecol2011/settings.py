@@ -6,7 +6,7 @@ from typing import Literal, get_args
 
 from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme, make_scheme
 from crowd_env.reproduce.evacuations import Case
-from crowd_env.reproduce.settings import TARGET_HELP, Settings, flag, option
+from crowd_env.reproduce.paper import TARGET_HELP, Settings, flag, option
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario

@@ -11,9 +11,7 @@ from crowd_env import Groups, Population, make_scenario
 from crowd_env.analysis.exit_times import read_exits
 from crowd_env.analysis.figures import report, time_of_share
 from crowd_env.analysis.results.config import FREE, run_config
-from crowd_env.analysis.results.egress import egress
-from crowd_env.analysis.results.folder import ResultsFolder
-from crowd_env.analysis.results.tables import write_curve, write_tables
+from crowd_env.analysis.results.folder import ResultsFolder, egress, write_curve, write_tables
 from crowd_env.core.files.csv_table import read_table
 from crowd_env.core.files.store import difference as differs
 from crowd_env.envs.rollout import run_episodes
