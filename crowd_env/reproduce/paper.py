@@ -1,4 +1,4 @@
-"""What a paper is here: settings that may be ``--set``, and for each table or figure its evacuations and what it makes of them."""
+"""What a paper is here: settings that may be ``--set``, and for each table or figure its evacuations and what it makes."""
 
 import math
 from collections.abc import Callable, Mapping
