@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from crowd_env.analysis.figures import share
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.files.json_file import json_number
 
@@ -77,28 +78,29 @@ class Clogging(NamedTuple):
 
     def as_json(self) -> dict[str, Any]:
         """Return the figures ready for JSON: times in s, None where there is no number."""
-        closed, opened = self.gaps
-        sizes, counts = np.unique(self.bursts, return_counts=True)
+        (closed, opened), bursts = self.gaps, self.bursts
+        sizes, counts = np.unique(bursts, return_counts=True)
         return {
             "runs": self.runs,
             "exits": self.exits,
             "unfinished_runs": self.unfinished,
             "blocked_runs": self.blocked,
+            "blocked_share": share(self.blocked, self.runs),
             "gaps": {
                 "count": len(closed),
-                "mean": json_number(closed.mean()) if len(closed) else None,
-                "cv": json_number(closed.std() / closed.mean()) if closed.any() else None,
-                "q90": json_number(np.quantile(closed, 0.9)) if len(closed) else None,
-                "max": json_number(closed.max()) if len(closed) else None,
+                "mean": float(closed.mean()) if len(closed) else None,
+                "cv": float(closed.std() / closed.mean()) if closed.any() else None,
+                "q90": float(np.quantile(closed, 0.9)) if len(closed) else None,
+                "max": max(closed.tolist(), default=None),
                 "open": len(opened),
-                "longest_open": json_number(opened.max()) if len(opened) else None,
+                "longest_open": max(opened.tolist(), default=None),
             },
             "bursts": {
                 "pause": self.pause,
-                "count": len(self.bursts),
-                "mean_size": json_number(self.bursts.mean()) if len(self.bursts) else None,
-                "max_size": int(self.bursts.max()) if len(self.bursts) else None,
-                "sizes": {str(size): int(count) for size, count in zip(sizes, counts, strict=True)},
+                "count": len(bursts),
+                "mean_size": float(bursts.mean()) if len(bursts) else None,
+                "max_size": max(bursts.tolist(), default=None),
+                "sizes": {str(size): count for size, count in zip(sizes, counts.tolist(), strict=True)},
             },
             "tail": None if self.tail is None else {key: json_number(x) for key, x in self.tail._asdict().items()},
             "no_tail": self.no_tail or None,
@@ -231,17 +233,9 @@ def fit_tail(gaps: Gaps) -> tuple[Tail | None, str]:
     count, alpha, x_min = int(fit.n_tail), float(law.alpha), float(fit.xmin)
     if count < FEWEST_IN_TAIL:
         return None, f"{count} gaps in the tail (from {x_min:.3g} s), an exponent needs at least {FEWEST_IN_TAIL}"
-    return Tail(
-        alpha=alpha,
-        error=float((alpha - 1.0) / np.sqrt(count)),
-        x_min=x_min,
-        n=count,
-        distance=float(law.D),
-        rate=float(other.Lambda),
-        ratio=float(ratio),
-        p=float(p),
-        alpha_open=_alpha_of_censored(gaps, x_min),
-    ), ""
+    error = float((alpha - 1.0) / np.sqrt(count))
+    told = map(float, (law.D, other.Lambda, ratio, p, _alpha_of_censored(gaps, x_min)))
+    return Tail(alpha, error, x_min, count, *told), ""
 
 
 def powerlaw_library() -> Any:

@@ -4,13 +4,13 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, powerlaw_library
 from crowd_env.analysis.exit_times import read_exits, write_gaps
-from crowd_env.analysis.figures import number, percent, share
+from crowd_env.analysis.figures import number, percent
 from crowd_env.analysis.results.folder import CONFIG, EXITS
 from crowd_env.cli.console import AsJson, show_table
 from crowd_env.core.console import check_folder, friendly_errors, notes
@@ -58,9 +58,11 @@ def clog(
             found[name] = clogging(sets[name], pause=pause, per_exit=per_exit, blocked_after=_blocked_after(source))
         paths = [] if out is None else _write(out, found, sets, per_exit)
     if as_json:
-        typer.echo(json.dumps({"sets": [{"name": name, **_figures(each)} for name, each in found.items()]}))
+        typer.echo(json.dumps({"sets": [{"name": name, **each.as_json()} for name, each in found.items()]}))
     else:
-        _show(found)
+        show_table("", {name: _cells(each) for name, each in found.items()}, sections=(3, 9, 12))
+        for name, each in found.items():
+            typer.echo(f"* {name}: {each.statement()}." if len(found) > 1 else f"{each.statement()}.")
     if paths:
         notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
 
@@ -87,20 +89,9 @@ def _write(out: Path, found: dict[str, Clogging], sets: Mapping[str, Sequence[Ru
     return paths
 
 
-def _show(found: dict[str, Clogging]) -> None:
-    show_table("", {name: _cells(each) for name, each in found.items()}, sections=(3, 9, 12))
-    for name, each in found.items():
-        typer.echo(f"* {name}: {each.statement()}." if len(found) > 1 else f"{each.statement()}.")
-
-
-def _figures(found: Clogging) -> dict[str, Any]:
-    """Return the figures ready for JSON, with Wilson's interval of the share of blocked runs."""
-    return {**found.as_json(), "blocked_share": share(found.blocked, found.runs)}
-
-
 def _cells(found: Clogging) -> dict[str, str]:
     """Return the rows of the table."""
-    figures = _figures(found)
+    figures = found.as_json()
     gaps, bursts, tail = figures["gaps"], figures["bursts"], figures["tail"] or {}
     opened = f", longest above {gaps['longest_open']:.1f} s" if gaps["open"] else ""
     return {
