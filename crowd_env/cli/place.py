@@ -176,16 +176,8 @@ def read_place(
     if kind_of_place(name) == "plan":
         plan = read_plan(name, **options)
         return scenario_on(plan, people_on(plan, **crowd), **timing)
-    return changed_place(name, crowd, **timing)
-
-
-def changed_place(name: str, people: Mapping[str, Any], **options: Any) -> Scenario:
-    """Return a scenario that ships or stands in a file, with the fields of its population that ``people`` names.
-
-    ``options`` are those of `make_scenario`.
-    """
-    population = {"population": make_scenario(name).population.changed(**people)} if people else {}
-    return make_scenario(name, **options, **population)
+    population = {"population": make_scenario(name).population.changed(**crowd)} if crowd else {}
+    return make_scenario(name, **timing, **population)
 
 
 def people_options(

@@ -1,6 +1,5 @@
 """The folder of ``crowd-env run --out``, and how a command is run again from the config in it."""
 
-import shlex
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -139,8 +138,3 @@ def write_results(
     except ModuleNotFoundError:
         pass  # said before the work
     notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
-
-
-def how_to_go_on() -> str:
-    """Return the command that goes on with the runs of an interrupted one."""
-    return shlex.join(["crowd-env", *sys.argv[1:]])

@@ -1,6 +1,8 @@
 """The command ``crowd-env run``."""
 
 import json
+import shlex
+import sys
 import time
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
@@ -25,7 +27,7 @@ from crowd_env.cli.place import (
     Unit,
     place_of,
 )
-from crowd_env.cli.results_folder import again, config_of, how_to_go_on, keep_in, open_folder, write_results
+from crowd_env.cli.results_folder import again, config_of, keep_in, open_folder, write_results
 from crowd_env.core.checks import counted, whole
 from crowd_env.core.console import friendly_errors, interrupted, notes, progress_bar
 from crowd_env.core.executors import Processes, all_cores
@@ -131,7 +133,7 @@ def run(
             notes.print(f"recording: {done.records[number]}", markup=False, soft_wrap=True)
         if done.stopped is not None:
             said = f"{done.stopped}; the figures are of these, and lean to short evacuations"
-            interrupted(said if folder is None else f"{said}; to go on: {how_to_go_on()}")
+            interrupted(said if folder is None else f"{said}; to go on: {shlex.join(['crowd-env', *sys.argv[1:]])}")
 
 
 def _recorded(record: str | None, runs: int, out: Path | None) -> frozenset[int]:

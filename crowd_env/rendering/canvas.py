@@ -132,7 +132,7 @@ def draw_bodies(axes: "Axes", center: Floats, radius: ArrayLike, **style: Any) -
     axes.add_collection(EllipseCollection(size, size, np.zeros(len(size)), **where, **style))
 
 
-def draw_plan(axes: "Axes", geometry: Geometry, *, wall: float, exit: float, margin: float) -> "PathPatch":
+def draw_geometry(axes: "Axes", geometry: Geometry, *, wall: float, exit: float, margin: float) -> "PathPatch":
     """Draw all of a plan on axes without ticks, and return the floor; people belong on layers 2 and 3.
 
     ``wall`` and ``exit`` are points, ``margin`` is a share of the longer side.

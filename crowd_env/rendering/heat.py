@@ -8,7 +8,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering.canvas import draw_plan, hex_of, new_figure, save_figure
+from crowd_env.rendering.canvas import draw_geometry, hex_of, new_figure, save_figure
 from crowd_env.rendering.palette import FAINT, INK, QUIET, Color, blend
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
     rows, columns = one.values.shape
     (left, low), cell = one.origin, one.cell
     full = one.full or float(one.values.max(initial=0.0)) or 1.0
-    floor = draw_plan(axes, geometry, wall=1.6, exit=3.0, margin=0.015)
+    floor = draw_geometry(axes, geometry, wall=1.6, exit=3.0, margin=0.015)
     image = axes.imshow(
         np.ma.masked_less_equal(one.values, 0.0),
         origin="lower",

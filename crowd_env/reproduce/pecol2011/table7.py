@@ -8,7 +8,16 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.rollout import Episode
-from crowd_env.rendering.canvas import draw_bodies, draw_plan, hex_of, mark, name_panel, new_figure, quiet_axes, series
+from crowd_env.rendering.canvas import (
+    draw_bodies,
+    draw_geometry,
+    hex_of,
+    mark,
+    name_panel,
+    new_figure,
+    quiet_axes,
+    series,
+)
 from crowd_env.rendering.palette import INK, QUIET
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.pecol2011 import theatre
@@ -80,7 +89,7 @@ def theatre_table(scenario: Scenario, done: Mapping[str, Egress]) -> "Figure":
 
 def _plan(axes: "Axes", scenario: Scenario) -> None:
     geometry, people = scenario.geometry, scenario.population.parts[0]
-    draw_plan(axes, geometry, wall=1.6, exit=3.0, margin=0.03)
+    draw_geometry(axes, geometry, wall=1.6, exit=3.0, margin=0.03)
     assert people.starts is not None
     fields = {route.name: route.field for route in scenario.route_set().routes}
     nearer = np.argmin([[_time(fields[name], at) for name in ROUTES] for at in people.starts], axis=1)

@@ -1,4 +1,4 @@
-// Packed columns into numbers: the inverse of crowd_env/rendering/replay/pack.py.
+// Packed columns into numbers: the inverse of crowd_env/rendering/replay/page.py.
 
 async function inflated(text) {
   const raw = atob(text);
