@@ -1,4 +1,4 @@
-"""The command ``crowd-env run``."""
+"""The command ``crowd-env run``: many evacuations under a bar, on all cores, and what an interruption has left of them."""
 
 import json
 import shlex

@@ -1,4 +1,8 @@
-"""The runs of one command in a folder: what was finished is kept, and the same command goes on with it."""
+"""The runs of one command in a folder: what was finished is kept, and the same command goes on with it.
+
+Finished runs are two tables beside it, ``runs.csv``, a row a run, and ``exits.csv``, a row a person; and N(t), how many people
+are inside, over time, in one run and in many.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path

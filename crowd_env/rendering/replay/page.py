@@ -165,6 +165,8 @@ class Column(NamedTuple):
 def pack(columns: Sequence[Column]) -> tuple[list[dict[str, Any]], str]:
     """Return what each column is (name, length, kind, step), and the text of all.
 
+    One array lies behind the other, gzip, base64; the browser unpacks both (browser/decode.js).
+
     Raises
     ------
     ValueError
@@ -224,7 +226,10 @@ def _with_rims(colors: NDArray[np.uint8]) -> dict[str, list[str]]:
 
 
 def plain_colors() -> dict[str, Any]:
-    """Return the ramps of bodies, each with darker rims, and the colors of groups."""
+    """Return the ramps of bodies, each with darker rims, and the colors of groups, from the palette of all pictures.
+
+    They go in steps, so that people of one color are drawn in one go.
+    """
     level = np.linspace(0.0, 1.0, STEPS)
     return {
         "pressure": _with_rims(pressure_color(level)),

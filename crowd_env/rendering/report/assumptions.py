@@ -1,4 +1,7 @@
-"""What was put into the runs of a report, and what may not be concluded from them."""
+"""What was put into the runs of a report, and what may not be concluded from them.
+
+The limits are what is not modeled, and what the validation map says of the runs.
+"""
 
 import json
 import shlex

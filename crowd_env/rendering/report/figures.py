@@ -1,4 +1,4 @@
-"""What a report shows: the plan as it was understood, and what came out."""
+"""What a report shows: the plan as it was understood, what came out, and what the first folder's figures differ from."""
 
 import base64
 from collections.abc import Callable, Mapping, Sequence
