@@ -78,14 +78,7 @@ def share_bars(path: str | Path, shares: Mapping[str, Mapping[str, Share]], exit
     path : ends in .png.
     shares : label -> exit -> share in 0..1; exits that a label does not have are left out.
     exits : from top to bottom.
-
-    Raises
-    ------
-    ValueError
-        If the suffix is another, or there is no exit.
     """
-    if not exits or not shares:
-        raise ValueError("bars of shares need at least one exit and one label")
     thick = 0.8 / len(shares)
     figure = new_figure((_SIZE[0], 0.9 + len(exits) * max(0.34, 0.2 * len(shares)) + 0.22 * len(shares)), dpi=_DPI)
     axes = quiet_axes(figure.add_subplot(), "share of those who got out [%]", "")
@@ -178,14 +171,11 @@ def _legend(figure: Any) -> None:
 
 def _egress_label(label: str, runs: Sequence[Floats]) -> str:
     finished = [float(times[-1]) for times in runs if len(times) and np.isfinite(times[-1])]
-    text = f"{label}: "
-    if finished:
-        text += (
-            f"{np.mean(finished):.1f} s" if len(runs) == 1 else f"{np.mean(finished):.1f} s, mean of {len(finished)}"
-        )
+    mean = "" if len(runs) == 1 else f", mean of {len(finished)}"
+    told = [f"{np.mean(finished):.1f} s{mean}"] if finished else []
     if len(finished) < len(runs):
-        text += f"{'; ' if finished else ''}{len(runs) - len(finished)} unfinished"
-    return text
+        told.append(f"{len(runs) - len(finished)} unfinished")
+    return f"{label}: {'; '.join(told)}"
 
 
 def _axes(title: str, xlabel: str, ylabel: str) -> "tuple[Figure, Axes]":
@@ -202,15 +192,6 @@ def _name_at_right(axes: "Axes", labels: Sequence[tuple[float, str, Color]]) -> 
     height = -np.inf
     for value, text, color in sorted(labels):
         height = max(value, height + gap)
-        axes.annotate(
-            text,
-            (1.0, height),
-            xycoords=("axes fraction", "data"),
-            xytext=(6, 0),
-            textcoords="offset points",
-            color=hex_of(color),
-            fontsize=9.5,
-            fontweight="bold",
-            va="center",
-            annotation_clip=False,
-        )
+        look: dict[str, Any] = {"color": hex_of(color), "fontsize": 9.5, "fontweight": "bold", "va": "center"}
+        where: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+        axes.annotate(text, (1.0, height), (6, 0), annotation_clip=False, **where, **look)

@@ -51,15 +51,13 @@ def heat_maps(
     Raises
     ------
     ValueError
-        If the suffix is another or there is no map.
+        If the suffix is another.
     """
     return save_figure(heat_figure(geometry, maps, title=title, note=note), path, formulas=False)
 
 
 def heat_figure(geometry: Geometry, maps: Sequence[HeatMap], *, title: str = "", note: str = "") -> "Figure":
     """Return the figure of `heat_maps`."""
-    if not maps:
-        raise ValueError("no map to draw; give at least one")
     rows = -(-len(maps) // _COLUMNS)
     x0, y0, x1, y1 = geometry.bounds
     across = _WIDTH / _COLUMNS

@@ -37,10 +37,8 @@ def draw_sheet(path: str | Path, checks: Sequence[PlanCheck]) -> Path:
     Raises
     ------
     ValueError
-        If the suffix is another, or there is no plan.
+        If the suffix is another.
     """
-    if not checks:
-        raise ValueError("a sheet needs at least one plan")
     return save_figure(_one(checks[0]) if len(checks) == 1 else _several(checks), path, formulas=False)
 
 

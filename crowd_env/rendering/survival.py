@@ -65,9 +65,8 @@ def survival_figure(sets: Mapping[str, Clogging], *, title: str = "") -> "Figure
     else:  # curve beside law, below the picture
         lines, labels = axes.get_legend_handles_labels()
         order = [*range(0, len(labels), 2), *range(1, len(labels), 2)]
-        figure.legend(
-            [lines[k] for k in order], [labels[k] for k in order], loc="outside lower center", ncols=2, **style
-        )
+        sorted_lines, sorted_labels = [lines[k] for k in order], [labels[k] for k in order]
+        figure.legend(sorted_lines, sorted_labels, loc="outside lower center", ncols=2, **style)
     return figure
 
 

@@ -33,13 +33,11 @@ def write_report(
     Raises
     ------
     ValueError
-        If the suffix is another, or there are no runs.
+        If the suffix is another.
     ModuleNotFoundError
         If a drawing library is not installed; the message says how to install it.
     """
     path = check_suffix(path, (".html",))
-    if not runs:
-        raise ValueError("a report needs the runs of at least one folder")
     with TemporaryDirectory(prefix="crowd-env-") as folder:
         shown = figures(runs, measured, Path(folder))
     text = filled(
