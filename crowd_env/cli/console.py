@@ -48,6 +48,13 @@ Runs = Annotated[int, of_runs("Number of evacuations, each with other people in 
 Seed = Annotated[int, of_runs("Run k draws its people from seed + k.", min=0)]
 
 
+def wide_console() -> Console:
+    """Return the standard output, at most 100 columns wide so that tables look the same in a file and on a screen."""
+    console = Console(highlight=False)
+    console.width = min(_WIDTH, console.width) if console.is_terminal else _WIDTH
+    return console
+
+
 def show_table(
     title: str,
     columns: Mapping[str, Mapping[str, str]],
@@ -62,8 +69,7 @@ def show_table(
     columns : heading -> label -> cell; the heading "" of a single column is not shown.
     sections : numbers of rows that a line follows.
     """
-    console = Console(highlight=False)
-    console.width = min(_WIDTH, console.width) if console.is_terminal else _WIDTH
+    console = wide_console()
     alone = list(columns) == [""]
     table = Table(
         title=title or None,
