@@ -17,8 +17,7 @@ from crowd_env.envs.action import ActionKind
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.gymnasium_env import CrowdGymEnv, CrowdVectorEnv, make_vec
 from crowd_env.envs.metrics import EpisodeMetrics
-from crowd_env.envs.observation.layout import ObservationLayout
-from crowd_env.envs.observation.terms import ObservationTerm
+from crowd_env.envs.observation.layout import ObservationLayout, ObservationTerm
 from crowd_env.envs.parallel import CrowdParallelEnv, parallel_env
 from crowd_env.envs.reward import RewardWeights
 from crowd_env.envs.rollout import rollout

@@ -13,7 +13,7 @@ import tomllib
 
 from crowd_env import Scenario, make_scenario
 from crowd_env.core.checks import known, whole
-from crowd_env.envs.observation.terms import USUAL
+from crowd_env.envs.observation.layout import USUAL
 
 from .task import make_task
 

@@ -12,7 +12,7 @@ from functools import cache
 from numbers import Real
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Literal, NamedTuple, NoReturn, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, NoReturn, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -60,6 +60,12 @@ POSITIVE = Range(0.0, above=True)
 NOT_NEGATIVE = Range(0.0)
 SHARE = Range(0.0, 1.0)
 COUNT = Range(1)
+
+# Annotations of fields that `check_fields` understands.
+Positive = Annotated[float, POSITIVE]
+NotNegative = Annotated[float, NOT_NEGATIVE]
+Share = Annotated[float, SHARE]
+Natural = Annotated[int, NOT_NEGATIVE]
 
 
 def shown(value: Any) -> str:
@@ -223,11 +229,8 @@ def array(what: str, value: Any, shape: tuple[Any, ...], kinds: str = "iuf") -> 
         return value  # at every step: quick
     names = {None: "K", ...: "..."}
     told = f"({', '.join(names.get(length, str(length)) for length in shape)}{',' * (len(shape) == 1)})"
-    form = (
-        f"an array of {'booleans' if kinds == 'b' else 'real numbers'} of the shape {told}"
-        if shape
-        else "a real number"
-    )
+    of = "booleans" if kinds == "b" else "real numbers"
+    form = f"an array of {of} of the shape {told}" if shape else "a real number"
     try:
         found = np.asarray(value)
         if found.dtype == object:  # numbers one by one, or something else altogether
@@ -235,12 +238,11 @@ def array(what: str, value: Any, shape: tuple[Any, ...], kinds: str = "iuf") -> 
     except (TypeError, ValueError):  # rows of different lengths
         refuse(what, value, form)
     wanted = (*(None,) * (found.ndim - len(shape) + 1), *shape[1:]) if shape[:1] == (...,) else shape
-    fits = found.ndim == len(wanted) and all(
-        length in (None, there) for length, there in zip(wanted, found.shape, strict=True)
-    )
     if found.dtype.kind not in kinds or (shape and found.ndim == 0):
         refuse(what, value, form)
-    if not fits:
+    if found.ndim != len(wanted) or any(
+        one not in (None, there) for one, there in zip(wanted, found.shape, strict=True)
+    ):
         raise ValueError(f"{what} has the shape {found.shape}; it must be {told}")
     return found
 
@@ -261,7 +263,8 @@ def check_fields(where: str, thing: Any, **allowed: Range) -> None:
     """Check every field of a frozen dataclass against its annotation, and give it the type that is annotated.
 
     Numbers, flags, texts, literals, tuples of texts or of other dataclasses and these or None are known; other annotations are
-    left to the caller.  For another dataclass a table of its fields may be given.
+    left to the caller.  A number whose annotation holds a `Range`, such as ``Positive``, has to lie in it.  For another
+    dataclass a table of its fields may be given.
 
     Parameters
     ----------
@@ -283,12 +286,14 @@ def check_fields(where: str, thing: Any, **allowed: Range) -> None:
 
 @cache
 def _kinds(kind: type) -> dict[str, Any]:
-    hints = get_type_hints(kind)
+    hints = get_type_hints(kind, include_extras=True)
     return {field.name: hints[field.name] for field in fields(kind) if field.init}
 
 
 def _of_kind(what: str, value: Any, kind: Any, allowed: Range | None) -> Any:
     """Return a value as its annotation says, refused if it is something else."""
+    if get_origin(kind) is Annotated:
+        kind, allowed = get_args(kind)
     if get_origin(kind) in (UnionType, Union):
         kinds = [one for one in get_args(kind) if one is not NoneType]
         if value is None and len(kinds) < len(get_args(kind)):
@@ -373,14 +378,9 @@ def from_choice(what: str, kind: type[Thing], value: Any, choices: Mapping[str, 
     """
     if isinstance(value, str):
         return choices[known(what, value, choices)]
-    if isinstance(value, Mapping):
-        return from_table(what, kind, value)
-    if value is not None and not isinstance(value, kind):
-        article = "an" if kind.__name__[0] in "AEIOU" else "a"
-        refuse(
-            what, value, f"{article} {kind.__name__}, a table of its parameters, None or one of {', '.join(choices)}"
-        )
-    return value
+    article = "an" if kind.__name__[0] in "AEIOU" else "a"
+    allowed = f"{article} {kind.__name__}, a table of its parameters, None or one of {', '.join(choices)}"
+    return None if value is None else from_data(what, kind, value, allowed)
 
 
 def plain_choice(thing: Any, choices: Mapping[str, Any]) -> str | dict[str, Any]:

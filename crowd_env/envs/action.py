@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import (
-    NOT_NEGATIVE,
+    Natural,
+    NotNegative,
     Range,
     array,
     check_fields,
@@ -71,12 +72,12 @@ class ActionKind:
     space: gymnasium.Space[Any]
     decode: Callable[[np.ndarray], Any] | None
     neutral: ArrayLike
-    routes: int | None = None
-    dwell: float = 0.0
+    routes: Natural | None = None
+    dwell: NotNegative = 0.0
     frame: Frame = "path"
 
     def __post_init__(self) -> None:
-        check_fields("action kind", self, routes=NOT_NEGATIVE, dwell=NOT_NEGATIVE)
+        check_fields("action kind", self)
         if not isinstance(self.space, gymnasium.Space) or self.space.shape is None:
             refuse(f"action kind {self.name!r}: space", self.space, "a space of Gymnasium that has a shape")
         if self.decode is not None and not callable(self.decode):
@@ -206,12 +207,12 @@ class SpeedExitTable(SpeedTable):
         If one of them is negative, or for what `SpeedTable` refuses.
     """
 
-    routes: int = 0
-    dwell: float = 1.0
+    routes: Natural = 0
+    dwell: NotNegative = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_fields("action", self, routes=NOT_NEGATIVE, dwell=NOT_NEGATIVE)
+        check_fields("action", self)
 
     def __call__(self, action: np.ndarray) -> Any:
         """Return the commands (P, 2) of choices (P,), and the ways that they choose (P,)."""
@@ -272,18 +273,18 @@ def plain_action(kind: str | Mapping[str, Any] | ActionKind) -> str | dict[str, 
         If it is one of the user's own: plain data hold no functions.
     """
     kind = make_action(kind)
-    if kind.frame != "path":
-        plain = plain_action(replace(kind, frame="path"))
-        return {**({"name": plain} if isinstance(plain, str) else plain), "frame": kind.frame}
     named = ACTIONS.get(kind.name)
-    if named is not None and isinstance(named.decode, SpeedTable) and isinstance(kind.decode, SpeedTable):
-        if kind.decode == named.decode:
-            return kind.name
-        plain = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(kind.decode).items()}
-        return {"name": kind.name, **plain}
-    if named is None or kind.decode is not named.decode or kind.space != named.space:
+    table = (
+        kind.decode if named and isinstance(named.decode, SpeedTable) and isinstance(kind.decode, SpeedTable) else None
+    )
+    if named is None or not (table or (kind.decode is named.decode and kind.space == named.space)):
         raise ValueError(f"action kind {kind.name!r} is one of your own, which cannot be written as plain data")
-    return kind.name
+    plain: dict[str, Any] = {"name": kind.name}
+    if table and table != named.decode:
+        plain |= {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(table).items()}
+    if kind.frame != "path":
+        plain["frame"] = kind.frame
+    return plain if len(plain) > 1 else kind.name
 
 
 def fit_routes(kind: ActionKind, scenario: str, ways: Sequence[str]) -> ActionKind:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
-from crowd_env.core.checks import SHARE, array, check_fields, from_data, known
+from crowd_env.core.checks import Share, array, check_fields, from_data, known
 from crowd_env.core.kernels.jit import inner_kernel, kernel
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.envs.terms import RewardTerm, names_of, own_terms, weighed_terms
@@ -82,13 +82,8 @@ def charge_heads(step: Transition, begin: int, end: int, term: Floats) -> None:
 @kernel
 def compute_reward(step: Transition, spec: RewardSpec, terms: Floats, reward: Floats) -> None:
     """Write the compiled terms into ``terms`` (K, P), and the weighted sum of all into ``reward`` (P,)."""
-    inside, left, duration, impulse, mass = (
-        step.inside,
-        step.left,
-        step.duration,
-        step.impulse_magnitude,
-        step.bodies.mass,
-    )
+    inside, left, duration = step.inside, step.left, step.duration
+    impulse, mass = step.impulse_magnitude, step.bodies.mass
     before, after, env_start = step.travel_time_before, step.travel_time_after, step.bodies.env_start
     order, weights, share, shared = spec.order, spec.weights, spec.team_share, spec.shared
     for e in range(len(env_start) - 1):
@@ -143,11 +138,11 @@ class RewardWeights:
     """
 
     weights: Mapping[Any, float] = field(default_factory=lambda: {"progress": 1.0, "exit": 1.0, "time": 0.5})
-    team_share: float = 0.0
+    team_share: Share = 0.0
     shared: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        check_fields("reward", self, team_share=SHARE)
+        check_fields("reward", self)
         # A copy: what is changed in the table later changes nothing here.
         object.__setattr__(self, "weights", weighed_terms("reward: weights", self.weights, REWARDS))
         for name in self.shared or ():

@@ -7,7 +7,7 @@ from typing import Annotated, Any, NamedTuple, TypeVar, cast, get_args, get_orig
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env.core.arrays.headway import Headway, HeadwayParams
+from crowd_env.core.arrays.headway import Headway
 from crowd_env.core.arrays.outline import OutlineParams
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
@@ -49,7 +49,7 @@ class Control(NamedTuple):
     relative: Annotated[Bools, "P"]  # command turns with the direction of the shortest path; else along the world axes
     external_force: Annotated[Floats, "P 2"]  # N
     gives_way: Annotated[Bools, "P"]  # keeps the headway, where people keep any
-    headway: HeadwayParams
+    headway: Headway
     keeps_headway: bool
     max_drive: float  # N  largest driving force of a person; infinite = no limit
     driving: bool  # pedestrians (eq 11) or passive grains

@@ -7,8 +7,7 @@ from repository import ROOT
 
 from crowd_env.envs.action import DISCRETE
 from crowd_env.envs.global_state import StateLayout
-from crowd_env.envs.observation.layout import ObservationLayout
-from crowd_env.envs.observation.terms import TERMS
+from crowd_env.envs.observation.layout import TERMS, ObservationLayout
 from crowd_env.envs.reward import REWARDS, RewardWeights
 from crowd_env.physics import SCHEMES
 

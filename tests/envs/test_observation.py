@@ -9,7 +9,7 @@ from cases import looped
 from crowds import cluttered
 
 from crowd_env import CrowdEnv, Geometry, ObservationLayout, Population, Scenario, Uniform, make_scenario
-from crowd_env.envs.observation.terms import TERMS
+from crowd_env.envs.observation.layout import TERMS
 
 CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
 FULL = ObservationLayout(tuple(TERMS), neighbors=7, rays=12, routes=1)

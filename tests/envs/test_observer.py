@@ -16,7 +16,7 @@ from crowd_env import (
     make_scenario,
 )
 from crowd_env.core.kernels.struct_ref import struct_ref
-from crowd_env.envs.observation.terms import TERMS
+from crowd_env.envs.observation.layout import TERMS
 
 CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
 HALL = make_scenario("room-v0", people=300, side=16.0)

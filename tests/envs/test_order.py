@@ -5,7 +5,7 @@ import pytest
 from crowds import cluttered
 
 from crowd_env import CrowdEnv, ObservationLayout, Population, Scenario, Uniform, make_scenario
-from crowd_env.envs.observation.terms import TERMS, USUAL
+from crowd_env.envs.observation.layout import TERMS, USUAL
 from crowd_env.routing.fields.lookup import direction_at, travel_time_at
 
 CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)

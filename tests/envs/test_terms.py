@@ -8,8 +8,7 @@ import pytest
 from refusals import refuses, table
 
 from crowd_env import CrowdEnv, ObservationLayout, ObservationTerm, RewardTerm, RewardWeights
-from crowd_env.envs.observation.layout import make_layout
-from crowd_env.envs.observation.terms import TERMS, CompiledTerm
+from crowd_env.envs.observation.layout import TERMS, CompiledTerm, make_layout
 from crowd_env.envs.observation.view import Columns
 from crowd_env.envs.reward import REWARDS
 

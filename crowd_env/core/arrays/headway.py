@@ -27,32 +27,12 @@ The numbers are fitted: times, widths and side steps were chosen under ``dem`` o
 ring and the two kinds of counter-flow of ``python -m validation``, one set for all but the time gap.  docs/walking.md says how.
 """
 
+from collections import namedtuple
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from dataclasses import astuple, dataclass, fields
+from typing import Annotated, Any, TypeAlias, cast
 
-from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_choice, plain_choice
-
-
-class HeadwayParams(NamedTuple):
-    """A headway rule as kernels read it; lengths in m, times in s."""
-
-    time_gap: float
-    push: float
-    standing: float
-    width: float
-    strength: float
-    length: float
-    oncoming: float
-    keep_right: float
-    anticipation: float
-    overtaking: float
-    gain: float
-    berth: float
-    patience: float
-    impatience: float
-    sight: float
-    interval: float
+from crowd_env.core.checks import NotNegative, Positive, Range, Share, check_fields, from_choice, plain_choice
 
 
 @dataclass(frozen=True)
@@ -86,49 +66,32 @@ class Headway:
         If a value is out of range.
     """
 
-    time_gap: float = 0.5
-    push: float = 0.0
-    standing: float = 0.15
-    width: float = 0.8
-    strength: float = 0.2
-    length: float = 0.2
-    oncoming: float = 8.0
-    keep_right: float = 0.2
-    anticipation: float = 0.4
-    overtaking: float = 0.4
-    gain: float = 0.1
-    berth: float = 1.3
-    patience: float = 5.0
-    impatience: float = 0.02
-    sight: float = 2.0
-    interval: float = 0.05
+    time_gap: Positive = 0.5
+    push: Share = 0.0
+    standing: NotNegative = 0.15
+    width: Annotated[float, Range(0.0, 2.0, above=True)] = 0.8
+    strength: NotNegative = 0.2
+    length: Positive = 0.2
+    oncoming: NotNegative = 8.0
+    keep_right: Annotated[float, Range(-1.0, 1.0)] = 0.2
+    anticipation: NotNegative = 0.4
+    overtaking: Annotated[float, Range(0.0, infinite=True)] = 0.4
+    gain: NotNegative = 0.1
+    berth: Positive = 1.3
+    patience: NotNegative = 5.0
+    impatience: NotNegative = 0.02
+    sight: Positive = 2.0
+    interval: Positive = 0.05
 
     def __post_init__(self) -> None:
-        check_fields(
-            "headway",
-            self,
-            time_gap=POSITIVE,
-            push=SHARE,
-            standing=NOT_NEGATIVE,
-            width=Range(0.0, 2.0, above=True),
-            strength=NOT_NEGATIVE,
-            length=POSITIVE,
-            oncoming=NOT_NEGATIVE,
-            keep_right=Range(-1.0, 1.0),
-            anticipation=NOT_NEGATIVE,
-            overtaking=Range(0.0, infinite=True),
-            gain=NOT_NEGATIVE,
-            berth=POSITIVE,
-            patience=NOT_NEGATIVE,
-            impatience=NOT_NEGATIVE,
-            sight=POSITIVE,
-            interval=POSITIVE,
-        )
+        check_fields("headway", self)
 
-    def params(self) -> HeadwayParams:
-        """Return the rule as kernels read it."""
-        return HeadwayParams(*(float(getattr(self, name)) for name in HeadwayParams._fields))
+    def params(self) -> "Headway":
+        """Return the rule as kernels read it: a NamedTuple of its fields."""
+        return cast(Headway, _Params(*(float(value) for value in astuple(self))))
 
+
+_Params: Any = namedtuple("_Params", [field.name for field in fields(Headway)])  # type: ignore[misc]  # names alone
 
 Manner: TypeAlias = str | Mapping[str, Any] | Headway
 """How callers say how people walk: a name in `MANNERS`, a table of the parameters of a `Headway`, or one."""

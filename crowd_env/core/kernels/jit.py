@@ -12,14 +12,12 @@ With ``NUMBA_DISABLE_JIT=1`` in the environment nothing is compiled: every kerne
 here, in which a debugger stops and whose lines a coverage report counts.
 """
 
-import atexit
 import hashlib
 import os
 import re
 import shutil
 import stat
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -83,19 +81,19 @@ def _hash_of(package: Path, files: list[Path]) -> str:
 
 
 def cache_folder(stamp: str) -> Path | None:
-    """Return the stamped cache folder: in $NUMBA_CACHE_DIR, else in the user's cache, else one for this process alone.
+    """Return the stamped cache folder: in $NUMBA_CACHE_DIR, else in the user's cache.
 
-    None if nothing can be written anywhere: kernels are then compiled anew in every process.
+    None if that cannot be used: kernels are then compiled anew, in memory, in every process.
     """
     root = _root()
-    if root is not None:
-        folder = root / f"kernels-{stamp}"
-        problem = _open(folder)
-        if problem is None:
-            _remove_stale(folder)
-            return folder
+    if root is None:
+        return None
+    folder = root / f"kernels-{stamp}"
+    if problem := _open(folder):
         _say(f"kernels are not kept: {problem}; set NUMBA_CACHE_DIR to a folder that only you can write to")
-    return _folder_of_this_process()
+        return None
+    _remove_stale(folder)
+    return folder
 
 
 def _root() -> Path | None:
@@ -146,22 +144,6 @@ def _shared(folder: Path, others: tuple[int, ...] = ()) -> str | None:
     if found.st_mode & _OTHERS_WRITE and not (others and found.st_mode & stat.S_ISVTX):
         return f"other users can write to {folder}"
     return None
-
-
-def _folder_of_this_process() -> Path | None:
-    """Return a new folder with a name that nobody can guess, deleted at the end of the process."""
-    try:
-        folder = Path(tempfile.mkdtemp(prefix="crowd_env-kernels-"))
-    except OSError:
-        return None
-    atexit.register(_leave, folder, os.getpid())
-    return folder
-
-
-def _leave(folder: Path, process: int) -> None:
-    """Delete the folder of this process, unless this is a fork of it."""
-    if process == os.getpid():
-        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _remove_stale(folder: Path) -> None:

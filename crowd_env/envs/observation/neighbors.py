@@ -42,9 +42,7 @@ def neighbor_features(e: int, begin: int, end: int, view: View, plan: Plan, out:
     for cell in range(head, head + rows * columns):
         first_item, end_item = begin + near.cell_start[cell], begin + near.cell_start[cell + 1]
         if first_item < end_item:
-            count = gather_around(
-                head, cell - head, columns, rows, begin, near, position, view.bodies.radius, plan.around
-            )
+            count = gather_around(head, cell - head, columns, rows, begin, view, plan.around)
             write_neighbors(e, first_item, end_item, count, begin, view, plan, out)
 
 
@@ -63,18 +61,9 @@ def put_into_one_cell(
 
 
 @inner_kernel
-def gather_around(
-    head: int,
-    cell: int,
-    columns: int,
-    rows: int,
-    begin: int,
-    near: NeighborList,
-    position: Floats,
-    radius: Floats,
-    around: Floats,
-) -> int:
+def gather_around(head: int, cell: int, columns: int, rows: int, begin: int, view: View, around: Floats) -> int:
     """Write position, radius and slot of those in a cell and beside it into ``around``; return their number."""
+    near, position, radius = view.near, view.state.position, view.bodies.radius
     row, column, count = cell // columns, cell % columns, 0
     for other in range(max(row - 1, 0), min(row + 2, rows)):
         left, right = head + other * columns + max(column - 1, 0), head + other * columns + min(column + 2, columns)

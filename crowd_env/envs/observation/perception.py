@@ -50,12 +50,8 @@ def update_route_ahead(e: int, begin: int, end: int, view: View) -> None:
 
     The potential is a travel time too, by a field that depends on route and doors alone: most often it is the same one.
     """
-    position, radius, active, desired_speed = (
-        view.state.position,
-        view.bodies.radius,
-        view.state.active,
-        view.bodies.desired_speed,
-    )
+    position, active = view.state.position, view.state.active
+    radius, desired_speed = view.bodies.radius, view.bodies.desired_speed
     travel_time, potential, walls = view.travel_time, view.potential, view.boundary
     for n in range(index(begin), index(end)):
         i = view.listed[n]

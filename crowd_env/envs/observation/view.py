@@ -61,9 +61,7 @@ class View(NamedTuple):
     direction: Floats  # (P, 2)  these three as in `RouteAhead`
     travel_time: Floats  # (P,)    s
     potential: Floats  # (P,)    s
-    distance_to_go: (
-        Floats  # (P,)    m   scratch: the rest of the route of those who are seen, their travel time at 1 m/s
-    )
+    distance_to_go: Floats  # (P,)    m   scratch: the rest of the route of those who are seen
     ways: Ways
     length_of_way: Floats  # (P, C)  m   scratch: rest of each way from where they stand, as `distance_to_go`
     heads_for: Ints  # (P,)    scratch: the way that they go, or that looks most like it
@@ -95,8 +93,6 @@ class Plan(NamedTuple):
     turn: Floats  # (R, 2)  cosine and sine of the angle of each ray to the axis
     beam: Floats  # (3, R)  scratch: direction of each ray of one pedestrian, and how far it is free
     nearest: Floats  # (K,)    scratch: the smallest keys of one pedestrian
-    around: (
-        Floats  # (4, N)  scratch: position, radius and slot in the environment of those who may be seen from one cell
-    )
+    around: Floats  # (4, N)  scratch: position, radius and slot of those who may be seen from one cell
     key: Floats  # (N,)    scratch: how near they are to one pedestrian
     all_pairs: int  # up to so many people in an environment are one cell

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowd_env.core.arrays.headway import HeadwayParams
+from crowd_env.core.arrays.headway import Headway
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.neighbors.lists import sort_into_cells
 from crowd_env.physics.workspace import Batch
@@ -12,7 +12,7 @@ _MARGIN = 1e-6  # m    for rounding
 
 
 @inner_kernel
-def look_around(e: int, batch: Batch, params: HeadwayParams) -> None:
+def look_around(e: int, batch: Batch, params: Headway) -> None:
     """Find everyone's way, and sort people into cells: whoever matters stands in the own cell or beside it."""
     slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
     active, position, radius = batch.state.active, batch.state.position, batch.bodies.radius
@@ -52,7 +52,7 @@ def _find_ways(e: int, slot_start: int, slot_stop: int, batch: Batch) -> tuple[f
 
 
 @inner_kernel
-def _find_reach(slot_start: int, slot_stop: int, fastest: float, batch: Batch, params: HeadwayParams) -> float:
+def _find_reach(slot_start: int, slot_stop: int, fastest: float, batch: Batch, params: Headway) -> float:
     """Write the gap [m] up to which others matter to everyone, who may be seen further; returns the largest.
 
     Beyond it nobody slows anyone down, and nobody comes near enough in the time that is foreseen.

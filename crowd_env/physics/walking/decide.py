@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowd_env.core.arrays.headway import HeadwayParams
+from crowd_env.core.arrays.headway import Headway
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.geometry.wall_grid import free_path, is_hidden, walls_near
 from crowd_env.physics.neighbors.lists import first_cell
@@ -15,7 +15,7 @@ _MOST_ASIDE = 2.0  # people never turn further from their way than atan 2 = 63 d
 
 
 @inner_kernel
-def decide(e: int, batch: Batch, params: HeadwayParams) -> None:
+def decide(e: int, batch: Batch, params: Headway) -> None:
     """Write the velocity that everyone in environment ``e`` wants to walk at into `History.walking_velocity`.
 
     It depends on positions, velocities and ways at this moment alone, so on no order of people.
@@ -25,7 +25,7 @@ def decide(e: int, batch: Batch, params: HeadwayParams) -> None:
 
 
 @inner_kernel
-def decide_share(e: int, share: int, shares: int, batch: Batch, params: HeadwayParams) -> None:
+def decide_share(e: int, share: int, shares: int, batch: Batch, params: Headway) -> None:
     """Let the people in one of so many parts of the cells decide; any thread may do so, after `look_around`."""
     walkers, cell_start, slot_start = (
         batch.workspace.walkers,
@@ -42,7 +42,7 @@ def decide_share(e: int, share: int, shares: int, batch: Batch, params: HeadwayP
 
 
 @inner_kernel
-def _decide_one(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: HeadwayParams) -> None:
+def _decide_one(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: Headway) -> None:
     """Write what person ``i`` wants, who stands in ``cell``; those seen are listed from ``seen_start`` on."""
     walkers, velocity, bodies, history = batch.workspace.walkers, batch.state.velocity, batch.bodies, batch.history
     walking = history.walking_velocity
@@ -68,7 +68,7 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, batch: Batch, params
 
 
 @inner_kernel
-def _impatient(i: int, u: float, v: float, speed: float, push: float, batch: Batch, params: HeadwayParams) -> float:
+def _impatient(i: int, u: float, v: float, speed: float, push: float, batch: Batch, params: Headway) -> float:
     """Return the push of someone who may have stood still for long, and count the time [s] on or back."""
     waited = batch.history.waited
     if u * u + v * v < (_STILL * speed) ** 2:
@@ -79,7 +79,7 @@ def _impatient(i: int, u: float, v: float, speed: float, push: float, batch: Bat
 
 
 @inner_kernel
-def _look(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: HeadwayParams) -> tuple[int, float]:
+def _look(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: Headway) -> tuple[int, float]:
     """Write those whom ``i`` sees in front; returns how many they are, and how far to step aside (left > 0), of the way."""
     walkers, position, velocity, radius = (
         batch.workspace.walkers,
@@ -129,7 +129,7 @@ def _look(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: Head
 
 @inner_kernel
 def _overtake(
-    e: int, i: int, slot_start: int, slot_stop: int, time_gap: float, speed: float, batch: Batch, params: HeadwayParams
+    e: int, i: int, slot_start: int, slot_stop: int, time_gap: float, speed: float, batch: Batch, params: Headway
 ) -> float:
     """Return how far to step aside, of the way, to get past someone slower; 0 if that gains too little, or in a queue."""
     walkers, world, velocity = batch.workspace.walkers, batch.world, batch.state.velocity
@@ -165,7 +165,7 @@ def _speed_behind(
     ey: float,
     time_gap: float,
     batch: Batch,
-    params: HeadwayParams,
+    params: Headway,
     width: float,
 ) -> tuple[float, int]:
     """Return how fast [m/s] those seen whose bodies overlap the strip along (ex, ey) let ``i`` walk, and who slows most."""
