@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import gymnasium
 import numpy as np
@@ -23,12 +23,11 @@ from crowd_env.envs.arguments import (
     scenarios_of,
     seed_words,
 )
-from crowd_env.envs.episode import EnvCheckpoint, init_episode, metrics_of, update_episode
+from crowd_env.envs.episode import EnvCheckpoint, init_transition, metrics_of, update_episode
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout, make_layout
 from crowd_env.envs.observation.observer import Observer
-from crowd_env.envs.observation.view import allocate_route_ahead
-from crowd_env.envs.reward import RewardFunction, RewardWeights, Transition, make_weights
+from crowd_env.envs.reward import RewardFunction, RewardWeights, make_weights
 from crowd_env.envs.route_choice import fit_to_ways, make_route_choice, take_routes
 from crowd_env.envs.settings import (
     AsPhysics,
@@ -176,28 +175,15 @@ class CrowdEnv:
             max_drive=physics.max_drive,
         )
         self.simulation.state.active[:] = False  # nobody is there before the first reset
-        self._ahead = allocate_route_ahead(slots)  # the observer writes it, the reward reads its potential
         in_world = self.action_kind.frame == "world"
         routes_of_env = [self.route_set[k] for k in which]
         dwell = self.action_kind.dwell
         choice = make_route_choice(self.scenario_of_env, routes_of_env, self.env_start, dwell, used=choosing)
         self._choice, ways = struct_ref(choice), choice.ways
-        self._observer = Observer(self.simulation, self.layout, self._ahead, ways, in_world=in_world, threads=threads)
-        self._transition = struct_ref(
-            Transition(
-                inside=np.zeros(slots, dtype=np.bool_),
-                left=np.zeros(slots, dtype=np.bool_),
-                travel_time_before=np.zeros(slots),
-                travel_time_after=self._ahead.potential,
-                duration=np.zeros(slots),
-                impulse_magnitude=self.simulation.results.impulse_magnitude,
-                bodies=self.simulation.bodies,
-                state=self.simulation.state,
-            )
-        )
+        self._observer = Observer(self.simulation, self.layout, ways, in_world=in_world, threads=threads)
         time_limits = np.array([time_limit or each.time_limit for each in self.scenario_of_env])
         blocked_after = np.array([each.blocked_after for each in self.scenario_of_env])
-        self._episode = init_episode(self._transition, time_limits, blocked_after)
+        self._transition = init_transition(self.simulation, self._observer.view.potential, time_limits, blocked_after)
         self._reward = RewardFunction(self.reward_weights, slots)
         self._started = False
         self._times_restored = 0
@@ -206,14 +192,12 @@ class CrowdEnv:
     @property
     def time_limit(self) -> Floats:
         """Time limit of each environment (E,) [s]; what is written into it counts from the next step on."""
-        limits: Floats = self._episode.fields.time_limit
-        return limits
+        return cast(Floats, self._transition.time_limit)
 
     @property
     def finished(self) -> Bools:
         """Which environments wait for a reset (E,): all of them until the first."""
-        finished: Bools = self._episode.fields.finished
-        return finished
+        return cast(Bools, self._transition.finished)
 
     @property
     def num_people(self) -> int:
@@ -252,7 +236,7 @@ class CrowdEnv:
         for k in np.flatnonzero(chosen):
             self._restart(int(k))
         self._started = True
-        observation, transition = self._observer.observe(self.active), self._transition.fields
+        observation, transition = self._observer.observe(self.active), self._transition
         fresh = chosen[self.env_of_person]
         transition.travel_time_before[fresh] = transition.travel_time_after[fresh]
         if chosen.all():
@@ -280,17 +264,17 @@ class CrowdEnv:
                 "the simulation alone was restored, the environment was not; restore or reset the environment"
             )
         command, relative, gives_way = self._command(action, scripted)
-        transition, episode = self._transition.fields, self._episode.fields
+        transition = self._transition
         if not self._interrupted:  # else this step goes on with the one before: who got out in between has left
-            transition.inside[:], episode.step_start[:] = state.active, state.time
+            transition.inside[:], transition.step_start[:] = state.active, state.time
         self._interrupted = True
         simulation.advance(command, relative=relative, n_substeps=self.n_substeps, gives_way=gives_way)
         # Before the end of an episode takes out those who are truncated: they are still seen, by themselves and by others,
         # and what is left of their route is not yet 0, which would pay them as if they had got out.
         observation = self._observer.observe(transition.inside)
-        update_episode(self._episode, simulation.dt)
+        update_episode(transition, simulation.dt)
         self._interrupted = False
-        left, truncated, ended = transition.left.copy(), episode.truncated.copy(), episode.ended.copy()
+        left, truncated, ended = (array.copy() for array in (transition.left, transition.truncated, transition.ended))
         reward, terms = self._reward(self._transition)
         over = np.flatnonzero(ended)
         info: dict[str, Any] = {**terms, "finished": ended}
@@ -306,7 +290,7 @@ class CrowdEnv:
 
     def metrics(self, e: int) -> EpisodeMetrics:
         """Return the metrics of the episode of environment ``e`` so far."""
-        return metrics_of(e, self.people(e), self._episode.fields, self.simulation)
+        return metrics_of(e, self.people(e), self._transition.fields, self.simulation)
 
     def checkpoint(self) -> EnvCheckpoint:
         """Return a copy of all that the future depends on, to `restore` here, or in an environment made like this one.
@@ -315,10 +299,8 @@ class CrowdEnv:
         """
         return EnvCheckpoint(
             self.simulation.checkpoint(),
-            copy_arrays(self._episode.fields),
             copy_arrays(self._transition.fields),
-            copy_arrays(self._ahead),
-            self._choice.fields.chosen_at.copy(),
+            self._choice.chosen_at.copy(),
             tuple(copy.deepcopy(rng.bit_generator.state) for rng in self._generators),
             self._started,
             self._interrupted,
@@ -336,10 +318,8 @@ class CrowdEnv:
         """
         require_checkpoint(checkpoint, EnvCheckpoint, "an environment")
         self.simulation.restore(checkpoint.simulation)
-        write_arrays(self._episode.fields, checkpoint.episode)
-        write_arrays(self._transition.fields, checkpoint.step)
-        write_arrays(self._ahead, checkpoint.ahead)
-        self._choice.fields.chosen_at[:] = checkpoint.chosen_at
+        write_arrays(self._transition, checkpoint.step)
+        self._choice.chosen_at[:] = checkpoint.chosen_at
         for rng, state in zip(self._generators, checkpoint.generators, strict=True):
             rng.bit_generator.state = copy.deepcopy(state)
         self._started, self._interrupted = checkpoint.started, checkpoint.interrupted
@@ -360,12 +340,9 @@ class CrowdEnv:
             self.simulation.send(e, chosen)
             if not scenario.depends_on_place(self.routing.strategy):
                 self._usual_route[kind] = chosen
-        self._choice.fields.chosen_at[self.people(e)] = -np.inf
-        self._episode.fields.impulse[self.people(e)] = 0.0
-        self._episode.fields.last_exit[e] = 0.0
-        self._episode.fields.step_start[e] = 0.0
-        self._transition.fields.inside[self.people(e)] = True
-        self.finished[e] = False
+        people, transition = self.people(e), self._transition
+        self._choice.chosen_at[people], transition.impulse[people], transition.inside[people] = -np.inf, 0.0, True
+        transition.last_exit[e], transition.step_start[e], transition.finished[e] = 0.0, 0.0, False
 
     def _command(
         self, action: ArrayLike | None, scripted: ArrayLike | None
@@ -377,6 +354,6 @@ class CrowdEnv:
             controlled &= ~array("scripted", scripted, (self.num_people,), "b")
         command, way = to_command(action, self.action_kind, controlled)
         if way is not None:
-            take_routes(way, controlled, self._choice, self._transition.fields.state)
+            take_routes(way, controlled, self._choice, self._transition.state)
         others, in_world = ~controlled, self.action_kind.frame == "world"
         return command, (others if in_world else None), (others if self.walking.acts_on == "scripted" else None)

@@ -2,7 +2,6 @@
 
 import copy
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import gymnasium
@@ -16,7 +15,6 @@ from crowd_env.core.checks import array, shown, whole
 from crowd_env.envs.arguments import NUMBERS, Place, check_options
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.global_state import StateLayout, StateReader
-from crowd_env.envs.lazy_infos import LazyInfos, write_infos
 from crowd_env.envs.settings import EnvArguments, answers_unknown
 
 RENDER_MODES = ("rgb_array", "human")
@@ -33,7 +31,7 @@ class CrowdParallelEnv(ParallelEnv):
     the time limit all agents that are left are truncated.  After the end, ``step`` returns five empty dictionaries.
 
     The info of an agent holds the terms of its reward, unweighted, as ``reward/<name>``, and in the last step of an episode
-    the ``metrics`` of the episode.  Infos are written when they are first read, see `LazyInfos`; nothing changes them later.
+    the ``metrics`` of the episode.
 
     Parameters
     ----------
@@ -148,7 +146,7 @@ class CrowdParallelEnv(ParallelEnv):
         step = self.env.step(action, scripted)
         observations = dict(zip(agents, step.observation[slots], strict=True))
         rewards = dict(zip(agents, step.reward[slots].tolist(), strict=True))
-        infos = LazyInfos(self._all_false, partial(write_infos, self._all_false, slots, step.info))
+        infos = _infos_of(agents, slots, step.info)
         terminations, truncations = self._all_false.copy(), self._all_false.copy()
         if (step.terminated | step.truncated).any():
             terminations = dict(zip(agents, step.terminated[slots].tolist(), strict=True))
@@ -239,6 +237,14 @@ class CrowdParallelEnv(ParallelEnv):
         if self._window is not None:
             self._window.close()
             self._window = None
+
+
+def _infos_of(agents: list[str], slots: Ints | slice, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return for each agent the terms of its reward and, if the episode is over, the metrics."""
+    terms = {name: values[slots].tolist() for name, values in info.items() if name.startswith("reward/")}
+    ended = [("metrics", metrics._asdict()) for metrics in info["metrics"].values()]
+    rows = zip(*terms.values(), strict=True)
+    return {agent: dict([*zip(terms, row, strict=True), *ended]) for agent, row in zip(agents, rows, strict=True)}
 
 
 def _stacked(actions: list[Any], shape: tuple[int, ...]) -> np.ndarray | None:

@@ -19,7 +19,7 @@ from crowd_env.envs.terms import RewardTerm, names_of, own_terms, weighed_terms
 
 
 class Transition(NamedTuple):
-    """What a decision step did to everyone who was inside at its start."""
+    """What a decision step did to everyone who was inside at its start, and what is kept of the episodes so far."""
 
     inside: Bools  # (P,)   inside at the start
     left: Bools  # (P,)   went out during the step
@@ -29,6 +29,14 @@ class Transition(NamedTuple):
     impulse_magnitude: Floats  # (P,)   N s, sum of the magnitudes of the contact impulses
     bodies: Bodies
     state: CrowdState  # at the end of the step
+    truncated: Bools  # (P,)   still inside when the episode ended in this step
+    impulse: Floats  # (P,)   N s  sum of the contact impulse magnitudes of the episode
+    step_start: Floats  # (E,)   s    when the step started
+    time_limit: Floats  # (E,)   s
+    blocked_after: Floats  # (E,)   s
+    last_exit: Floats  # (E,)   s    when somebody last got out in this episode; 0 = nobody has
+    finished: Bools  # (E,)   the episode is over, or none has begun
+    ended: Bools  # (E,)   the episode ended in this step
 
 
 # The rows of the terms that `compute_reward` writes.

@@ -93,10 +93,6 @@ def rollout(
     seed: int = 0,
     driver: Callable[[int], Driver] | None = None,
     recorder: Recorder | None = None,
-    progress: Callable[[int], object] | None = None,
-    only: Sequence[int] | None = None,
-    at_once: int | None = None,
-    threads: int = 1,
     **options: Any,
 ) -> Iterator[Episode]:
     """Run ``runs`` evacuations, several side by side, and yield each as soon as it is over; run ``k`` is the draw ``seed + k``.
@@ -108,35 +104,15 @@ def rollout(
     ----------
     driver : makes a batch of so many evacuations of ``scenario``; by default everyone walks as the strategy says.
     recorder : sees every moment of every batch; what it kept of an evacuation is `Episode.record`.
-    progress : called with the number of evacuations that have just been yielded.
-    only : numbers of the runs that are wanted, 0 to ``runs`` - 1; by default all.
-    at_once : most runs side by side under the rule; fewer end sooner, and are a little slower in all.
-    threads : of the simulation, at most one an evacuation.
-    **options : arguments of `crowd_env.envs.crowd.CrowdEnv`, or flat settings, see `arguments_of`; a driver of one's own has
-        made its environments already and takes none.
+    **options : the other parameters of `make_batches`, but for ``workers``, such as ``only``, ``threads`` or ``physics``.
 
     Raises
     ------
     ValueError
         If the number of runs or the seed is out of range, or the crowd does not fit.
     """
-    batches = make_batches(
-        scenario,
-        runs,
-        seed=seed,
-        driver=driver,
-        recorder=recorder,
-        only=only,
-        at_once=at_once,
-        threads=threads,
-        **options,
-    )
-    return _finished(batches, progress)
-
-
-def _finished(batches: Sequence["RunBatch"], progress: Callable[[int], object] | None) -> Iterator[Episode]:
-    for batch in batches:
-        yield from batch.episodes(progress)
+    batches = make_batches(scenario, runs, seed=seed, driver=driver, recorder=recorder, **options)
+    return (episode for batch in batches for episode in batch.episodes())
 
 
 class ReusedDriver:
@@ -180,9 +156,7 @@ class RunBatch:
     driver: ReusedDriver
     recorder: Recorder | None
 
-    def episodes(
-        self, progress: Callable[[int], object] | None = None, stopped: Callable[[], bool] | None = None
-    ) -> Iterator[Episode]:
+    def episodes(self, stopped: Callable[[], bool] = lambda: False) -> Iterator[Episode]:
         """Yield the evacuations as they end.
 
         Raises
@@ -196,13 +170,12 @@ class RunBatch:
         if recorder is not None:
             recorder.begin(env, self.runs)
         while not env.finished.all():
-            if stopped is not None and stopped():
+            if stopped():
                 raise KeyboardInterrupt
             step = driver.step()
             if recorder is not None:
                 recorder.add(env, step)
-            ended = [int(e) for e in np.flatnonzero(step.info["finished"])]
-            for e in ended:
+            for e in np.flatnonzero(step.info["finished"]).tolist():
                 state, people = env.simulation.state, env.people(e)
                 yield Episode(
                     self.runs[e],
@@ -216,8 +189,6 @@ class RunBatch:
                     float(state.time[e]),
                     None if recorder is None else recorder.record(env, e),
                 )
-            if progress is not None and ended:
-                progress(len(ended))
 
 
 class BatchDone(NamedTuple):
@@ -252,16 +223,26 @@ def make_batches(
     workers: int | None = None,
     **options: Any,
 ) -> list[RunBatch]:
-    """Return the batches of a `rollout`, whose parameters these are.
+    """Return the batches of a `rollout`, whose first parameters these are.
 
     What a driver of one's own draws at random may depend on the batch, so its batches are always the same; where the rule
     decides, nothing depends on them.
 
     Parameters
     ----------
+    only : numbers of the runs that are wanted, 0 to ``runs`` - 1; by default all.
+    at_once : most runs side by side under the rule; fewer end sooner, and are a little slower in all.
+    threads : of the simulation, at most one an evacuation.
     workers : None = all batches are simulated here, one after the other, and share one recorder; else about how many are at a
         time, elsewhere: then each has its own copy of the recorder, and those under the rule are small enough, and alike
         enough, to occupy all.
+    **options : arguments of `crowd_env.envs.crowd.CrowdEnv`, or flat settings, see `arguments_of`; a driver of one's own has
+        made its environments already and takes none.
+
+    Raises
+    ------
+    ValueError
+        If the number of runs or the seed is out of range.
     """
     runs, seed = whole("runs", runs), whole("seed", seed, NOT_NEGATIVE)
     numbers = range(runs) if only is None else only
@@ -312,28 +293,10 @@ def run_episodes(
             for episode in rollout(scenario, runs, **options):
                 take([episode])
         else:
-            _spread(scenario, runs, executor, take, **options)
+            batches = make_batches(scenario, runs, workers=executor.workers, **options)
+            executor.run(simulate_batch, batches, lambda _, done: take(done.episodes))
     except KeyboardInterrupt:
         raise RunsInterrupted([found[run] for run in sorted(found)], runs) from None
     except WorkerDied as error:
         raise ValueError(f"{error}; {len(found)} of {runs} runs were finished") from None
     return [found[run] for run in sorted(found)]
-
-
-def _spread(
-    scenario: Scenario,
-    runs: int,
-    executor: Executor,
-    take: Callable[[Sequence[Episode]], object],
-    *,
-    progress: Callable[[int], object] | None = None,
-    **options: Any,
-) -> None:
-    """Let an executor do the batches, and hand the evacuations over as they come."""
-
-    def done(k: int, batch: BatchDone) -> None:
-        take(batch.episodes)
-        if progress is not None:
-            progress(len(batch.episodes))
-
-    executor.run(simulate_batch, make_batches(scenario, runs, workers=executor.workers, **options), done)

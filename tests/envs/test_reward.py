@@ -11,6 +11,10 @@ from crowd_env.envs.metrics import flow_slope, summarise
 from crowd_env.envs.reward import REWARDS, RewardFunction, Transition
 
 TERMS = tuple(REWARDS)
+# Fields of a `Transition` that no term reads.
+OF_EPISODE = dict.fromkeys(
+    ("truncated", "impulse", "step_start", "time_limit", "blocked_after", "last_exit", "finished", "ended"), np.zeros(1)
+)
 
 
 def episodes(policy, reward=None, *, num_envs=4, **options):
@@ -18,7 +22,7 @@ def episodes(policy, reward=None, *, num_envs=4, **options):
     env = CrowdEnv("room-v0", num_envs=num_envs, reward=reward, **{"time_limit": 12.0, **options})
     env.reset(seed=2)
     rng = np.random.default_rng(0)
-    first = env._ahead.travel_time.copy()
+    first = env._observer.view.travel_time.copy()
     steps = []
     while not env.finished.all():
         inside = env.active.copy()
@@ -58,7 +62,7 @@ def test_progress_sums_to_the_travel_time_from_the_start_whatever_the_way(policy
     out = np.isfinite(env.simulation.state.exit_time)
     assert out.sum() > 5 and (policy is rule or not out.all())
     np.testing.assert_allclose(total(steps, "progress")[out], first[out], atol=1e-9)
-    left = env._ahead.travel_time[~out]
+    left = env._observer.view.travel_time[~out]
     np.testing.assert_allclose(total(steps, "progress")[~out], first[~out] - left, atol=1e-9)
 
 
@@ -69,7 +73,7 @@ def test_the_first_travel_time_is_the_length_of_the_way_over_the_own_speed():
     time = 5.0 * seen / (1.0 - seen)
     distance = np.hypot(5.0 - env.simulation.state.position[:, 0], 0.0)
     assert (time * env.simulation.bodies.desired_speed > distance - 0.05).all()
-    np.testing.assert_allclose(time, env._ahead.travel_time, rtol=1e-5)
+    np.testing.assert_allclose(time, env._observer.view.travel_time, rtol=1e-5)
 
 
 @pytest.mark.parametrize("scheme", ["dem", "nsm2", "hertz"])
@@ -97,7 +101,7 @@ def test_the_head_is_nearest_by_its_route_and_every_route_has_one():
     env.reset(seed=0)
     rng, routes = np.random.default_rng(0), set()
     for _ in range(20):
-        inside, before = env.active.copy(), env._ahead.potential * env.simulation.bodies.desired_speed
+        inside, before = env.active.copy(), env._observer.view.potential * env.simulation.bodies.desired_speed
         step = env.step(drunk(rng, env.num_people))
         for e in range(2):
             people = np.arange(env.num_people)[env.people(e)]
@@ -217,6 +221,7 @@ def test_letting_somebody_else_through_first_pays_if_time_is_shared():
                 impulse_magnitude=np.zeros(20),
                 bodies=make_bodies(np.full(20, 0.2), 80.0),
                 state=make_state(np.zeros((20, 2)), environments=1),
+                **OF_EPISODE,
             )
             weights = RewardWeights({"time": 1.0, "contact": 1.0}, share, ("time",))
             paid.append(RewardFunction(weights, 20)(struct_ref(step))[0][19])
@@ -243,6 +248,7 @@ def test_one_step_by_hand():
         impulse_magnitude=np.array([8.0, 0.0, 0.0, 0.0, 0.0]),
         bodies=make_bodies(np.full(5, 0.2), 80.0, env_start=np.array([0, 4, 5])),
         state=make_state(np.zeros((5, 2)), environments=2),
+        **OF_EPISODE,
     )
     weights = RewardWeights({"progress": 1.0, "exit": 2.0, "time": 5.0, "contact": 1.0}, team_share=0.5)
     reward, terms = RewardFunction(weights, 5)(struct_ref(step))

@@ -43,14 +43,6 @@ def test_an_evacuation_is_yielded_when_it_ends_and_not_when_its_batch_does():
     assert repr(next(rollout(room(), 20, scheme="dem"))) == repr(episodes[0])
 
 
-def test_progress_adds_up_to_what_has_been_yielded(two_at_once):
-    yielded, told = [], []
-    for episode in rollout(room(), 5, scheme="dem", progress=told.append):
-        assert sum(told) <= len(yielded)
-        yielded.append(episode)
-    assert sum(told) == len(yielded) == 5
-
-
 def test_an_interruption_keeps_what_is_finished(two_at_once, monkeypatch):
     whole = run_episodes(room(), 6, scheme="dem")
     steps, step = [], CrowdEnv.step
@@ -133,7 +125,13 @@ def test_a_film_has_every_moment_of_the_evacuation_of_its_seed():
 def test_an_executor_makes_the_same_evacuations():
     expected, counts = run_episodes(room(), 7, scheme="dem", seed=2, recorder=Counts()), []
     found = run_episodes(
-        room(), 7, scheme="dem", seed=2, recorder=Counts(), executor=Processes(2), progress=counts.append
+        room(),
+        7,
+        scheme="dem",
+        seed=2,
+        recorder=Counts(),
+        executor=Processes(2),
+        keep=lambda some: counts.append(len(some)),
     )
     assert repr(found) == repr(expected) and sorted(counts) == [3, 4]
 

@@ -7,7 +7,7 @@ from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.core.kernels.threads import Workers
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.observation.perception import perceive
-from crowd_env.envs.observation.view import RouteAhead, View, Ways
+from crowd_env.envs.observation.view import View, Ways
 from crowd_env.physics.neighbors.lists import allocate_neighbors
 from crowd_env.physics.simulation.simulation import Simulation
 
@@ -20,36 +20,29 @@ class Observer:
     Parameters
     ----------
     simulation, layout : whom, and what of them.
-    ahead : where to write what is left of everyone's route, whatever the layout.
     ways : that people may choose among.
     in_world : vectors along x and y, else along and to the left of the shortest path.
     threads : spread environments over so many; observations do not depend on it.
+
+    Attributes
+    ----------
+    view : a reference to the `View`.
     """
 
     def __init__(
-        self,
-        simulation: Simulation,
-        layout: ObservationLayout,
-        ahead: RouteAhead,
-        ways: Ways,
-        *,
-        in_world: bool,
-        threads: int,
+        self, simulation: Simulation, layout: ObservationLayout, ways: Ways, *, in_world: bool, threads: int
     ) -> None:
         people, environments = len(simulation.bodies.radius), len(simulation.state.time)
         self.layout = layout
-        self._axis = np.tile([1.0, 0.0], (people, 1)) if in_world else ahead.direction
-        self._seen = np.zeros(people, dtype=np.bool_)
-        self._listed = np.zeros(people, dtype=np.int32)
+        direction = np.zeros((people, 2))
         self._everywhere = np.arange(environments)
         side_by_side = min(threads, environments) if people >= _ENOUGH_FOR_THREADS else 1
         largest = int(np.diff(simulation.bodies.env_start).max())
         self._plans = [struct_ref(layout.plan(largest)) for _ in range(side_by_side)]
         self._workers = Workers()
-        self._cells = allocate_neighbors(simulation.bodies, per_person=0)
         world, batch, history, results = simulation.world, simulation.batch, simulation.history, simulation.results
         # The parts of `simulation.batch` stay the same references when doors or growth replace what they refer to.
-        self._view = struct_ref(
+        self.view = struct_ref(
             View(
                 boundary=world.boundary,
                 door_open=history.door_open,
@@ -60,17 +53,19 @@ class Observer:
                 followed=history.followed,
                 bodies=simulation.bodies,
                 state=simulation.state,
-                near=self._cells,
+                near=allocate_neighbors(simulation.bodies, per_person=0),
                 impulse=results.impulse,
                 impulse_magnitude=results.impulse_magnitude,
-                seen=self._seen,
-                listed=self._listed,
-                axis=self._axis,
+                seen=np.zeros(people, dtype=np.bool_),
+                listed=np.zeros(people, dtype=np.int32),
+                axis=np.tile([1.0, 0.0], (people, 1)) if in_world else direction,
+                direction=direction,
+                travel_time=np.zeros(people),
+                potential=np.zeros(people),
                 distance_to_go=np.zeros(people),
                 ways=ways,
                 length_of_way=np.zeros((people, layout.routes)),
                 heads_for=np.zeros(people, dtype=np.int64),
-                **ahead._asdict(),
             )
         )
 
@@ -82,8 +77,8 @@ class Observer:
         environments : write the rows of these alone; None = of all.
         out : (P, D) float32 to write into instead of a new array.
         """
-        view = self._view
-        self._seen[:] = seen
+        view = self.view
+        view.seen[:] = seen
         rows = np.empty((len(seen), self.layout.size), np.float32) if out is None else out
         chosen = self._everywhere if environments is None else environments
         if environments is not None or len(self._plans) == 1:

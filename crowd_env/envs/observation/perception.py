@@ -46,7 +46,7 @@ def list_seen(begin: int, end: int, seen: Bools, listed: Cells, out: Rows) -> in
 
 @inner_kernel
 def update_route_ahead(e: int, begin: int, end: int, view: View) -> None:
-    """Write the `RouteAhead` and the distance to go of those in ``listed[begin:end]``, by the route that each follows.
+    """Write the rest of the route of those in ``listed[begin:end]``, by the route that each follows.
 
     The potential is a travel time too, by a field that depends on route and doors alone: most often it is the same one.
     """

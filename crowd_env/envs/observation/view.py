@@ -20,19 +20,6 @@ TIME_SCALE = 5.0  # s     a travel time of 5 s is observed as 1/2
 SLOWEST = 0.1  # m/s
 
 
-class RouteAhead(NamedTuple):
-    """The rest of each pedestrian's route: written when the crowd is observed, read by the reward of the same step."""
-
-    direction: Floats  # (P, 2) of the shortest path, along x and y
-    travel_time: Floats  # (P,)  s, at the own desired speed; 0 for those who are out
-    potential: Floats  # (P,)  s, travel time by which progress is counted: that of the `RouteField.potential`
-
-
-def allocate_route_ahead(people: int) -> RouteAhead:
-    """Return the arrays for so many people, of whom nothing is known yet."""
-    return RouteAhead(np.zeros((people, 2)), np.zeros(people), np.zeros(people))
-
-
 class Ways(NamedTuple):
     """The C exits and routes that people may choose among, in the order of `Scenario.ways`; none where they choose none."""
 
@@ -58,9 +45,10 @@ class View(NamedTuple):
     seen: Bools  # (P,)    whose observation is wanted: everyone inside, and perhaps others; the rest stays zero
     listed: Cells  # (P,)    scratch: their slots, one environment after the other
     axis: Floats  # (P, 2)  first axis of the frame
-    direction: Floats  # (P, 2)  these three as in `RouteAhead`
-    travel_time: Floats  # (P,)    s
-    potential: Floats  # (P,)    s
+    # The rest of each route as it was when the crowd was last observed, whatever the terms; the reward reads its potential.
+    direction: Floats  # (P, 2)  of the shortest path, along x and y
+    travel_time: Floats  # (P,)    s, at the own desired speed; 0 for those who are out
+    potential: Floats  # (P,)    s, travel time by which progress is counted: that of the `RouteField.potential`
     distance_to_go: Floats  # (P,)    m   scratch: the rest of the route of those who are seen
     ways: Ways
     length_of_way: Floats  # (P, C)  m   scratch: rest of each way from where they stand, as `distance_to_go`

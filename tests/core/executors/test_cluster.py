@@ -99,13 +99,13 @@ def test_runs_are_the_same_runs_when_a_node_is_killed_meanwhile(nodes, executor)
     expected = run_episodes(place, 12, scheme="dem", seed=3)
     doomed, counts = nodes.add_node(num_cpus=1, object_store_memory=100_000_000), []
 
-    def progress(count):
+    def keep(episodes):
         if not counts:
             nodes.remove_node(doomed, allow_graceful=False)
-        counts.append(count)
+        counts.append(len(episodes))
 
     wide = make_executor("ray")
-    found = run_episodes(place, 12, scheme="dem", seed=3, executor=wide, progress=progress)
+    found = run_episodes(place, 12, scheme="dem", seed=3, executor=wide, keep=keep)
     assert repr(found) == repr(expected) and sum(counts) == 12 and len(counts) > 1
 
 

@@ -6,9 +6,7 @@ import shutil
 import stat
 import subprocess
 import sys
-import tempfile
 import time
-from pathlib import Path
 
 import pytest
 from repository import ROOT
@@ -37,23 +35,16 @@ def run(cache, program=PROGRAM, **environment):
 
 @pytest.fixture
 def clean(tmp_path, monkeypatch):
-    """Run with no wish about the cache, a home and a temporary folder of its own."""
+    """Run with no wish about the cache, and a home of its own."""
     for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "CROWD_ENV_QUIET"):
         monkeypatch.delenv(name, raising=False)
-    for name in ("home", "temporary"):
-        (tmp_path / name).mkdir()
+    (tmp_path / "home").mkdir()
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
     return tmp_path
 
 
 def mode(folder):
     return stat.S_IMODE(folder.stat().st_mode)
-
-
-def of_the_process(folder, root):
-    """Whether this is a folder for one process: under a name that nobody can guess, and closed to others."""
-    return folder.parent == root / "temporary" and STAMP not in folder.name and mode(folder) == 0o700
 
 
 def test_a_cold_start_says_once_that_it_compiles_and_a_warm_one_says_nothing(tmp_path):
@@ -139,7 +130,7 @@ def test_a_folder_that_others_can_write_to_is_refused(clean, monkeypatch, capsys
     folder = clean / "home" / ".cache" / "crowd_env" / f"kernels-{STAMP}"
     folder.mkdir(parents=True)
     folder.chmod(open_to)
-    assert of_the_process(jit.cache_folder(STAMP), clean)
+    assert jit.cache_folder(STAMP) is None
     note = capsys.readouterr().err
     assert f"other users can write to {folder}" in note and "NUMBA_CACHE_DIR" in note and note.count("\n") == 1
 
@@ -161,7 +152,7 @@ def test_a_folder_of_another_user_is_refused(clean, monkeypatch, capsys, whose):
     monkeypatch.setattr(jit.Path, "stat", owned)
     used = jit.cache_folder(STAMP)
     monkeypatch.undo()
-    assert of_the_process(used, clean)
+    assert used is None
     assert f"{theirs} belongs to another user" in capsys.readouterr().err
 
 
@@ -170,7 +161,7 @@ def test_a_link_in_the_place_of_the_folder_is_refused(clean, capsys):
     root.mkdir(parents=True)
     (clean / "trap").mkdir(mode=0o700)
     (root / f"kernels-{STAMP}").symlink_to(clean / "trap")
-    assert of_the_process(jit.cache_folder(STAMP), clean)
+    assert jit.cache_folder(STAMP) is None
     assert "is not a folder" in capsys.readouterr().err
 
 
@@ -179,7 +170,7 @@ def test_a_shared_root_will_do_only_if_entries_are_safe_there(clean, monkeypatch
     shared.mkdir()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(shared))
     shared.chmod(0o777)
-    assert of_the_process(jit.cache_folder(STAMP), clean)
+    assert jit.cache_folder(STAMP) is None
     shared.chmod(0o1777)
     folder = jit.cache_folder(STAMP)
     assert folder == shared / f"kernels-{STAMP}" and mode(folder) == 0o700
@@ -194,9 +185,9 @@ def homeless(*_):
 
 def test_no_home_is_no_error(clean, monkeypatch, capsys):
     monkeypatch.setattr(jit.Path, "home", homeless)
-    assert of_the_process(jit.cache_folder(STAMP), clean)
+    assert jit.cache_folder(STAMP) is None
     monkeypatch.setenv("XDG_CACHE_HOME", "relative")
-    assert of_the_process(jit.cache_folder(STAMP), clean)
+    assert jit.cache_folder(STAMP) is None
     monkeypatch.setenv("XDG_CACHE_HOME", str(clean / "cache"))
     assert jit.cache_folder(STAMP) == clean / "cache" / "crowd_env" / f"kernels-{STAMP}"
     assert capsys.readouterr().err == ""
@@ -217,22 +208,15 @@ def test_a_given_folder_stays_where_it_is_when_the_process_moves(clean, monkeypa
 def test_a_root_that_is_a_file_is_no_error(clean, monkeypatch, capsys):
     (clean / "file").touch()
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(clean / "file"))
-    assert of_the_process(jit.cache_folder(STAMP), clean)
+    assert jit.cache_folder(STAMP) is None
     assert "cannot be written" in capsys.readouterr().err
 
 
 def test_where_nothing_can_be_written_kernels_are_compiled_in_memory(tmp_path):
     (tmp_path / "file").touch()
-    gone = f"import tempfile; tempfile.tempdir = {str(tmp_path / 'gone')!r}\n"
     report = "\nfrom crowd_env.core.kernels import jit; print(jit.CACHE_FOLDER)"
-    out, _ = run(tmp_path / "file", gone + PROGRAM + report)
+    out, _ = run(tmp_path / "file", PROGRAM + report)
     assert out == "None\n"
-
-
-def test_the_folder_of_a_process_is_gone_after_it(tmp_path):
-    (tmp_path / "file").touch()
-    out, _ = run(tmp_path / "file", PROGRAM + "\nfrom crowd_env.core.kernels import jit; print(jit.CACHE_FOLDER)")
-    assert "crowd_env-kernels-" in out and not Path(out.strip()).exists()
 
 
 # -------------------------------------------------------------------------------------------------------- the stamp

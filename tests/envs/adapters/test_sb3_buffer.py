@@ -313,11 +313,6 @@ def test_a_model_in_an_environment_of_many_threads_can_be_saved(tmp_path):
     assert PPO.load(tmp_path / "model.zip", device="cpu").num_timesteps == 24 * 16
 
 
-def test_models_of_earlier_versions_name_an_environment_that_nobody_asks():
-    with pytest.warns(DeprecationWarning, match="finds its environment by itself"):
-        make_buffer(1, 2, venv=make(1))
-
-
 @pytest.mark.parametrize("wrap", [VecMonitor, lambda venv: VecNormalize(VecMonitor(venv), norm_obs=False)])
 def test_whose_rewards_they_are_is_known_through_wrappers(wrap):
     venv = make(3, reward=RewardWeights(team_share=0.3))

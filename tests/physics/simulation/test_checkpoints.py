@@ -45,7 +45,7 @@ def seen(env, steps, rng):
     found = []
     for _ in range(steps):
         step = env.step(rng.uniform(-1, 1, (env.num_people, 2)), np.arange(env.num_people) % 4 > 0)
-        simulation, episode = env.simulation, env._episode.fields
+        simulation, episode = env.simulation, env._transition
         arrays = (
             *step[:4],
             *simulation.state,

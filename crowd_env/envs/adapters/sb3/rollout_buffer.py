@@ -1,6 +1,5 @@
 """Rollouts of a `CrowdVecEnv` that keep pedestrians who have left out of the loss."""
 
-import warnings
 from collections.abc import Generator
 from typing import Any
 
@@ -24,18 +23,7 @@ class MaskedRolloutBuffer(RolloutBuffer):
 
     If only some terms are shared the critic cannot tell their part of V.  Having left is then worth what those who are out are
     paid in the rest of the rollout, and after its end what they were last paid, for as long again as a rollout lasts.
-
-    Parameters
-    ----------
-    args, kwargs : as for RolloutBuffer.
-    venv : no longer needed; models that were saved by earlier versions name it.
     """
-
-    def __init__(self, *args: Any, venv: object = None, **kwargs: Any) -> None:
-        if venv is not None:
-            text = "MaskedRolloutBuffer finds its environment by itself: leave out rollout_buffer_kwargs={'venv': ...}"
-            warnings.warn(text, DeprecationWarning, stacklevel=2)
-        super().__init__(*args, **kwargs)
 
     def reset(self) -> None:
         """Empty the buffer."""
@@ -43,15 +31,7 @@ class MaskedRolloutBuffer(RolloutBuffer):
         self.mask = np.zeros((self.buffer_size, self.n_envs), dtype=np.bool_)
         self._slots: Slots | None = None  # of the last step
 
-    def add(
-        self,
-        obs: np.ndarray,
-        action: np.ndarray,
-        reward: np.ndarray,
-        episode_start: np.ndarray,
-        value: torch.Tensor,
-        log_prob: torch.Tensor,
-    ) -> None:
+    def add(self, obs: np.ndarray, action: np.ndarray, reward: np.ndarray, *args: Any, **kwargs: Any) -> None:
         """Add one step of all slots.
 
         Raises
@@ -66,7 +46,7 @@ class MaskedRolloutBuffer(RolloutBuffer):
                 "the environment is another one, or a wrapper has replaced them by plain arrays"
             )
         t = self.pos
-        super().add(obs, action, reward, episode_start, value, log_prob)
+        super().add(obs, action, reward, *args, **kwargs)
         self.mask[t], self._slots = slots.acted, slots
         self.values[t] = np.where(
             slots.acted, self.values[t], _worth_of_having_left(self.values[t], slots.acted, slots)
