@@ -74,7 +74,7 @@ def rooms() -> dict[str, set[str]]:
 
     graph = grimp.build_graph("crowd_env", "validation", "benchmarks", cache_dir=None)
     # The looks up, as in the contract of the layers: what draws an environment or a recording is loaded when it is drawn.
-    for module in ("crowd_env.envs.parallel", "crowd_env.envs.single_env"):
+    for module in ("crowd_env.envs.parallel", "crowd_env.envs.controlled"):
         for drawing in ("crowd_env.rendering", "crowd_env.rendering.frames"):
             graph.remove_import(importer=module, imported=drawing)
     graph.remove_import(importer="crowd_env.recording.recording", imported="crowd_env.rendering")

@@ -13,11 +13,9 @@ from typing_extensions import Unpack
 
 from crowd_env.core.arrays.state import Bools, as_grid
 from crowd_env.envs.arguments import Place
-from crowd_env.envs.batch import BatchStep
+from crowd_env.envs.controlled import BatchStep, BatchVectorEnv, SingleEnv, mode_of
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.settings import EnvArguments, answers_unknown
-from crowd_env.envs.single_env import SingleEnv
-from crowd_env.envs.vector_env import BatchVectorEnv, mode_of
 
 
 class CrowdBatch:

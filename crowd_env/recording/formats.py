@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.atomic import check_suffix
+from crowd_env.recording.foreign import read_text_trajectory
 from crowd_env.recording.hdf5 import Hdf5Writer, read_hdf5
 from crowd_env.recording.recording import Recording
 from crowd_env.recording.sqlite import SqliteWriter, read_sqlite
-from crowd_env.recording.text import read_text_trajectory
 from crowd_env.recording.writer import Writer, part_of
 
 
@@ -49,7 +49,7 @@ def check_writable(what: str, path: str | Path) -> Path:
         If the library that writes the format is not installed.
     """
     written = [suffix for suffix, one in FORMATS.items() if one.write is not None]
-    path = check_suffix(_no_parquet(path_of(what, path)), written)
+    path = check_suffix(path_of(what, path), written)
     if path.is_dir():
         raise ValueError(f"{what} is {path}, which is a folder; it must be a file")
     _require_library(path, "writing")
@@ -77,7 +77,7 @@ def load(path: str | Path) -> Recording:
     ModuleNotFoundError
         If the library that reads the format is not installed.
     """
-    path = check_suffix(_no_parquet(path_of("the file of the recording", path)), tuple(FORMATS))
+    path = check_suffix(path_of("the file of the recording", path), tuple(FORMATS))
     if not path.exists():
         part = part_of(path)
         hint = f"; {part} holds what was recorded before its run broke off" if part.exists() else ""
@@ -88,14 +88,6 @@ def load(path: str | Path) -> Recording:
     except Exception as error:  # a damaged file fails in many ways, and each library has exceptions of its own
         words = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(words if str(path) in words else f"cannot read {path}: {words}") from None
-
-
-def _no_parquet(path: Path) -> Path:
-    if path.suffix.lower() == ".parquet":
-        raise ValueError(
-            f"{path}: Parquet is no format of recordings any more; take .h5, which pandas and PedPy read too"
-        )
-    return path
 
 
 def _require_library(path: Path, doing: str) -> Any:

@@ -15,8 +15,8 @@ import numpy as np
 
 from crowd_env.core.files.atomic import written
 from crowd_env.recording.foreign import recording_of_positions
-from crowd_env.recording.recording import FrameContacts, Recording
-from crowd_env.recording.writer import area_with_aprons, facing, outline_of, part_of, plain_place, read_place
+from crowd_env.recording.recording import OF_PEOPLE, FrameContacts, Recording
+from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing, part_of, recording_of
 
 _ROW = [
     ("frame", "<i4"),
@@ -44,13 +44,9 @@ class Hdf5Writer:
         if first.contacts is not None:
             self._table("contacts", _CONTACT)
         self._file.create_dataset("people", data=_people(first))
-        attributes: dict[str, Any] = {
-            "wkt_geometry": area_with_aprons(first).wkt,
-            "place": json.dumps(plain_place(first)),
-        }
-        attributes |= {"facts": json.dumps(first.facts), "producer": "crowd_env", "fps": 1.0 / first.frame_interval}
-        for name, value in attributes.items():
-            self._file.attrs[name] = value
+        place = as_json({name: getattr(first, name) for name in PLACE})
+        self._file.attrs.update(wkt_geometry=area_with_aprons(first).wkt, place=place, facts=as_json(first.facts))
+        self._file.attrs.update(producer="crowd_env", fps=1.0 / first.frame_interval)
         self._file.swmr_mode = True
 
     def _table(self, name: str, kind: list[Any]) -> Any:
@@ -107,7 +103,7 @@ class Hdf5Writer:
 
 def _people(recording: Recording) -> np.ndarray:
     people = np.zeros(len(recording.radius), dtype=_PERSON)
-    for name, _ in _PERSON:
+    for name in OF_PEOPLE:
         people[name] = getattr(recording, name)
     return people
 
@@ -143,39 +139,29 @@ def read_hdf5(path: Path) -> Recording:
 
 
 def _ours(file: Any) -> Recording:
-    facts = json.loads(file.attrs["facts"])
-    outline = outline_of(facts)
     count, people = file["frames"][:], file["people"][:]
-    end = int(count["rows"][-1]) if len(count) else 0
-    rows = file["trajectory"][:end]
+    rows = file["trajectory"][: int(count["rows"][-1]) if len(count) else 0]
     contacts = None
     if "contacts" in file:
         found = file["contacts"][: int(count["contacts"][-1]) if len(count) else 0]
-        columns = {name: _own(found[name]) for name in FrameContacts._fields[1:]}
-        contacts = FrameContacts(np.concatenate([[0], count["contacts"]]), **columns)
-    times = _own(count["time"])
-    since = times[-1] if len(times) else -np.inf
+        contacts = FrameContacts(
+            np.concatenate([[0], count["contacts"]]), *(found[name] for name in FrameContacts._fields[1:])
+        )
+    since = count["time"][-1] if len(count) else -np.inf
     out = people["exit_time"] <= since  # what was written after the last frame that counts
-    return Recording(
-        facts=facts,
-        **read_place(json.loads(file.attrs["place"])),
-        times=times,
+    of_people = {name: people[name] for name in OF_PEOPLE}
+    of_people["exit_time"] = np.where(out, people["exit_time"], np.nan)
+    of_people["exit_index"] = np.where(out, people["exit_index"], -1)
+    return recording_of(
+        json.loads(file.attrs["facts"]),
+        json.loads(file.attrs["place"]),
+        times=count["time"],
         frame_start=np.concatenate([[0], count["rows"]]),
-        radius=_own(people["radius"]),
-        desired_speed=_own(people["desired_speed"]),
-        group=_own(people["group"]),
-        exit_time=np.where(out, people["exit_time"], np.nan),
-        exit_index=np.where(out, people["exit_index"], -1).astype(np.int64),
-        person=_own(rows["id"]),
+        **of_people,
+        person=rows["id"],
         position=np.stack([rows["x"], rows["y"]], axis=1),
         velocity=np.stack([rows["vx"], rows["vy"]], axis=1),
-        pressure=_own(rows["pressure"]),
-        angle=None if outline is None else _own(rows["angle"]),
-        outline=outline,
+        pressure=rows["pressure"],
+        angle=rows["angle"] if "angle" in rows.dtype.names else None,
         contacts=contacts,
     )
-
-
-def _own(values: np.ndarray) -> np.ndarray:
-    """Return a column of a table as an array of its own, whole numbers as int64."""
-    return np.array(values, dtype=np.int64 if values.dtype.kind == "i" else np.float64)

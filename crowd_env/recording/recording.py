@@ -13,6 +13,15 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints, row_starts
 from crowd_env.core.checks import array
 from crowd_env.geometry.geometry import Geometry
 
+OF_PEOPLE = (
+    "radius",
+    "desired_speed",
+    "group",
+    "exit_time",
+    "exit_index",
+)  # the fields of a recording with one for each
+_WHOLE = {"frame_start", "group", "exit_index", "person", "start", "i", "j"}
+
 
 class FrameContacts(NamedTuple):
     """The K contacts of F frames: everything that touched since the frame before, of people who are still inside.
@@ -48,15 +57,15 @@ class Recording:
     beyond the exit line: where the straight way on leads by then, and at least a few centimeters past the line.  If people get
     out in the last frame of a run, one more follows in which they alone have a row.
 
+    Arrays may be given as lists, or of another kind of number.
+
     Raises
     ------
     ValueError
         If an array does not have the shape named here, the times do not increase, or a number points nowhere.
     """
 
-    facts: Mapping[
-        str, Any
-    ]  #: plain data: scenario, scheme, dt, decision_dt, seed, strategy, time_limit, end, versions ...
+    facts: Mapping[str, Any]  #: plain data: scenario, scheme, dt, decision_dt, seed, strategy, time_limit, versions ...
     walkable: str  #: WKT of the walkable area [m]
     thin_walls: Floats  #: (W, 2, 2) m, walls without thickness inside the area
     doors: tuple[tuple[str, Floats], ...]  #: name, (2, 2) m, of each leaf: a wall while the door is closed
@@ -85,14 +94,12 @@ class Recording:
             "thin_walls": (len(self.thin_walls), 2, 2),
             "times": (frames,),
             "frame_start": (frames + 1,),
-            **dict.fromkeys(("radius", "desired_speed", "group", "exit_time", "exit_index"), (people,)),
-            **dict.fromkeys(("person", "pressure"), (rows,)),
+            **dict.fromkeys(OF_PEOPLE, (people,)),
+            **dict.fromkeys(("person", "pressure") if self.angle is None else ("person", "pressure", "angle"), (rows,)),
             **dict.fromkeys(("position", "velocity"), (rows, 2)),
         }
-        if self.angle is not None:
-            shapes["angle"] = (rows,)
         for name, shape in shapes.items():
-            array(f"recording: {name}", getattr(self, name), shape)
+            object.__setattr__(self, name, _column(name, getattr(self, name), shape))
         if not frames or not (np.diff(self.times) > 0).all():
             raise ValueError("a recording needs at least one frame, and its times must increase")
         _check_starts("frame_start", self.frame_start, rows)
@@ -100,12 +107,13 @@ class Recording:
         _check_numbers("group", self.group, 0, len(self.groups))
         _check_numbers("exit_index", self.exit_index, -1, len(self.exits))
         if self.contacts is not None:
-            count = len(self.contacts.i)
-            for name, shape in {"start": (frames + 1,), "i": (count,), "j": (count,), "gap": (count,)}.items():
-                array(f"recording: contacts: {name}", getattr(self.contacts, name), shape)
-            for name in ("normal", "point", "force"):
-                array(f"recording: contacts: {name}", getattr(self.contacts, name), (count, 2))
-            _check_starts("contacts: start", self.contacts.start, count)
+            one, two = (len(self.contacts.i),), (len(self.contacts.i), 2)
+            named = zip(
+                FrameContacts._fields, self.contacts, ((frames + 1,), one, one, one, two, two, two), strict=True
+            )
+            contacts = FrameContacts(*(_column(name, values, shape) for name, values, shape in named))
+            object.__setattr__(self, "contacts", contacts)
+            _check_starts("start of contacts", contacts.start, len(contacts.i))
 
     @cached_property
     def frame(self) -> Ints:
@@ -239,6 +247,11 @@ def joined(parts: Sequence[Recording]) -> Recording:
             *(np.concatenate(column) for column in list(zip(*found, strict=True))[1:]),
         )
     return replace(parts[-1], **columns, frame_start=starts([part.frame_start for part in parts]))
+
+
+def _column(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
+    kind = np.int64 if name in _WHOLE else np.float64
+    return np.ascontiguousarray(array(f"recording: {name}", values, shape), dtype=kind)
 
 
 def _check_starts(name: str, starts: Ints, rows: int) -> None:

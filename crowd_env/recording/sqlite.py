@@ -17,8 +17,8 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.recording.foreign import recording_of_positions
-from crowd_env.recording.recording import FrameContacts, Recording
-from crowd_env.recording.writer import area_with_aprons, facing, outline_of, part_of, plain_place, read_place
+from crowd_env.recording.recording import OF_PEOPLE, FrameContacts, Recording
+from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing, part_of, recording_of
 
 # What JuPedSim and PedPy read.
 _JUPEDSIM = """
@@ -56,8 +56,7 @@ class SqliteWriter:
         self._hash = int.from_bytes(hashlib.blake2b(area.wkt.encode(), digest_size=8).digest(), "big", signed=True)
         known = {"version": 2, "fps": 1.0 / first.frame_interval}
         known |= dict(zip(("xmin", "ymin", "xmax", "ymax"), area.bounds, strict=True))
-        place = plain_place(first)
-        exits = place.pop("exits")
+        facts = {**first.facts, **{name: getattr(first, name) for name in PLACE if name != "exits"}}
         people = zip(first.radius.tolist(), first.desired_speed.tolist(), first.group.tolist(), strict=True)
         with _named(self._part):
             self._part.unlink(missing_ok=True)
@@ -68,8 +67,8 @@ class SqliteWriter:
             self._file.executescript("BEGIN;" + _JUPEDSIM + _OURS + ("" if first.contacts is None else _CONTACTS))
             self._insert("metadata", ((key, str(value)) for key, value in known.items()))
             self._insert("geometry", [(self._hash, area.wkt)])
-            self._insert("facts", ((key, json.dumps(value)) for key, value in {**first.facts, **place}.items()))
-            self._insert("exits", ((k, name, *a, *b) for k, (name, (a, b)) in enumerate(exits)))
+            self._insert("facts", ((key, as_json(value)) for key, value in facts.items()))
+            self._insert("exits", ((k, name, *line.ravel().tolist()) for k, (name, line) in enumerate(first.exits)))
             self._insert("people", ((k, *one, None, None) for k, one in enumerate(people)))
             self._file.execute("COMMIT")
 
@@ -145,42 +144,31 @@ def read_sqlite(path: Path) -> Recording:
 
 def _ours(file: sqlite3.Connection, tables: set[str]) -> Recording:
     facts = {key: json.loads(value) for key, value in file.execute("SELECT key, value FROM facts")}
-    exits = [[name, [line[:2], line[2:]]] for _, name, *line in file.execute("SELECT * FROM exits ORDER BY number")]
-    keys = ("walkable", "thin_walls", "doors", "groups")
-    place = read_place({**{key: facts.pop(key) for key in keys}, "exits": exits})
-    radius, speed, group, exit_time, exit_index = _columns(
-        file,
-        "SELECT radius, desired_speed, group_number, exit_time, ifnull(exit_number, -1) FROM people ORDER BY id",
-        5,
-    )
-    outline = outline_of(facts)
+    place = {key: facts.pop(key) for key in PLACE if key != "exits"}
+    exits = [(name, [line[:2], line[2:]]) for _, name, *line in file.execute("SELECT * FROM exits ORDER BY number")]
+    numbers = "radius, desired_speed, group_number, exit_time, ifnull(exit_number, -1)"
+    people = _columns(file, f"SELECT {numbers} FROM people ORDER BY id", 5)
     (times,) = _columns(file, "SELECT time FROM frames ORDER BY frame", 1)
     frame, person, x, y = _columns(file, "SELECT frame, id, pos_x, pos_y FROM trajectory_data ORDER BY frame, id", 4)
     vx, vy, pressure, angle = _columns(file, "SELECT vel_x, vel_y, pressure, angle FROM motion ORDER BY frame, id", 4)
-    return Recording(
-        facts=facts,
-        **place,
+    return recording_of(
+        facts,
+        {**place, "exits": exits},
         times=times,
         frame_start=_starts(frame, len(times)),
-        radius=radius,
-        desired_speed=speed,
-        group=group.astype(np.int64),
-        exit_time=exit_time,
-        exit_index=exit_index.astype(np.int64),
-        person=person.astype(np.int64),
+        **dict(zip(OF_PEOPLE, people, strict=True)),
+        person=person,
         position=np.stack([x, y], axis=1),
         velocity=np.stack([vx, vy], axis=1),
         pressure=pressure,
-        angle=None if outline is None else angle,
-        outline=outline,
+        angle=angle,
         contacts=_read_contacts(file, len(times)) if "contacts" in tables else None,
     )
 
 
 def _read_contacts(file: sqlite3.Connection, frames: int) -> FrameContacts:
     frame, i, j, gap, *pairs = _columns(file, "SELECT * FROM contacts ORDER BY rowid", 10)
-    normal, point, force = (np.stack(pairs[k : k + 2], axis=1) for k in (0, 2, 4))
-    return FrameContacts(_starts(frame, frames), i.astype(np.int64), j.astype(np.int64), gap, normal, point, force)
+    return FrameContacts(_starts(frame, frames), i, j, gap, *(np.stack(pairs[k : k + 2], axis=1) for k in (0, 2, 4)))
 
 
 def _starts(frame: Floats, frames: int) -> Ints:
@@ -188,7 +176,7 @@ def _starts(frame: Floats, frames: int) -> Ints:
     return row_starts(np.bincount(frame.astype(np.int64), minlength=frames))
 
 
-def _columns(file: sqlite3.Connection, query: str, count: int) -> list[Floats]:
+def _columns(file: sqlite3.Connection, query: str, count: int) -> list[Any]:
     """Return the columns of a query as numbers; NULL is nan."""
     found, cursor = [np.empty((0, count))], file.execute(query)
     while rows := cursor.fetchmany(_AT_ONCE):

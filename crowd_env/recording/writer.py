@@ -36,7 +36,7 @@ def part_of(path: Path) -> Path:
 
 def plain(value: Any) -> Any:
     """Return data as they come back from JSON."""
-    return json.loads(json.dumps(value))
+    return json.loads(as_json(value))
 
 
 class Area(NamedTuple):
@@ -53,31 +53,25 @@ def area_with_aprons(recording: Recording) -> Area:
     return Area(area.wkt, area.bounds)
 
 
-def plain_place(recording: Recording) -> dict[str, Any]:
-    """Return the place and the names of groups as plain data; `read_place` takes them back."""
-    return {
-        "walkable": recording.walkable,
-        "thin_walls": recording.thin_walls.tolist(),
-        "doors": [[name, line.tolist()] for name, line in recording.doors],
-        "exits": [[name, line.tolist()] for name, line in recording.exits],
-        "groups": list(recording.groups),
-    }
+PLACE = ("walkable", "thin_walls", "doors", "exits", "groups")  # fields of a recording
 
 
-def read_place(place: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a `Recording` that `plain_place` has written."""
-    return {
-        "walkable": place["walkable"],
-        "thin_walls": np.array(place["thin_walls"], dtype=np.float64).reshape(-1, 2, 2),
-        "doors": tuple((name, np.array(line, dtype=np.float64)) for name, line in place["doors"]),
-        "exits": tuple((name, np.array(line, dtype=np.float64)) for name, line in place["exits"]),
-        "groups": tuple(place["groups"]),
-    }
+def as_json(value: Any) -> str:
+    """Return data as JSON, arrays as lists."""
+    return json.dumps(value, default=np.ndarray.tolist)
 
 
-def outline_of(facts: Mapping[str, Any]) -> Any:
-    """Return the outline of bodies as plain data, None for discs."""
-    return None if facts["outline"] == "disc" else facts["outline"]
+def recording_of(facts: Mapping[str, Any], place: Mapping[str, Any], **columns: Any) -> Recording:
+    """Return a recording from its facts and the fields ``PLACE`` as they come back from JSON, and its columns."""
+    for key in ("doors", "exits"):
+        columns[key] = tuple((name, np.array(line, dtype=np.float64)) for name, line in place[key])
+    thin_walls = np.array(place["thin_walls"], dtype=np.float64).reshape(-1, 2, 2)
+    if facts["outline"] == "disc":
+        columns["angle"] = None
+    else:
+        columns["outline"] = facts["outline"]
+    named = {"walkable": place["walkable"], "groups": tuple(place["groups"])}
+    return Recording(facts=facts, thin_walls=thin_walls, **named, **columns)
 
 
 def facing(recording: Recording) -> Floats:

@@ -101,8 +101,6 @@ def test_other_suffixes_are_refused(name, tmp_path):
             work()
     with pytest.raises(ValueError, match=r"it must end in \.sqlite, \.h5$"):
         RunRecorder(tmp_path / "run.txt")
-    with pytest.raises(ValueError, match=r"Parquet is no format of recordings any more; take \.h5"):
-        load(tmp_path / "run.parquet")
 
 
 @pytest.mark.more

@@ -12,15 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Bools, Floats, as_grid
-from crowd_env.core.checks import POSITIVE, array, number
+from crowd_env.core.checks import POSITIVE, array, known, number, texts
 from crowd_env.envs.arguments import NUMBERS, Place, parts_of
-from crowd_env.envs.batch import BatchStep
+from crowd_env.envs.controlled import BatchStep
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout
-from crowd_env.envs.routing.layout import RoutingLayout, check_names, make_terms
 from crowd_env.envs.routing.regions import grid_regions, named_regions
-from crowd_env.envs.routing.terms import RoutingView, make_weights
+from crowd_env.envs.routing.terms import RoutingLayout, RoutingView, make_terms, make_weights
 from crowd_env.envs.settings import AsPhysics, AsWalking, Physics, Routing, answers_unknown, arguments_of, part_of
 from crowd_env.envs.terms import RewardTerm
 from crowd_env.routing.fields.field import NavigationField
@@ -85,9 +84,10 @@ class RoutingBatch:
         )
         self.scenario = self.env.scenarios[0]
         geometry, route_set = self.scenario.geometry, self.env.route_set[0]
-        exits, known = self.scenario.exits, self.scenario.ways
-        routes = check_names("route", routes, known) or known
-        doors, regions = check_names("door", doors, geometry.doors), check_names("region", regions, [*geometry.regions])
+        exits, ways = self.scenario.exits, self.scenario.ways
+        routes = _checked_names("route", routes, ways) or ways
+        doors = _checked_names("door", doors, geometry.doors)
+        regions = _checked_names("region", regions, [*geometry.regions])
         self.interval, self.autoreset = interval, autoreset
         self.regions = named_regions(geometry, regions) if regions else grid_regions(geometry, grid)
         self.layout = RoutingLayout(self.regions.names, exits, routes, doors, terms)
@@ -244,6 +244,22 @@ def _distance(field: NavigationField, position: Floats) -> Floats:
     rows, columns = field.travel_time.shape
     j, i = np.rint((position - field.origin) / field.spacing).astype(np.int64).T
     return field.travel_time[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]
+
+
+def _checked_names(kind: str, names: Sequence[str], allowed: Sequence[str]) -> tuple[str, ...]:
+    """Return the names as a tuple.
+
+    Raises
+    ------
+    ValueError
+        If they are one string or no list of names, or if a name is unknown or given twice.
+    """
+    found = texts(f"{kind}s", names)
+    for name in found:
+        known(kind, name, allowed)
+        if found.count(name) > 1:
+            raise ValueError(f"{kind} {name!r} is named twice; once is enough")
+    return found
 
 
 def routing_arguments(scenario: Place = "two-exit-hall-v0", **settings: Any) -> dict[str, Any]:

@@ -8,10 +8,9 @@ from typing import Any
 from gymnasium.vector import AutoresetMode
 
 from crowd_env.envs.arguments import Place
+from crowd_env.envs.controlled import BatchVectorEnv, SingleEnv, mode_of
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.envs.settings import answers_unknown
-from crowd_env.envs.single_env import SingleEnv
-from crowd_env.envs.vector_env import BatchVectorEnv, mode_of
 
 
 class RoutingEnv(SingleEnv):

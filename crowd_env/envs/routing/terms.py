@@ -8,7 +8,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
-from crowd_env.envs.terms import RewardTerm, Term, own_terms, weighed_terms
+from crowd_env.core.checks import check_keys, table
+from crowd_env.envs.terms import Layout, RewardTerm, Term, observed_terms, own_terms, weighed_terms
 
 DENSITY_SCALE = 5.0  # 1/m2
 SPEED_SCALE = 2.0  # m/s
@@ -136,6 +137,41 @@ TERMS: Mapping[str, RoutingTerm] = MappingProxyType(
         )
     }
 )
+
+
+@dataclass(frozen=True)
+class RoutingLayout(Layout):
+    """Where the terms of an observation are: ``layout["queue"]`` is a slice of columns; all values lie in [0, 1].
+
+    Parameters
+    ----------
+    regions, exits, routes, doors : names, in the order of the columns of terms that have one for each.
+    terms : in the order of the columns.
+    """
+
+    regions: tuple[str, ...]
+    exits: tuple[str, ...]
+    routes: tuple[str, ...]
+    doors: tuple[str, ...] = ()
+    terms: tuple[RoutingTerm, ...] = tuple(TERMS.values())
+
+    def _widths(self) -> dict[str, int]:
+        each = {"region": self.regions, "exit": self.exits, "route": self.routes, "door": self.doors, "": ("all",)}
+        return {term.name: len(each[term.of_each]) for term in self.terms}
+
+
+def make_terms(observation: Mapping[str, Any] | None) -> tuple[RoutingTerm, ...]:
+    """Return the terms of plain data, ``{"terms": ["count", "queue"]}``, or all; `RoutingTerm` objects may stand among names.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, a name is unknown, or two terms have the same name.
+    """
+    given = table("observation", {} if observation is None else observation, "terms such as {'terms': ['count']}")
+    check_keys("observation", given, ["terms"])
+    terms = observed_terms(RoutingTerm, given.get("terms", tuple(TERMS)), TERMS)
+    return tuple(term if isinstance(term, RoutingTerm) else TERMS[term] for term in terms)
 
 
 def _mean(view: RoutingView) -> Floats:
