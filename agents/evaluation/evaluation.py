@@ -14,7 +14,7 @@ from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.executors import Executor, Serial, WorkerDied
 from crowd_env.core.files.json_file import json_number
 from crowd_env.envs.rollout import BatchDone, Driver, RunBatch, make_batches, simulate_batch
-from crowd_env.envs.settings import AsPhysics, part_of
+from crowd_env.envs.settings import AsPhysics
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 
 from ..controllers import Controller
@@ -173,7 +173,7 @@ def evaluate(
     place = make_scenario(scenario)
     policy = make_policy(policy) if isinstance(policy, str) else policy
     if physics is not None:
-        part = part_of(Physics, physics)
+        part = Physics.of(physics)
         scheme = part.law
         options |= {"dt": part.dt, "outline": part.outline, "max_drive": part.max_drive, "threads": part.threads}
     driver = driver_of(policy, place, scheme=scheme, **options)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn, TextIO
+from typing import Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -17,6 +17,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 INTERRUPTED = 130  # exit code, as shells have it
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+_MISTAKES = (ValueError, ModuleNotFoundError, OSError, MemoryError, NotImplementedError)
 
 notes = Console(stderr=True, highlight=False)
 
@@ -38,15 +40,7 @@ def friendly_errors(kept: str | Callable[[], str] = "") -> Iterator[None]:
             interrupted(kept if isinstance(kept, str) else kept())
         except BrokenPipeError:
             raise  # the reader of our output has left: no mistake
-        except (
-            ValueError,
-            FloatingPointError,
-            ModuleNotFoundError,
-            OSError,
-            MemoryError,
-            OverflowError,
-            NotImplementedError,
-        ) as error:
+        except (*_MISTAKES, FloatingPointError, OverflowError) as error:
             notes.print(f"error: {_sentence(error)}", style="red", markup=False, soft_wrap=True)
             raise typer.Exit(2) from None
 
@@ -63,11 +57,7 @@ def _sentence(error: Exception) -> str:
         case OSError(strerror=str() as reason, filename=str() as file):
             text = f"{file}: {reason}"
         case MemoryError():
-            text = (
-                f"not enough memory: {error}"
-                if str(error)
-                else "not enough memory; take fewer people or a smaller plan"
-            )
+            text = f"not enough memory: {str(error) or 'take fewer people or a smaller plan'}"
         case OverflowError():
             text = f"a number is too large: {error}"
         case _:
@@ -80,14 +70,7 @@ def _warnings_are_notes() -> Iterator[None]:
     """Show every warning of the block once, as a sentence without the line of code that it came from."""
     said: set[str] = set()
 
-    def show(
-        message: Warning | str,
-        category: type[Warning],
-        filename: str,
-        lineno: int,
-        file: TextIO | None = None,
-        line: str | None = None,
-    ) -> None:
+    def show(message: Warning | str, *_: Any, **__: Any) -> None:
         text = " ".join(str(message).split())
         if text not in said:
             said.add(text)

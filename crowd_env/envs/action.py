@@ -10,7 +10,6 @@ tries to slow down.  Where a place has several exits, an action may also say whi
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from types import MappingProxyType
 from typing import Any, Literal
 
 import gymnasium
@@ -86,13 +85,10 @@ class ActionKind:
         if neutral.shape != self.space.shape:
             refuse(f"action kind {self.name!r}: neutral", self.neutral, f"an action of the shape {self.space.shape}")
         command, choice = self.decoded(neutral[None])
-        found = np.asarray(command).tolist() if choice is None else [np.asarray(command).tolist(), choice.tolist()]
-        rule: list[Any] = [list(RULE)] if choice is None else [[list(RULE)], [KEEP]]
-        if found != rule:
-            raise ValueError(
-                f"action kind {self.name!r}: the neutral action {shown(self.neutral)} is decoded as {shown(found)}; it must "
-                f"be decoded as {rule}, the rule"
-            )
+        found = np.asarray(command).tolist(), None if choice is None else choice.tolist()
+        if found != ([list(RULE)], None if choice is None else [KEEP]):
+            what = f"action kind {self.name!r}: what the neutral action {shown(self.neutral)} is decoded as"
+            refuse(what, found, f"the rule, {list(RULE)}, and to keep the own way")
 
     def decoded(self, action: np.ndarray) -> tuple[np.ndarray, Ints | None]:
         """Return the commands of actions (P, ...), each of the space, and the ways that they choose; None if there are none.
@@ -108,15 +104,14 @@ class ActionKind:
         if self.routes is None:
             return found, None
         if not isinstance(found, tuple) or len(found) != 2:
-            refuse(
-                f"action kind {self.name!r}: what decode returns", found, "a tuple (commands, choices) as it has routes"
-            )
+            refuse(f"action kind {self.name!r}: what decode returns", found, "a tuple (commands, choices)")
         choice = array(f"choices of action kind {self.name!r}", found[1], (len(action),), "iu").astype(np.int64)
         bad = np.flatnonzero((choice < KEEP) | (choice >= max(self.routes, 0)))
         if len(bad):
-            raise ValueError(
-                f"action kind {self.name!r}: way {choice[bad[0]]} is chosen; it must be {KEEP} to keep to the own way, or 0 "
-                f"to {self.routes - 1}"
+            refuse(
+                f"action kind {self.name!r}: a choice",
+                choice[bad[0]],
+                f"{KEEP}, to keep the own way, or below {self.routes}",
             )
         return found[0], choice
 
@@ -127,9 +122,7 @@ def _rows_of(commands: Floats, action: np.ndarray) -> Floats:
         whole = action.astype(np.int64)
     bad = np.flatnonzero((whole != action) | (whole < 0) | (whole >= len(commands)))
     if len(bad):
-        raise ValueError(
-            f"action of pedestrian {bad[0]} is {shown(action[bad[0]])}; it must be 0 to {len(commands) - 1}"
-        )
+        refuse(f"action of pedestrian {bad[0]}", action[bad[0]], f"0 to {len(commands) - 1}")
     return np.asarray(commands[whole])
 
 
@@ -225,18 +218,16 @@ class SpeedExitTable(SpeedTable):
         return ActionKind(name, space, self, self.rule, self.routes, self.dwell)
 
 
-ACTIONS: Mapping[str, ActionKind] = MappingProxyType(
-    {
-        "continuous": ActionKind("continuous", gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32), None, RULE),
-        "discrete": ActionKind("discrete", gymnasium.spaces.Discrete(len(DISCRETE)), _choose, 0),
-        # speeds along the way, with a step back
-        "speeds": SpeedTable().kind("speeds"),
-        # the same speeds, straight on or half right or half left
-        "speeds-directions": SpeedTable(headings=(-np.pi / 4, 0.0, np.pi / 4)).kind("speeds-directions"),
-        # the speeds of "speeds", each along the own way or along that to one of the exits or routes
-        "speeds-exits": SpeedExitTable().kind("speeds-exits"),
-    }
-)
+ACTIONS: Mapping[str, ActionKind] = {
+    "continuous": ActionKind("continuous", gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32), None, RULE),
+    "discrete": ActionKind("discrete", gymnasium.spaces.Discrete(len(DISCRETE)), _choose, 0),
+    # speeds along the way, with a step back
+    "speeds": SpeedTable().kind("speeds"),
+    # the same speeds, straight on or half right or half left
+    "speeds-directions": SpeedTable(headings=(-np.pi / 4, 0.0, np.pi / 4)).kind("speeds-directions"),
+    # the speeds of "speeds", each along the own way or along that to one of the exits or routes
+    "speeds-exits": SpeedExitTable().kind("speeds-exits"),
+}
 
 
 def make_action(kind: str | Mapping[str, Any] | ActionKind) -> ActionKind:

@@ -1,19 +1,17 @@
 """What callers and learning libraries give an environment: checked before anything is computed."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from crowd_env.core.arrays.headway import MANNERS, Headway, Manner, plain_manner
 from crowd_env.core.arrays.outline import OUTLINES, BodyShape, Outline, plain_outline
 from crowd_env.core.arrays.state import Bodies, Bools, make_bodies
-from crowd_env.core.checks import NOT_NEGATIVE, refuse, shown, whole
+from crowd_env.core.checks import NOT_NEGATIVE, refuse, whole
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario
-
-Found = TypeVar("Found")
 
 Place: TypeAlias = str | Path | Mapping[str, Any] | Scenario
 """How callers say what is evacuated: a name, a file, a table of a name and options, or a Scenario."""
@@ -22,13 +20,13 @@ MOST_PEOPLE_IN_BATCH = 10_000_000
 NUMBERS = "biuf"  # kinds of dtype that an action may have
 
 
-def scenarios_of(scenario: Any, people: int | None = None) -> list[Scenario]:
+def scenarios_of(scenario: Any, people: int | None, num_envs: int) -> list[Scenario]:
     """Return the scenarios of a batch, one alone as a list of one, with so many ``people`` each if that is given.
 
     Raises
     ------
     ValueError
-        If it is something else, or there is none.
+        If it is something else, there is none, or a batch of ``num_envs`` has more people than any memory has room for.
     """
     if isinstance(scenario, str | Path | Scenario | Mapping):
         scenario = [scenario]
@@ -38,52 +36,34 @@ def scenarios_of(scenario: Any, people: int | None = None) -> list[Scenario]:
     scenarios = [make_scenario(one, **options) for one in scenario]
     if not scenarios:
         raise ValueError("no scenario; give at least one")
+    each = sum(one.population.people for one in scenarios) / len(scenarios)
+    if num_envs * each > MOST_PEOPLE_IN_BATCH:
+        refuse("num_envs", num_envs, f"at most {int(MOST_PEOPLE_IN_BATCH // each)} with {each:g} people in each")
     return scenarios
 
 
-def one_manner(scenarios: Sequence[Scenario], manner: Manner | None) -> Headway | None:
-    """Return how people walk in a batch: as ``manner`` says, or if it is None as the scenarios say.
+def manner_and_outline(
+    scenarios: Sequence[Scenario], manner: Manner | None, outline: BodyShape | None
+) -> tuple[Headway | None, Outline | None]:
+    """Return how people walk in a batch and what shape bodies have: as is given, or where that is None as the scenarios say.
 
     Raises
     ------
     ValueError
-        If the manner is unknown, or the scenarios do not say the same.
+        If one of them is unknown, or the scenarios do not say the same.
     """
-    found = [scenario.manner_of_run(manner) for scenario in scenarios]
-    walk = f"the people of one batch walk in one manner, not {{}}; say which: walking={next(iter(MANNERS))!r}"
-    return _same(scenarios, found, plain_manner, walk)
-
-
-def one_outline(scenarios: Sequence[Scenario], outline: BodyShape | None) -> Outline | None:
-    """Return what shape bodies have in a batch: as ``outline`` says, or if it is None as the scenarios say.
-
-    Raises
-    ------
-    ValueError
-        If the outline is unknown, or the scenarios do not say the same.
-    """
-    found = [scenario.outline_of_run(outline) for scenario in scenarios]
-    have = f"the people of one batch have one outline, not {{}}; say which: physics=Physics(outline={next(iter(OUTLINES))!r})"
-    return _same(scenarios, found, plain_outline, have)
-
-
-def _same(scenarios: Sequence[Scenario], found: Sequence[Found], plain: Callable[[Found], Any], refusal: str) -> Found:
-    """Return what was found for all scenarios, or raise ValueError with the first two that differ in the refusal."""
-    for scenario, other in zip(scenarios, found, strict=True):
-        if other != found[0]:
-            told = f"{plain(found[0])} in {scenarios[0].name}, {plain(other)} in {scenario.name}"
-            raise ValueError(refusal.format(told))
-    return found[0]
-
-
-def check_size(scenarios: Sequence[Scenario], num_envs: int) -> None:
-    """Raise ValueError if a batch has more people than any memory has room for, before anything is allocated."""
-    each = sum(scenario.population.people for scenario in scenarios) / len(scenarios)
-    if num_envs * each > MOST_PEOPLE_IN_BATCH:
-        raise ValueError(
-            f"num_envs is {num_envs}; with {each:g} people in each it must be at most {int(MOST_PEOPLE_IN_BATCH // each)}: "
-            f"a batch has room for {MOST_PEOPLE_IN_BATCH} people"
-        )
+    first, found = scenarios[0], [(one.manner_of_run(manner), one.outline_of_run(outline)) for one in scenarios]
+    walk, shape = found[0]
+    for scenario, (other_walk, other_shape) in zip(scenarios, found, strict=True):
+        if other_walk != walk:
+            both = f"{plain_manner(walk)} in {first.name}, {plain_manner(other_walk)} in {scenario.name}"
+            way = f"walking={next(iter(MANNERS))!r}"
+            raise ValueError(f"the people of one batch walk in one manner, not {both}; say which: {way}")
+        if other_shape != shape:
+            both = f"{plain_outline(shape)} in {first.name}, {plain_outline(other_shape)} in {scenario.name}"
+            way = f"physics=Physics(outline={next(iter(OUTLINES))!r})"
+            raise ValueError(f"the people of one batch have one outline, not {both}; say which: {way}")
+    return walk, shape
 
 
 def parts_of(what: str, duration: float, parts: str, part: float) -> int:
@@ -143,7 +123,7 @@ def check_options(options: Any, known: Collection[str] = (), *, idle: Collection
     if options is None:
         return
     if not isinstance(options, Mapping):
-        raise ValueError(f"options is {shown(options)}; it must be a dictionary or None")
+        refuse("options", options, "a dictionary or None")
     for name in options:
         if name not in known and name not in idle:
             raise ValueError(
@@ -167,8 +147,5 @@ def reset_mask(options: Any, count: int) -> Bools | None:
         return None
     mask = options["reset_mask"]
     if not (isinstance(mask, np.ndarray) and mask.dtype == np.bool_ and mask.shape == (count,) and mask.any()):
-        raise ValueError(
-            f"reset_mask is {shown(mask)}; it must be a NumPy array of {count} booleans, one an environment, "
-            "with at least one True"
-        )
+        refuse("reset_mask", mask, f"a NumPy array of {count} booleans, one an environment, with at least one True")
     return mask.copy()

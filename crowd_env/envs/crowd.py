@@ -13,32 +13,14 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints, make_state
 from crowd_env.core.checks import COUNT, POSITIVE, Range, array, flag, number, whole
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.envs.action import ActionKind, make_action, to_command
-from crowd_env.envs.arguments import (
-    Place,
-    bodies_before_reset,
-    check_size,
-    one_manner,
-    one_outline,
-    parts_of,
-    scenarios_of,
-    seed_words,
-)
+from crowd_env.envs.arguments import Place, bodies_before_reset, manner_and_outline, parts_of, scenarios_of, seed_words
 from crowd_env.envs.episode import EnvCheckpoint, init_transition, metrics_of, update_episode
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout, make_layout
 from crowd_env.envs.observation.observer import Observer
 from crowd_env.envs.reward import RewardFunction, RewardWeights, make_weights
 from crowd_env.envs.route_choice import fit_to_ways, make_route_choice, take_routes
-from crowd_env.envs.settings import (
-    AsPhysics,
-    AsRouting,
-    AsWalking,
-    Physics,
-    Routing,
-    Walking,
-    answers_unknown,
-    part_of,
-)
+from crowd_env.envs.settings import AsPhysics, AsRouting, AsWalking, Physics, Routing, Walking, answers_unknown
 from crowd_env.physics import check_outline
 from crowd_env.physics.simulation.arguments import check_step
 from crowd_env.physics.simulation.checkpoint import copy_arrays, require_checkpoint, write_arrays
@@ -130,9 +112,9 @@ class CrowdEnv:
         autoreset: bool = False,
     ) -> None:
         num_envs = whole("num_envs", num_envs, COUNT)
-        self.physics = physics = part_of(Physics, physics)
-        self.walking = walking = part_of(Walking, walking)
-        self.routing = routing = part_of(Routing, routing)
+        self.physics = physics = Physics.of(physics)
+        self.walking = walking = Walking.of(walking)
+        self.routing = routing = Routing.of(routing)
         scheme, dt, threads, strategy = physics.law, physics.step, physics.threads, routing.strategy
         decision_dt = number("decision_dt", decision_dt, POSITIVE, "s")
         self.n_substeps = parts_of("decision_dt", decision_dt, "physics steps of dt", dt)
@@ -140,15 +122,14 @@ class CrowdEnv:
             time_limit = number("time_limit", time_limit, POSITIVE, "s")
         autoreset = flag("autoreset", autoreset)
         self.reward_weights, kind, layout = make_weights(reward), make_action(action), make_layout(observation)
-        self.scenarios = scenarios_of(scenario, people)
+        self.scenarios = scenarios_of(scenario, people, num_envs)
         self.action_kind, self.layout, choosing = fit_to_ways(kind, layout, self.scenarios)
         self.num_envs = num_envs
         self.decision_dt = decision_dt
         self.autoreset = autoreset
         self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
         self.single_action_space = copy.deepcopy(self.action_kind.space)  # whoever seeds it seeds no other
-        check_size(self.scenarios, num_envs)
-        shape = one_outline(self.scenarios, physics.outline)
+        manner, shape = manner_and_outline(self.scenarios, walking.manner, physics.outline)
         check_outline(shape, scheme)
         for each in self.scenarios:
             check_step(scheme, extreme_bodies(each.population), dt, outline=shape)  # every draw, not only the first
@@ -170,7 +151,7 @@ class CrowdEnv:
             fields=self.route_set,
             geometry_of_env=which,
             threads=threads,
-            manner=one_manner(self.scenarios, walking.manner),
+            manner=manner,
             outline=shape,
             max_drive=physics.max_drive,
         )
@@ -260,9 +241,7 @@ class CrowdEnv:
             raise ValueError("call reset before the first step")
         simulation, state = self.simulation, self.simulation.state
         if simulation.times_restored != self._times_restored:
-            raise ValueError(
-                "the simulation alone was restored, the environment was not; restore or reset the environment"
-            )
+            raise ValueError("the simulation alone was restored, the environment was not; restore or reset that")
         command, relative, gives_way = self._command(action, scripted)
         transition = self._transition
         if not self._interrupted:  # else this step goes on with the one before: who got out in between has left

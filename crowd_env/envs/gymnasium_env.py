@@ -32,9 +32,7 @@ class CrowdBatch:
         self.layout = self.env.layout
         sizes = np.diff(self.env.env_start)
         if (sizes != sizes[0]).any():
-            raise ValueError(
-                "a Gymnasium batch needs the same number of people in every scenario; use CrowdEnv otherwise"
-            )
+            raise ValueError("a Gymnasium batch needs the same number of people in every scenario; CrowdEnv does not")
         self.observation_space = batch_space(self.env.single_observation_space, int(sizes[0]))
         self.action_space = batch_space(self.env.single_action_space, int(sizes[0]))
 

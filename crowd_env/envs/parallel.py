@@ -11,7 +11,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 from typing_extensions import Unpack
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
-from crowd_env.core.checks import array, shown, whole
+from crowd_env.core.checks import array, refuse, whole
 from crowd_env.envs.arguments import NUMBERS, Place, check_options
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.global_state import StateLayout, StateReader
@@ -169,10 +169,7 @@ class CrowdParallelEnv(ParallelEnv):
     def _gather(self, actions: Mapping[str, Any]) -> tuple[Floats, Bools | None]:
         """Return actions by slot, and which slots (P,) are scripted; None if none is."""
         if not isinstance(actions, Mapping):
-            raise ValueError(
-                f"actions is {shown(actions)}; it must be a dictionary of agents and their actions "
-                "(agents that are not in it are scripted)"
-            )
+            refuse("actions", actions, "a dictionary of agents and their actions; agents without one are scripted")
         gathered = np.zeros((self.env.num_people, *(self.env.single_action_space.shape or ())))
         if list(actions) != self.agents:
             for agent in actions:
@@ -182,10 +179,8 @@ class CrowdParallelEnv(ParallelEnv):
             actions = {
                 agent: actions[agent] for agent in self.agents if agent in actions
             }  # those who are out act no more
-        if (
-            len(actions) == len(self.agents)
-            and (every := _stacked(list(actions.values()), gathered.shape[1:])) is not None
-        ):
+        every = _stacked(list(actions.values()), gathered.shape[1:])
+        if every is not None and len(every) == len(self.agents):
             gathered[self._slots] = every
             return gathered, None
         scripted = np.ones(self.env.num_people, dtype=np.bool_)
@@ -260,12 +255,6 @@ parallel_env = raw_env = CrowdParallelEnv
 
 
 @answers_unknown(like=CrowdParallelEnv)
-def env(
-    scenario: Place = "room-v0",
-    *,
-    render_mode: str | None = None,
-    max_cycles: int | None = None,
-    **arguments: Unpack[EnvArguments],
-) -> Any:
+def env(scenario: Place = "room-v0", **arguments: Any) -> Any:
     """Return a `CrowdParallelEnv` as a PettingZoo AEC environment: agents act in turn, then physics moves."""
-    return parallel_to_aec(CrowdParallelEnv(scenario, render_mode=render_mode, max_cycles=max_cycles, **arguments))
+    return parallel_to_aec(CrowdParallelEnv(scenario, **arguments))

@@ -6,7 +6,6 @@ travel time at the start less that at the end, whatever happens in between, so t
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,22 +41,20 @@ class Transition(NamedTuple):
 # The rows of the terms that `compute_reward` writes.
 PROGRESS, EXIT, TIME, CONTACT, HEAD = range(5)
 
-REWARDS: Mapping[str, int] = MappingProxyType(
-    {
-        # travel time saved [s]: sums to the travel time at the start less that at the end; a switch to another route counts
-        "progress": PROGRESS,
-        # 1 in the step in which the pedestrian gets out
-        "exit": EXIT,
-        # minus the time spent inside [s]: sums to minus the egress time
-        "time": TIME,
-        # minus the contact impulse over the own mass [m/s]
-        "contact": CONTACT,
-        # minus the time [s] as the head of a queue: inside, with nobody nearer the exit by the same route when the step begins.
-        # Over all of a route it sums to minus the time until the last of them is out, but for the rest of a step in which a
-        # head leaves.  It charges each for what others wait for: to follow closely pays, to push in front does not
-        "head": HEAD,
-    }
-)
+REWARDS: Mapping[str, int] = {
+    # travel time saved [s]: sums to the travel time at the start less that at the end; a switch to another route counts
+    "progress": PROGRESS,
+    # 1 in the step in which the pedestrian gets out
+    "exit": EXIT,
+    # minus the time spent inside [s]: sums to minus the egress time
+    "time": TIME,
+    # minus the contact impulse over the own mass [m/s]
+    "contact": CONTACT,
+    # minus the time [s] as the head of a queue: inside, with nobody nearer the exit by the same route when the step begins.
+    # Over all of a route it sums to minus the time until the last of them is out, but for the rest of a step in which a
+    # head leaves.  It charges each for what others wait for: to follow closely pays, to push in front does not
+    "head": HEAD,
+}
 
 
 class RewardSpec(NamedTuple):

@@ -13,7 +13,7 @@ from crowd_env.core.checks import NOT_NEGATIVE, whole
 from crowd_env.core.executors import Executor, WorkerDied
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.metrics import EpisodeMetrics
-from crowd_env.envs.settings import Physics, arguments_of, part_of
+from crowd_env.envs.settings import Physics, arguments_of
 from crowd_env.scenarios.scenario import Scenario
 
 # Evacuations and people simulated side by side: enough to fill a call, few enough to show progress.
@@ -140,7 +140,7 @@ class _RuleDriver:
 
     def __call__(self, num_envs: int) -> Driver:
         arguments = arguments_of(self.options)
-        physics = part_of(Physics, arguments.pop("physics", "nsm2"))
+        physics = Physics.of(arguments.pop("physics", "nsm2"))
         threads = min(max(self.threads, physics.threads), num_envs)
         return Driver(
             CrowdEnv(self.scenario, num_envs=num_envs, physics=replace(physics, threads=threads), **arguments)

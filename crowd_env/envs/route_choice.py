@@ -51,9 +51,7 @@ def fit_to_ways(
     name, ways = scenarios[0].name, scenarios[0].ways
     if layout.tells_of_routes:
         if layout.routes not in (0, len(ways)):
-            raise ValueError(
-                f"observation: routes is {layout.routes}; {name} has {len(ways)} exits and routes: {', '.join(ways)}"
-            )
+            raise ValueError(f"observation: routes is {layout.routes}; {name} has {len(ways)}: {', '.join(ways)}")
         layout = replace(layout, routes=len(ways))
     return fit_routes(kind, name, ways), layout, True
 

@@ -10,6 +10,8 @@ from difflib import get_close_matches
 from functools import wraps
 from typing import Any, Literal, ParamSpec, TypeAlias, TypedDict, TypeVar, cast
 
+from typing_extensions import Self
+
 from crowd_env.core.arrays.headway import Headway, Manner, make_manner
 from crowd_env.core.arrays.outline import BodyShape, make_outline
 from crowd_env.core.checks import POSITIVE, Range, check_fields, from_table, number, whole
@@ -20,7 +22,6 @@ from crowd_env.physics import ContactScheme, check_outline, make_scheme
 
 Given = ParamSpec("Given")
 Made = TypeVar("Made")
-Part = TypeVar("Part", "Physics", "Walking", "Routing")
 
 _THREADS = Range(1, 1024)
 
@@ -84,8 +85,27 @@ def _answer(name: str, names: list[str]) -> str:
     return f"known: {', '.join(names)}; {option}"
 
 
+class Part:
+    """A part of the settings."""
+
+    @classmethod
+    def of(cls, given: Any) -> Self:
+        """Return the part, given as such, as a table of its fields, or as its first field alone.
+
+        Raises
+        ------
+        ValueError
+            If the part refuses it.
+        """
+        if isinstance(given, cls):
+            return given
+        if isinstance(given, Mapping) and any(name in given for name in inspect.signature(cls).parameters):
+            return from_table(cls.__name__.lower(), cls, given)
+        return cls(given)  # type: ignore[call-arg]  # a dataclass
+
+
 @dataclass(frozen=True)
-class Physics:
+class Physics(Part):
     """What bodies do when they touch, and what they are.
 
     Parameters
@@ -130,7 +150,7 @@ class Physics:
 
 
 @dataclass(frozen=True)
-class Walking:
+class Walking(Part):
     """How people walk before they touch.
 
     Parameters
@@ -155,7 +175,7 @@ class Walking:
 
 
 @dataclass(frozen=True)
-class Routing:
+class Routing(Part):
     """Which way out people take.
 
     Parameters
@@ -179,21 +199,6 @@ class Routing:
 AsPhysics: TypeAlias = Physics | str | Mapping[str, Any] | ContactScheme
 AsWalking: TypeAlias = Walking | str | Mapping[str, Any] | Headway | None
 AsRouting: TypeAlias = Routing | str | Mapping[str, Any]
-
-
-def part_of(kind: type[Part], given: Any) -> Part:
-    """Return a part of the settings, given as such, as a table of its fields, or as its first field alone.
-
-    Raises
-    ------
-    ValueError
-        If the part refuses it.
-    """
-    if isinstance(given, kind):
-        return given
-    if isinstance(given, Mapping) and any(field.name in given for field in fields(kind)):
-        return from_table(kind.__name__.lower(), kind, given)
-    return kind(given)
 
 
 class EnvArguments(TypedDict, total=False):

@@ -126,9 +126,7 @@ def read_hdf5(path: Path) -> Recording:
         file = h5py.File(path, "r", libver="latest", swmr=True)  # whoever wrote it has not come to the end
     with file:
         if "trajectory" not in file or "fps" not in file["trajectory"].attrs:
-            raise ValueError(
-                f"{path} holds no dataset 'trajectory' with a frame rate, as those of the Juelich archive do"
-            )
+            raise ValueError(f"{path} holds no dataset 'trajectory' with a frame rate, as those of the archive do")
         if "frames" not in file or "people" not in file:
             rows, area = file["trajectory"][:], file.attrs.get("wkt_geometry")
             position = np.stack([rows["x"], rows["y"]], axis=1).astype(np.float64)

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -39,18 +39,10 @@ def plain(value: Any) -> Any:
     return json.loads(as_json(value))
 
 
-class Area(NamedTuple):
-    """The walkable area and the ground just outside of its exits, where rows beyond them lie."""
-
-    wkt: str
-    bounds: tuple[float, float, float, float]  # m
-
-
-def area_with_aprons(recording: Recording) -> Area:
-    """Return the area that other programs are told of."""
+def area_with_aprons(recording: Recording) -> Any:
+    """Return the area that other programs are told of: what can be walked on, and the ground just outside of its exits."""
     exits = np.array([line for _, line in recording.exits], dtype=np.float64).reshape(-1, 2, 2)
-    area = add_aprons(recording.geometry.walkable, exits, APRON) if len(exits) else recording.geometry.walkable
-    return Area(area.wkt, area.bounds)
+    return add_aprons(recording.geometry.walkable, exits, APRON) if len(exits) else recording.geometry.walkable
 
 
 PLACE = ("walkable", "thin_walls", "doors", "exits", "groups")  # fields of a recording

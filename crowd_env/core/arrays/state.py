@@ -165,10 +165,8 @@ def check_bodies(bodies: Bodies) -> None:
     start = bodies.env_start
     _check_array("bodies.env_start", start, np.int64, np.shape(start)[:1])
     if len(start) < 2 or start[0] != 0 or start[-1] != count or (len(start) > 2 and (np.diff(start) < 1).any()):
-        raise ValueError(
-            f"bodies.env_start is {_short(start)}; it must ascend from 0 to the number of people, {count}, with at least one "
-            "person in each environment"
-        )
+        must = f"it must ascend from 0 to the number of people, {count}, with at least one person in each environment"
+        raise ValueError(f"bodies.env_start is {_short(start)}; {must}")
 
 
 def check_motivation(name: str, values: Floats) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.core.executors.executor import Done, Outcome, Piece, Work, WorkerDied
+from crowd_env.core.executors.executor import Done, Outcome, Piece, Work, WorkerDied, never
 from crowd_env.core.kernels.jit import source_stamp
 
 INSTALL = "pip install 'ray[rllib]'"
@@ -49,9 +49,7 @@ class RayCluster:
         sizes = [int(node["Resources"].get("CPU", 0)) for node in self._ray.nodes() if node["Alive"]]
         if max(sizes, default=0) < cores:
             self.close()
-            raise ValueError(
-                f"a piece of work takes {cores} cores; the largest node of the Ray cluster has {max(sizes)}"
-            )
+            raise ValueError(f"a piece takes {cores} cores; the largest node of the Ray cluster has {max(sizes)}")
         self.workers = sum(size // cores for size in sizes)
 
     def run(self, work: Work[Piece, Outcome], pieces: Sequence[Piece], done: Done[Outcome]) -> None:
@@ -78,12 +76,11 @@ class RayCluster:
                     done(pending[reference], _outcome(ray.get(reference)))
                     del pending[reference]
         except ray.exceptions.RayTaskError as error:
-            raise ValueError(f"a node of the Ray cluster cannot do its piece of work: {_last_line(error)}") from None
+            said = str(error).strip().splitlines()[-1].strip()
+            raise ValueError(f"a node of the Ray cluster cannot do its piece of work: {said}") from None
         except ray.exceptions.RayError as error:
-            said = " ".join(str(error).split())
-            raise WorkerDied(
-                f"a process or node of the Ray cluster has died, {RETRIES + 1} times on one piece of work: {said}"
-            ) from None
+            said = f"{RETRIES + 1} times on one piece of work: {' '.join(str(error).split())}"
+            raise WorkerDied(f"a process or node of the Ray cluster has died, {said}") from None
         finally:
             _give_up(ray, pending, done)
 
@@ -179,10 +176,6 @@ def _outcome(found: tuple[bool, bytes]) -> Any:
     return value
 
 
-def _last_line(error: Exception) -> str:
-    return str(error).strip().splitlines()[-1].strip()
-
-
 def code_stamp(work: Any) -> tuple[str, ...]:
     """Return what decides the numbers of a piece beside the piece: sources of this package and of the work's, and versions."""
     names = {__name__.partition(".")[0], work.__module__.partition(".")[0]}
@@ -204,7 +197,7 @@ def _do(stamp: tuple[str, ...], work: bytes, piece: bytes) -> tuple[bool, bytes]
 
     try:
         doing = _loaded(work, stamp)
-        return True, cloudpickle.dumps(doing(pickle.loads(piece), _never))
+        return True, cloudpickle.dumps(doing(pickle.loads(piece), never))
     except Exception as error:
         return False, cloudpickle.dumps(error)
 
@@ -214,21 +207,11 @@ def _loaded(work: bytes, stamp: tuple[str, ...]) -> Any:
     try:
         doing = pickle.loads(work)
         here = code_stamp(doing)
-        problem = "" if here == stamp else f"other code or other versions: {_difference(here, stamp)}"
+        other = [f"{one} instead of {wanted}" for one, wanted in zip(here, stamp, strict=True) if one != wanted]
+        problem = f"other code or other versions: {', '.join(other)}" if other else ""
     except ModuleNotFoundError as error:
         problem = f"no module {error.name}"
     if problem:
-        raise ValueError(
-            f"node {socket.gethostname()} of the Ray cluster has {problem}; install the same everywhere, or send the code "
-            "along with `ray job submit --working-dir .`"
-        )
+        cure = "install the same everywhere, or send the code along with `ray job submit --working-dir .`"
+        raise ValueError(f"node {socket.gethostname()} of the Ray cluster has {problem}; {cure}")
     return doing
-
-
-def _difference(here: tuple[str, ...], there: tuple[str, ...]) -> str:
-    pairs = [(one, other) for one, other in zip(here, there, strict=True) if one != other]
-    return ", ".join(f"{one} instead of {other}" for one, other in pairs)
-
-
-def _never() -> bool:
-    return False

@@ -56,11 +56,12 @@ class Serial:
     def run(self, work: Work[Piece, Outcome], pieces: Sequence[Piece], done: Done[Outcome]) -> None:
         """Call ``done(k, work(pieces[k], stopped))`` for every piece; nothing here asks a piece to give up."""
         for k, piece in enumerate(pieces):
-            done(k, work(piece, _never))
+            done(k, work(piece, never))
 
     def close(self) -> None:
         """Nothing to let go of."""
 
 
-def _never() -> bool:
+def never() -> bool:
+    """Return False: nothing asks a piece to give up."""
     return False

@@ -6,7 +6,6 @@ Vectors are given in the frame of the actions: along and to the left of the shor
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -57,42 +56,40 @@ class CompiledTerm(NamedTuple):
 
 
 # Each has a field of the same name in `Columns`.
-TERMS: Mapping[str, CompiledTerm] = MappingProxyType(
-    {
-        # own velocity / 2 m/s, in the frame
-        "velocity": CompiledTerm(2),
-        # own desired speed / 2 m/s
-        "desired_speed": CompiledTerm(1),
-        # direction of the shortest path to an exit, along x and y
-        "direction": CompiledTerm(2),
-        # time t the rest of the shortest path takes at the own desired speed, as t / (t + 5 s)
-        "travel_time": CompiledTerm(1),
-        # sum of the contact impulses since the last decision / (own mass * 1 m/s), in the frame
-        "push": CompiledTerm(2),
-        # sum of the magnitudes of these impulses / (own mass * 1 m/s): large between two who push from both sides
-        "crush": CompiledTerm(1),
-        # people within 1 m of the own center, oneself included, / (pi m2 * 8 /m2)
-        "density": CompiledTerm(1),
-        # free distance from the own surface to the nearest wall along rays / 3 m; ray k at k / n of a turn to the left
-        "walls": CompiledTerm(1, of_each="rays"),
-        # the k nearest people within 3 m, five values each: offset / 3 m (2), relative velocity / 4 m/s (2), closeness, which
-        # is 1 - gap / 3 m, 1 at contact; all five are 0 where there is nobody
-        "neighbors": CompiledTerm(5, of_each="neighbors"),
-        # how much further along the own route each of these k people is, (own distance to go - theirs) / 3 m: above 0 for those
-        # who are nearer the exit, 0 where there is nobody
-        "lead": CompiledTerm(1, of_each="neighbors", usual=False),
-        # of the people within 3 m who are nearer the exit along the own route: closeness of the next, which is 1 - lead / 3 m
-        # (at least 0), the speed of that person along the route / 2 m/s, and their number n as n / (n + 10); 0 if there is none
-        "ahead": CompiledTerm(3, usual=False),
-        # two values for each exit and route of the place, in the order of `Scenario.ways`, as who knows the plan knows them:
-        # the time t that this way takes at the own desired speed, as t / (t + 5 s), and 1 for the one that is followed
-        "routes": CompiledTerm(2, of_each="routes", usual=False),
-        # how many of the people within 3 m are nearer the end of each way than oneself and heading for it, n as n / (n + 10)
-        "queues_seen": CompiledTerm(1, of_each="routes", usual=False),
-        # the same of all people inside, as signs would show it that count those who wait: n / (n + 50)
-        "queues_shown": CompiledTerm(1, of_each="routes", usual=False),
-    }
-)
+TERMS: Mapping[str, CompiledTerm] = {
+    # own velocity / 2 m/s, in the frame
+    "velocity": CompiledTerm(2),
+    # own desired speed / 2 m/s
+    "desired_speed": CompiledTerm(1),
+    # direction of the shortest path to an exit, along x and y
+    "direction": CompiledTerm(2),
+    # time t the rest of the shortest path takes at the own desired speed, as t / (t + 5 s)
+    "travel_time": CompiledTerm(1),
+    # sum of the contact impulses since the last decision / (own mass * 1 m/s), in the frame
+    "push": CompiledTerm(2),
+    # sum of the magnitudes of these impulses / (own mass * 1 m/s): large between two who push from both sides
+    "crush": CompiledTerm(1),
+    # people within 1 m of the own center, oneself included, / (pi m2 * 8 /m2)
+    "density": CompiledTerm(1),
+    # free distance from the own surface to the nearest wall along rays / 3 m; ray k at k / n of a turn to the left
+    "walls": CompiledTerm(1, of_each="rays"),
+    # the k nearest people within 3 m, five values each: offset / 3 m (2), relative velocity / 4 m/s (2), closeness, which
+    # is 1 - gap / 3 m, 1 at contact; all five are 0 where there is nobody
+    "neighbors": CompiledTerm(5, of_each="neighbors"),
+    # how much further along the own route each of these k people is, (own distance to go - theirs) / 3 m: above 0 for those
+    # who are nearer the exit, 0 where there is nobody
+    "lead": CompiledTerm(1, of_each="neighbors", usual=False),
+    # of the people within 3 m who are nearer the exit along the own route: closeness of the next, which is 1 - lead / 3 m
+    # (at least 0), the speed of that person along the route / 2 m/s, and their number n as n / (n + 10); 0 if there is none
+    "ahead": CompiledTerm(3, usual=False),
+    # two values for each exit and route of the place, in the order of `Scenario.ways`, as who knows the plan knows them:
+    # the time t that this way takes at the own desired speed, as t / (t + 5 s), and 1 for the one that is followed
+    "routes": CompiledTerm(2, of_each="routes", usual=False),
+    # how many of the people within 3 m are nearer the end of each way than oneself and heading for it, n as n / (n + 10)
+    "queues_seen": CompiledTerm(1, of_each="routes", usual=False),
+    # the same of all people inside, as signs would show it that count those who wait: n / (n + 50)
+    "queues_shown": CompiledTerm(1, of_each="routes", usual=False),
+}
 
 USUAL = tuple(name for name, term in TERMS.items() if term.usual)
 
@@ -163,9 +160,7 @@ class ObservationLayout(Layout):
             If a term is a function of the user's own.
         """
         for term in self.own_terms:
-            raise ValueError(
-                f"{term.kind} {term.name!r} is a function of your own, which cannot be written as plain data"
-            )
+            raise ValueError(f"{term.kind} {term.name!r} is one of your own, which cannot be written as plain data")
         table = {"terms": list(self.names), "neighbors": self.neighbors, "rays": self.rays}
         return {**table, "routes": self.routes} if self.tells_of_routes else table
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Bools, Floats, as_grid
-from crowd_env.core.checks import POSITIVE, array, known, number, texts
+from crowd_env.core.checks import POSITIVE, array, known, number, refuse, texts
 from crowd_env.envs.arguments import NUMBERS, Place, parts_of
 from crowd_env.envs.controlled import BatchStep
 from crowd_env.envs.crowd import CrowdEnv
@@ -20,7 +20,7 @@ from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.routing.regions import grid_regions, named_regions
 from crowd_env.envs.routing.terms import RoutingLayout, RoutingView, make_terms, make_weights
-from crowd_env.envs.settings import AsPhysics, AsWalking, Physics, Routing, answers_unknown, arguments_of, part_of
+from crowd_env.envs.settings import AsPhysics, AsWalking, Physics, Routing, answers_unknown, arguments_of
 from crowd_env.envs.terms import RewardTerm
 from crowd_env.routing.fields.field import NavigationField
 
@@ -67,7 +67,7 @@ class RoutingBatch:
         self.weights = make_weights(reward)
         terms = make_terms(observation)
         interval = number("the interval between decisions", interval, POSITIVE, "s")
-        physics = part_of(Physics, physics)
+        physics = Physics.of(physics)
         parts_of("interval", interval, "physics steps of dt", physics.step)
         sample_dt = interval if sample_dt is None else number("sample_dt", sample_dt, POSITIVE, "s")
         self.samples = parts_of("interval", interval, "samples of sample_dt", sample_dt)
@@ -185,9 +185,7 @@ class RoutingBatch:
         if len(bad):
             e, k = bad[0]
             names = [f"region {name!r}" for name in self.layout.regions] + [f"door {n!r}" for n in self.layout.doors]
-            raise ValueError(
-                f"the action for {names[k]} is {given[e, k]}; it must be a whole number from 0 to {self.choices[k] - 1}"
-            )
+            refuse(f"the action for {names[k]}", given[e, k], f"a whole number from 0 to {self.choices[k] - 1}")
         action, state = given.astype(np.int64), self.env.simulation.state
         self._decided[:] = state.time
         for e in range(self.env.num_envs if self.layout.doors else 0):

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints
-from crowd_env.core.checks import shown
+from crowd_env.core.checks import refuse, whole
 from crowd_env.geometry.geometry import Geometry, box
 
 _LEAST_AREA = 0.1  # m2  cells of a grid with less floor than that are left out
@@ -40,7 +40,9 @@ def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
     ValueError
         If these are no two whole numbers >= 1, or so many that no cell has 0.1 m2 of floor.
     """
-    columns, rows = _grid_size(grid)
+    if not isinstance(grid, list | tuple | np.ndarray) or len(grid) != 2:
+        refuse("grid", grid, "two whole numbers >= 1, columns and rows: grid=(4, 2)")
+    columns, rows = (whole("grid: a number of cells", number) for number in grid)
     low = np.array(geometry.bounds[:2])
     size = (np.array(geometry.bounds[2:]) - low) / (columns, rows)
     too_small = ValueError(
@@ -81,12 +83,3 @@ def _cell_of(low: Floats, size: Floats, number: Ints, position: Floats) -> Ints:
     rows, columns = number.shape
     column, row = np.floor((position - low) / size).astype(np.int64).T
     return np.asarray(number[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)], dtype=np.int64)
-
-
-def _grid_size(grid: Any) -> tuple[int, int]:
-    """Return the columns and rows of a grid."""
-    both = list(grid) if isinstance(grid, list | tuple | np.ndarray) else []
-    whole = all(isinstance(n, int | np.integer) and not isinstance(n, bool) and n >= 1 for n in both)
-    if len(both) != 2 or not whole:
-        raise ValueError(f"grid is {shown(grid)}; it must be two whole numbers >= 1, columns and rows: grid=(4, 2)")
-    return int(both[0]), int(both[1])

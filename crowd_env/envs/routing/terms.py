@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -112,31 +111,27 @@ def _share(people: Bools) -> Floats:
     return np.asarray(people.sum(axis=2) / people.shape[2]).T
 
 
-TERMS: Mapping[str, RoutingTerm] = MappingProxyType(
-    {
-        term.name: term
-        for term in (
-            # people in it / all N people of the scenario
-            RoutingTerm("count", "region", _count),
-            # people per walkable m2 / (5 /m2)
-            RoutingTerm("density", "region", _density),
-            # mean speed of the people in it / (2 m/s); 0 if there are none
-            RoutingTerm("speed", "region", _speed),
-            # people who left by it since the last decision / (interval * width * 5 /(s m))
-            RoutingTerm("flow", "exit", _flow),
-            # people with at most 2.5 m to walk to it / N
-            RoutingTerm("queue", "exit", _queue),
-            # people inside who were sent along it / N
-            RoutingTerm("assigned", "route", _assigned),
-            # 1 = open
-            RoutingTerm("door", "door", _door),
-            # people inside / N
-            RoutingTerm("inside", "", _inside),
-            # time / time limit
-            RoutingTerm("time", "", _time),
-        )
-    }
+_TERMS = (
+    # people in it / all N people of the scenario
+    RoutingTerm("count", "region", _count),
+    # people per walkable m2 / (5 /m2)
+    RoutingTerm("density", "region", _density),
+    # mean speed of the people in it / (2 m/s); 0 if there are none
+    RoutingTerm("speed", "region", _speed),
+    # people who left by it since the last decision / (interval * width * 5 /(s m))
+    RoutingTerm("flow", "exit", _flow),
+    # people with at most 2.5 m to walk to it / N
+    RoutingTerm("queue", "exit", _queue),
+    # people inside who were sent along it / N
+    RoutingTerm("assigned", "route", _assigned),
+    # 1 = open
+    RoutingTerm("door", "door", _door),
+    # people inside / N
+    RoutingTerm("inside", "", _inside),
+    # time / time limit
+    RoutingTerm("time", "", _time),
 )
+TERMS: Mapping[str, RoutingTerm] = {term.name: term for term in _TERMS}
 
 
 @dataclass(frozen=True)
@@ -182,17 +177,13 @@ def _last(view: RoutingView) -> Floats:
     return -view.time_inside.max(axis=1)
 
 
-REWARDS: Mapping[str, RewardTerm] = MappingProxyType(
-    {
-        term.name: term
-        for term in (
-            # minus the time that everyone spent inside [s], averaged over all N people: sums to minus the mean exit time
-            RewardTerm("mean", _mean),
-            # minus the time during which anyone was inside [s]: sums to minus the exit time of the last person
-            RewardTerm("last", _last),
-        )
-    }
+_REWARDS = (
+    # minus the time that everyone spent inside [s], averaged over all N people: sums to minus the mean exit time
+    RewardTerm("mean", _mean),
+    # minus the time during which anyone was inside [s]: sums to minus the exit time of the last person
+    RewardTerm("last", _last),
 )
+REWARDS: Mapping[str, RewardTerm] = {term.name: term for term in _REWARDS}
 
 
 def make_weights(reward: Mapping[str | RewardTerm, float] | None) -> dict[RewardTerm, float]:
