@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
-from crowd_env.core.checks import Share, array, check_fields, from_data, known
+from crowd_env.core.checks import Share, array, check_fields, from_data
 from crowd_env.core.kernels.jit import inner_kernel, kernel
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
-from crowd_env.envs.terms import RewardTerm, names_of, own_terms, weighed_terms
+from crowd_env.envs.terms import RewardTerm, own_terms, weighed_terms
 
 
 class Transition(NamedTuple):
@@ -63,7 +63,6 @@ class RewardSpec(NamedTuple):
     order: Ints  # (W,)  rows that are weighed ...
     weights: Floats  # (W,)  ... and by how much
     team_share: float
-    shared: Bools  # (W,)  of which of them
 
 
 @inner_kernel
@@ -90,7 +89,7 @@ def compute_reward(step: Transition, spec: RewardSpec, terms: Floats, reward: Fl
     inside, left, duration = step.inside, step.left, step.duration
     impulse, mass = step.impulse_magnitude, step.bodies.mass
     before, after, env_start = step.travel_time_before, step.travel_time_after, step.bodies.env_start
-    order, weights, share, shared = spec.order, spec.weights, spec.team_share, spec.shared
+    order, weights, share = spec.order, spec.weights, spec.team_share
     for e in range(len(env_start) - 1):
         begin, end, total = env_start[e], env_start[e + 1], 0.0
         charge_heads(step, begin, end, terms[HEAD])
@@ -99,27 +98,15 @@ def compute_reward(step: Transition, spec: RewardSpec, terms: Floats, reward: Fl
             terms[EXIT, i] = 1.0 if left[i] else 0.0
             terms[TIME, i] = -duration[i] if inside[i] else 0.0
             terms[CONTACT, i] = -impulse[i] / mass[i] if inside[i] else 0.0
-            own, part = 0.0, 0.0
+            own = 0.0
             for k in range(len(order)):
-                value = weights[k] * terms[order[k], i]
-                own += value
-                if shared[k]:
-                    part += value
+                own += weights[k] * terms[order[k], i]
             reward[i] = own
-            total += part
+            total += own
         if share > 0.0:
             mean = total / (end - begin)  # over all, those who have left too: to be inside is what costs
             for i in range(begin, end):
-                part, kept = 0.0, 0.0
-                for k in range(len(order)):
-                    value = weights[k] * terms[order[k], i]
-                    if shared[k]:
-                        part += value
-                    else:
-                        kept += value
-                reward[i] = (1.0 - share) * part + share * mean
-                if kept != 0.0:
-                    reward[i] += kept
+                reward[i] = (1.0 - share) * reward[i] + share * mean
 
 
 @dataclass(frozen=True)
@@ -132,36 +119,20 @@ class RewardWeights:
         reported; so is an object of weight 0.
     team_share : 0 = each gets the own reward; 1 = everyone gets the mean over all N people of the environment, linear between.
         Those who have left count in the mean with 0, and go on getting their share of it until the episode ends.
-    shared : names of the terms that the share is taken of, all of them if None.  With ("time",) everyone pays for the time of
-        everyone, so that to let somebody else through first can pay, while each alone pays for the own contacts.
 
     Raises
     ------
     ValueError
-        If a term is unknown, two have the same name, a weight is not finite, the share is not in [0, 1], or a shared term is
-        none of those that are weighed.
+        If a term is unknown, two have the same name, a weight is not finite, or the share is not in [0, 1].
     """
 
     weights: Mapping[Any, float] = field(default_factory=lambda: {"progress": 1.0, "exit": 1.0, "time": 0.5})
     team_share: Share = 0.0
-    shared: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         check_fields("reward", self)
         # A copy: what is changed in the table later changes nothing here.
         object.__setattr__(self, "weights", weighed_terms("reward: weights", self.weights, REWARDS))
-        for name in self.shared or ():
-            known("term that is weighed", name, self.names, "reward: shared: ")
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the terms that are weighed."""
-        return names_of(RewardTerm, self.weights, REWARDS)
-
-    @property
-    def shares_all(self) -> bool:
-        """Whether the share is taken of the whole reward."""
-        return self.shared is None or set(self.names) <= set(self.shared)
 
 
 def make_weights(reward: RewardWeights | Mapping[Any, Any] | None) -> RewardWeights:
@@ -194,8 +165,7 @@ class RewardFunction:
         row: dict[Any, int] = {**REWARDS, **{term: len(REWARDS) + k for k, term in enumerate(self._own_terms)}}
         order = np.array([row[term] for term in weights.weights], dtype=np.int64)
         weight = np.array(list(weights.weights.values()), dtype=np.float64)
-        shared = np.array([weights.shared is None or name in weights.shared for name in weights.names], dtype=np.bool_)
-        self._spec = struct_ref(RewardSpec(order, weight, weights.team_share, shared))
+        self._spec = struct_ref(RewardSpec(order, weight, weights.team_share))
         self._names = [f"reward/{name}" for name in (*REWARDS, *(term.name for term in self._own_terms))]
         self._people = people
 

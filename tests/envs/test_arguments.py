@@ -177,9 +177,6 @@ LEARNING = [
     *rows("RewardWeights.weights", RewardWeights, (["time"], "time", 3, None, ("time", 1.0))),
     ("RewardWeights unknown", lambda: RewardWeights({"joy": 1.0}), ("'joy'", "progress, exit, time, contact")),
     *numeric("RewardWeights.team_share", of(RewardWeights, "team_share"), "share"),
-    *rows("RewardWeights.shared", of(RewardWeights, "shared"), ("time", 3, [1], {"time": 1.0}, b"time")),
-    ("RewardWeights.shared unknown", lambda: RewardWeights(shared=("joy",)), ("shared", "'joy'", "progress, exit, time")),
-    ("RewardWeights.shared not weighed", lambda: RewardWeights({"time": 1.0}, 0.5, ("contact",)), ("'contact'", "known: time")),
     *numeric("RewardWeights of time", lambda x: RewardWeights({"time": x}), "finite"),
 ]  # fmt: skip
 

@@ -186,57 +186,6 @@ def test_time_is_shared_with_those_who_have_left():
         np.testing.assert_allclose(paid, -(1 - share) * exit_time - share * mean, atol=1e-9)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
-def test_a_share_of_time_leaves_contacts_with_those_who_push(share):
-    """Time costs each (1 - share) of the own and share of the mean over all N; what all are paid together stays."""
-    weights = {"progress": 0.5, "time": 1.0, "contact": 0.7}
-    _, _, selfish = episodes(rule, RewardWeights(weights), num_envs=2)
-    env, _, steps = episodes(rule, RewardWeights(weights, share, ("time",)), num_envs=2)
-    felt = 0.0
-    for (inside, own, _), (_, step, _) in zip(selfish, steps, strict=True):
-        time, contact = step.info["reward/time"], step.info["reward/contact"]
-        mean = np.repeat([time[env.people(e)].mean() for e in range(2)], 20)
-        alone = 0.5 * step.info["reward/progress"] + 0.7 * contact
-        np.testing.assert_allclose(step.reward, alone + (1 - share) * time + share * mean, atol=1e-12)
-        for e in range(2):
-            assert step.reward[env.people(e)].sum() == pytest.approx(own.reward[env.people(e)].sum(), abs=1e-9)
-        if share == 0.0:
-            np.testing.assert_array_equal(step.reward, own.reward)
-        felt -= contact[~inside].sum() + min(contact.min(), 0.0)
-    assert felt > 0.5
-
-
-def test_letting_somebody_else_through_first_pays_if_time_is_shared():
-    """Who waits 1 s so that ten others are out 0.5 s sooner loses 1 s alone, and gains where all time is shared."""
-    waited = {share: -(1 - share) * 1.0 + share * (10 * 0.5 - 1.0) / 20 for share in (0.0, 1.0)}
-    for share, gain in waited.items():
-        paid = []
-        for times in (np.full(20, 5.0), np.where(np.arange(20) < 10, 4.5, np.where(np.arange(20) == 19, 6.0, 5.0))):
-            step = Transition(
-                inside=np.ones(20, bool),
-                left=np.ones(20, bool),
-                travel_time_before=np.zeros(20),
-                travel_time_after=np.zeros(20),
-                duration=times,
-                impulse_magnitude=np.zeros(20),
-                bodies=make_bodies(np.full(20, 0.2), 80.0),
-                state=make_state(np.zeros((20, 2)), environments=1),
-                **OF_EPISODE,
-            )
-            weights = RewardWeights({"time": 1.0, "contact": 1.0}, share, ("time",))
-            paid.append(RewardFunction(weights, 20)(struct_ref(step))[0][19])
-        assert paid[1] - paid[0] == pytest.approx(gain)
-    assert waited[0.0] < 0.0 < waited[1.0]
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3])
-def test_to_name_all_terms_is_to_share_the_whole_reward_to_the_last_bit(share):
-    weights = {"progress": 0.7, "time": 0.2, "contact": 0.01}
-    runs = [episodes(drunk, RewardWeights(weights, share, shared), num_envs=1)[2] for shared in (None, tuple(weights))]
-    for (_, one, _), (_, other, _) in zip(*runs, strict=True):
-        assert one.reward.tobytes() == other.reward.tobytes()
-
-
 def test_one_step_by_hand():
     """Two rooms of four and one: 0.1 s, one has left before, one leaves now; half of everything is shared."""
     step = Transition(

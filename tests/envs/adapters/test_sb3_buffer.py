@@ -224,52 +224,6 @@ def test_who_has_left_still_gets_what_the_team_earns_later():
     assert went_on > 50 and cut > 3 and open_ == 18
 
 
-def test_what_having_left_is_worth_follows_the_rewards_if_some_terms_are_shared():
-    """Two rooms of 2, three steps.  In the first room one leaves in the first step and is paid -0.2, then -0.1; the second is
-    cut off in the second step, where one had left before and is paid -0.3; in the third both are inside again."""
-    gamma = 0.5
-    forecast = 1 + gamma + gamma**2  # what was last paid, for another three steps
-    buffer = make_buffer(3, 4, gamma=gamma, gae_lambda=1.0)
-    room, acted = np.array([0, 0, 1, 1]), np.array([[1, 1, 1, 0], [1, 0, 1, 0], [1, 0, 1, 1]], dtype=bool)
-    inside = np.array([[1, 0, 1, 0], [1, 0, 1, 1], [1, 0, 1, 1]], dtype=bool)
-    cut = np.array([[0, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 0]], dtype=bool)
-    paid = [[-1.0, 2.0, -1.0, -0.4], [-1.0, -0.2, -1.0, -0.3], [-1.0, -0.1, -1.0, -1.0]]
-    given = [
-        SlotRewards.of(np.array(paid[t]), Slots(acted[t], inside[t], cut[t], room, 0.5, shares_all=False))
-        for t in range(3)
-    ]
-    starts = np.array([[0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 1, 1]])
-    fill(buffer, given, np.full((3, 4), 7.0), starts)
-    buffer.compute_returns_and_advantage(torch.full((4,), 7.0), np.zeros(4))
-    worth = [0.0, 0.0, -0.1 + gamma * -0.1 * forecast]
-    worth[1] = -0.2 + gamma * worth[2]
-    np.testing.assert_allclose(buffer.values[1:, 1], worth[1:], rtol=1e-6)
-    assert buffer.returns[0, 1] == pytest.approx(2.0 + gamma * worth[1])  # of the one who left
-    assert buffer.values[1, 3] == pytest.approx(-0.3 + gamma * -0.3 * forecast)  # the episode would have gone on
-    assert buffer.values[0, 3] == pytest.approx(-0.4 + gamma * buffer.values[1, 3])
-    assert buffer.returns[1, 2] == pytest.approx(-1.0)  # the critic's value is added by stable-baselines3 itself
-    np.testing.assert_array_equal(buffer.values[acted], 7.0)
-
-
-def test_learning_with_shared_time_runs_and_pays_those_who_have_left():
-    reward = {"weights": {"progress": 0.5, "time": 1.0, "contact": 1.0}, "team_share": 0.5, "shared": ["time"]}
-    env = CrowdEnv("room-v0", num_envs=3, autoreset=True, people=6, time_limit=2.9, reward=reward)
-    model = make_ppo(env, PPOSettings(n_steps=60, batch_size=64, n_epochs=1, gae_lambda=1.0), seed=0)
-    witness = Witness()
-    model.learn(60 * 18, callback=witness)
-    (kept, told), paid = witness.rollouts[0], 0
-    for t in range(59):
-        slots = told[t]["slots"]
-        assert not slots.shares_all
-        gone = slots.acted & ~slots.inside & ~told[t]["dones"]
-        for i in np.flatnonzero(gone):  # lambda = 1: the return is all that is paid from here on
-            assert kept["returns"][t, i] == pytest.approx(
-                told[t]["rewards"][i] + 0.97 * kept["returns"][t + 1, i], abs=1e-4
-            )
-            paid += kept["returns"][t + 1, i] < 0.0
-    assert paid > 3
-
-
 # --------------------------------------------------------------------------------------------------- whose rewards they are
 
 

@@ -20,9 +20,6 @@ class MaskedRolloutBuffer(RolloutBuffer):
     Having left is worth nothing without a ``team_share`` s; with one it is worth what the critic expects of the others.  Let M
     be the mean over all N people of an environment of what is still to come.  The n who are inside expect
     V = (1 - s) own + s M each, the others s M; so the sum of V over those inside is ((1 - s) N + s n) M.
-
-    If only some terms are shared the critic cannot tell their part of V.  Having left is then worth what those who are out are
-    paid in the rest of the rollout, and after its end what they were last paid, for as long again as a rollout lasts.
     """
 
     def reset(self) -> None:
@@ -51,10 +48,7 @@ class MaskedRolloutBuffer(RolloutBuffer):
         self.values[t] = np.where(
             slots.acted, self.values[t], _worth_of_having_left(self.values[t], slots.acted, slots)
         )
-        if slots.team_share > 0.0 and slots.cut_off.any() and not slots.shares_all:
-            ended = np.bincount(slots.environment, weights=slots.cut_off)[slots.environment] > 0
-            self.rewards[t] += np.where(ended & ~slots.cut_off, self.gamma * self._worth_by_rewards(t), 0.0)
-        elif slots.team_share > 0.0 and slots.cut_off.any():
+        if slots.team_share > 0.0 and slots.cut_off.any():
             # stable-baselines3 has bootstrapped the rows that were cut off.  For pedestrians who had left the episode would go
             # on as well: what that is worth to them follows from the values of the rows cut off, one observation earlier.
             later = _worth_of_having_left(self.values[t], slots.cut_off, slots)
@@ -65,24 +59,8 @@ class MaskedRolloutBuffer(RolloutBuffer):
         assert self._slots is not None, "the buffer is empty"
         slots = self._slots
         values, inside = last_values.detach().cpu().numpy().flatten(), slots.inside
-        if slots.team_share > 0.0 and not slots.shares_all:
-            values = np.where(inside, values, self._worth_by_rewards(self.buffer_size - 1)).astype(np.float32)
-            later = np.where(dones, 0.0, values)
-            for t in reversed(range(self.buffer_size)):
-                paid = self.rewards[t] + self.gamma * later
-                self.values[t] = np.where(self.mask[t], self.values[t], paid)
-                later = np.where(self.episode_starts[t], 0.0, self.values[t])
-        else:
-            values = np.where(inside, values, _worth_of_having_left(values, inside, slots)).astype(np.float32)
+        values = np.where(inside, values, _worth_of_having_left(values, inside, slots)).astype(np.float32)
         super().compute_returns_and_advantage(torch.as_tensor(values), dones)
-
-    def _worth_by_rewards(self, t: int) -> Floats:
-        """Return the value (P,) of having left, after step ``t``, if those who are out go on being paid as in that step."""
-        assert self._slots is not None
-        room, out = self._slots.environment, ~self.mask[t]
-        paid, count = np.bincount(room, weights=np.where(out, self.rewards[t], 0.0)), np.bincount(room, weights=out)
-        steps = float((self.gamma ** np.arange(self.buffer_size)).sum())
-        return np.asarray(steps * paid / np.maximum(count, 1.0))[room]
 
     def get(self, batch_size: int | None = None) -> Generator[RolloutBufferSamples, None, None]:
         """Yield shuffled minibatches of the masked samples; afterwards the buffer's arrays hold these samples alone.

@@ -123,7 +123,6 @@ class Slots(NamedTuple):
     cut_off: Bools  # (P,)  still inside when the episode ended
     environment: Ints  # (P,)
     team_share: float
-    shares_all: bool = True  # the share is taken of the whole reward, not of some terms
 
 
 class SlotRewards(np.ndarray):
@@ -201,9 +200,8 @@ class CrowdVecEnv(BatchVecEnv):
             infos[i] |= {"is_success": not step.truncated[i], "steps_inside": int(self._inside[i])}
         self._inside[done] = 0
         self.finished_episodes.extend(step.info["metrics"].values())
-        weights = env.reward_weights
-        shares = weights.team_share, weights.shares_all
-        slots = Slots(self.acted, env.active.copy(), step.truncated, env.env_of_person, *shares)
+        share = env.reward_weights.team_share
+        slots = Slots(self.acted, env.active.copy(), step.truncated, env.env_of_person, share)
         return step.observation, SlotRewards.of(step.reward, slots), done, infos
 
 
