@@ -79,8 +79,7 @@ class CrowdParallelEnv(ParallelEnv):
         self.render_mode = render_mode
         self.possible_agents = [f"pedestrian_{i}" for i in range(self.env.num_people)]
         self.agents: list[str] = []
-        self._slots: Ints | slice = slice(None)  # of the agents
-        self._all_false: dict[str, bool] = {}  # False for each of the agents
+        self._slots: Ints | slice = slice(None)  # of the agents; while these are all, indexing copies nothing
         self._slot = {agent: i for i, agent in enumerate(self.possible_agents)}
         self._state = StateReader(self.env)
         self.state_layout: StateLayout = self._state.layout
@@ -123,7 +122,7 @@ class CrowdParallelEnv(ParallelEnv):
         check_options(options, idle=("options",))  # PettingZoo's own checkers give it to every environment
         observation, _ = self.env.reset(None if seed is None else [seed])
         self._begun = True
-        self._set_agents(list(self.possible_agents), slice(None))
+        self.agents, self._slots = list(self.possible_agents), slice(None)
         if self.render_mode == "human":
             self.render()
         return dict(zip(self.agents, observation, strict=True)), {agent: {} for agent in self.agents}
@@ -147,20 +146,14 @@ class CrowdParallelEnv(ParallelEnv):
         observations = dict(zip(agents, step.observation[slots], strict=True))
         rewards = dict(zip(agents, step.reward[slots].tolist(), strict=True))
         infos = _infos_of(agents, slots, step.info)
-        terminations, truncations = self._all_false.copy(), self._all_false.copy()
+        terminations = dict(zip(agents, step.terminated[slots].tolist(), strict=True))
+        truncations = dict(zip(agents, step.truncated[slots].tolist(), strict=True))
         if (step.terminated | step.truncated).any():
-            terminations = dict(zip(agents, step.terminated[slots].tolist(), strict=True))
-            truncations = dict(zip(agents, step.truncated[slots].tolist(), strict=True))
             stay = np.flatnonzero(self.env.active)
-            self._set_agents([self.possible_agents[i] for i in stay.tolist()], stay)
+            self.agents, self._slots = [self.possible_agents[i] for i in stay.tolist()], stay
         if self.render_mode == "human":
             self.render()
         return observations, rewards, terminations, truncations, infos
-
-    def _set_agents(self, agents: list[str], slots: Ints | slice) -> None:
-        """Store the agents who are inside; their slots are a slice while these are all: indexing then copies nothing."""
-        self.agents, self._slots = agents, slots
-        self._all_false = dict.fromkeys(agents, False)
 
     def _check_begun(self, what: str) -> None:
         if not self._begun:

@@ -1,6 +1,7 @@
 """Many evacuations of one scenario, each of a draw of its own, and what they amount to."""
 
 import copy
+import functools
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -104,7 +105,7 @@ def rollout(
     ----------
     driver : makes a batch of so many evacuations of ``scenario``; by default everyone walks as the strategy says.
     recorder : sees every moment of every batch; what it kept of an evacuation is `Episode.record`.
-    **options : the other parameters of `make_batches`, but for ``workers``, such as ``only``, ``threads`` or ``physics``.
+    **options : the other parameters of `make_batches`, but for ``workers``, such as ``only`` or ``physics``.
 
     Raises
     ------
@@ -132,19 +133,11 @@ class ReusedDriver:
         return {"make": self.make, "last": None}
 
 
-@dataclass(frozen=True)
-class _RuleDriver:
-    scenario: Scenario
-    threads: int
-    options: dict[str, Any]
-
-    def __call__(self, num_envs: int) -> Driver:
-        arguments = arguments_of(self.options)
-        physics = Physics.of(arguments.pop("physics", "nsm2"))
-        threads = min(max(self.threads, physics.threads), num_envs)
-        return Driver(
-            CrowdEnv(self.scenario, num_envs=num_envs, physics=replace(physics, threads=threads), **arguments)
-        )
+def _scripted_driver(scenario: Scenario, options: dict[str, Any], num_envs: int) -> Driver:
+    arguments = arguments_of(options)
+    physics = Physics.of(arguments.pop("physics", "nsm2"))
+    physics = replace(physics, threads=min(physics.threads, num_envs))
+    return Driver(CrowdEnv(scenario, num_envs=num_envs, physics=physics, **arguments))
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +212,6 @@ def make_batches(
     recorder: Recorder | None = None,
     only: Sequence[int] | None = None,
     at_once: int | None = None,
-    threads: int = 1,
     workers: int | None = None,
     **options: Any,
 ) -> list[RunBatch]:
@@ -232,7 +224,6 @@ def make_batches(
     ----------
     only : numbers of the runs that are wanted, 0 to ``runs`` - 1; by default all.
     at_once : most runs side by side under the rule; fewer end sooner, and are a little slower in all.
-    threads : of the simulation, at most one an evacuation.
     workers : None = all batches are simulated here, one after the other, and share one recorder; else about how many are at a
         time, elsewhere: then each has its own copy of the recorder, and those under the rule are small enough, and alike
         enough, to occupy all.
@@ -249,7 +240,7 @@ def make_batches(
     most = max(1, min(_RUNS_AT_ONCE, _PEOPLE_AT_ONCE // scenario.population.people))
     if at_once is not None and driver is None:
         most = min(most, at_once)
-    reused = ReusedDriver(driver or _RuleDriver(scenario, threads, options))
+    reused = ReusedDriver(driver or functools.partial(_scripted_driver, scenario, options))
     if workers is not None and driver is None:
         rounds = -(-len(numbers) // (most * workers))  # in which every worker has a batch
         edges = np.linspace(0, len(numbers), min(rounds * workers, len(numbers)) + 1).astype(int).tolist()

@@ -3,7 +3,7 @@
 import importlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.atomic import check_suffix
@@ -19,13 +19,13 @@ class Format(NamedTuple):
 
     read: Callable[[Path], Recording]
     write: Callable[[Path, Recording], Writer] | None
-    library: str | None  # that has to be installed; None = Python's own
+    library: str  # that has to be installed
 
 
 FORMATS: dict[str, Format] = {
-    ".sqlite": Format(read_sqlite, SqliteWriter, None),
+    ".sqlite": Format(read_sqlite, SqliteWriter, "sqlite3"),
     ".h5": Format(read_hdf5, Hdf5Writer, "h5py"),
-    ".txt": Format(read_text_trajectory, None, None),
+    ".txt": Format(read_text_trajectory, None, "numpy"),
 }
 
 
@@ -90,13 +90,10 @@ def load(path: str | Path) -> Recording:
         raise ValueError(words if str(path) in words else f"cannot read {path}: {words}") from None
 
 
-def _require_library(path: Path, doing: str) -> Any:
+def _require_library(path: Path, doing: str) -> None:
     library = FORMATS[path.suffix.lower()].library
-    if library is None:
-        return None
     try:
-        return importlib.import_module(library)
+        importlib.import_module(library)
     except ModuleNotFoundError:
-        raise ModuleNotFoundError(
-            f"{doing} {path.name} needs {library}, which is not installed: pip install {library}", name=library
-        ) from None
+        needed = f"{doing} {path.name} needs {library}, which is not installed: pip install {library}"
+        raise ModuleNotFoundError(needed, name=library) from None

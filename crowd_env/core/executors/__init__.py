@@ -8,8 +8,7 @@ from typing import Any
 
 from crowd_env.core.checks import known
 from crowd_env.core.executors.cluster import RayCluster, check_cluster
-from crowd_env.core.executors.executor import Executor, Serial, WorkerDied
-from crowd_env.core.executors.processes import Processes, all_cores
+from crowd_env.core.executors.executor import Executor, Processes, Serial, WorkerDied, all_cores
 
 __all__ = [
     "EXECUTORS",
@@ -23,11 +22,7 @@ __all__ = [
     "make_executor",
 ]
 
-EXECUTORS: Mapping[str, Callable[..., Executor]] = {
-    "serial": Serial,
-    "processes": Processes,
-    "ray": RayCluster,
-}
+EXECUTORS: Mapping[str, Callable[..., Executor]] = {"serial": Serial, "processes": Processes, "ray": RayCluster}
 
 
 def make_executor(name: str, **options: Any) -> Executor:
@@ -40,5 +35,4 @@ def make_executor(name: str, **options: Any) -> Executor:
     ModuleNotFoundError
         If its library is not installed; the message says how to install it.
     """
-    known("executor", name, EXECUTORS)
-    return EXECUTORS[name](**options)
+    return EXECUTORS[known("executor", name, EXECUTORS)](**options)

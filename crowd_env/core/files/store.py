@@ -15,11 +15,12 @@ from typing import IO, Any
 
 import numpy as np
 
-from crowd_env.core.files.array_file import read_arrays, write_arrays
+from crowd_env.core.files.atomic import written
 from crowd_env.core.files.json_file import read_json, write_json
 
 _LOCK = ".lock"
 _MADE_BY = "made_by"
+_FACTS = "facts"  # the member of an ``.npz`` file that holds a JSON object as text
 # What systems and file systems without locks answer.
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL)
 
@@ -107,12 +108,14 @@ class Store:
         if self.identity is not None and not self._begun:  # first: without it the pieces belong to nothing
             write_json(self.about, self.identity)
             self._begun = True
-        arrays = {key: value for key, value in content.items() if isinstance(value, np.ndarray)}
+        arrays: dict[str, Any] = {key: value for key, value in content.items() if isinstance(value, np.ndarray)}
         facts = {key: value for key, value in content.items() if key not in arrays}
         if made_by is not None:
             facts = {_MADE_BY: made_by, **facts}
         if arrays:
-            write_arrays(self.folder / f"{name}.npz", arrays, facts)
+            arrays[_FACTS] = np.array(json.dumps(facts, allow_nan=False))
+            with written(self.folder / f"{name}.npz") as part:
+                np.savez_compressed(part, **arrays)
         else:
             write_json(self.folder / f"{name}.json", facts)
 
@@ -135,8 +138,9 @@ class Store:
 def _read(path: Path) -> dict[str, Any]:
     if path.suffix == ".json":
         return dict(read_json(path))
-    arrays, facts = read_arrays(path)
-    return {**facts, **arrays}
+    with np.load(path, allow_pickle=False) as file:  # nothing in the file is executed, whatever it holds
+        arrays = {name: file[name] for name in file.files}
+    return {**json.loads(str(arrays.pop(_FACTS))), **arrays}
 
 
 def _as_json(content: Any) -> Any:
