@@ -4,11 +4,10 @@ import json
 import pickle
 
 import numpy as np
-import pytest
 from refusals import refuses, table
 
 from crowd_env import CrowdEnv, ObservationLayout, ObservationTerm, RewardTerm, RewardWeights
-from crowd_env.envs.observation.layout import TERMS, CompiledTerm, make_layout
+from crowd_env.envs.observation.layout import TERMS, make_layout
 from crowd_env.envs.observation.view import Columns
 from crowd_env.envs.reward import REWARDS
 
@@ -63,20 +62,7 @@ def test_a_reward_of_ones_own_counts_by_its_weight_and_is_reported_if_it_has_non
     assert "reward/slow" not in walked(CrowdEnv("room-v0", people=3))[2]
 
 
-def test_a_reward_of_ones_own_is_shared_by_its_name():
-    _, rewards, info = walked(
-        CrowdEnv("room-v0", people=3, reward=RewardWeights({"time": 1.0, SLOW: 0.5}, 1.0, ("slow",)))
-    )
-    expected = info["reward/time"] + 0.5 * info["reward/slow"].mean()
-    np.testing.assert_allclose(rewards[-1], expected, atol=1e-12)
-
-
-def test_the_tables_cannot_be_changed_and_every_compiled_term_has_a_column():
-    for known, line in ((TERMS, CompiledTerm(1)), (REWARDS, 5)):
-        with pytest.raises(TypeError):
-            known["late"] = line
-        with pytest.raises(TypeError):
-            del known["velocity" if known is TERMS else "time"]
+def test_every_compiled_term_has_a_column():
     assert tuple(TERMS) == Columns._fields
     assert list(REWARDS.values()) == list(range(len(REWARDS)))  # rows of what `compute_reward` writes
 

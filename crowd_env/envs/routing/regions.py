@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints
-from crowd_env.core.checks import refuse, whole
+from crowd_env.core.checks import refuse
 from crowd_env.geometry.geometry import Geometry, box
 
 _LEAST_AREA = 0.1  # m2  cells of a grid with less floor than that are left out
@@ -40,9 +40,12 @@ def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
     ValueError
         If these are no two whole numbers >= 1, or so many that no cell has 0.1 m2 of floor.
     """
-    if not isinstance(grid, list | tuple | np.ndarray) or len(grid) != 2:
+    numbers = list(grid) if isinstance(grid, list | tuple | np.ndarray) else []
+    if len(numbers) != 2 or not all(
+        type(n) is not bool and isinstance(n, int | np.integer) and n >= 1 for n in numbers
+    ):
         refuse("grid", grid, "two whole numbers >= 1, columns and rows: grid=(4, 2)")
-    columns, rows = (whole("grid: a number of cells", number) for number in grid)
+    columns, rows = (int(n) for n in numbers)
     low = np.array(geometry.bounds[:2])
     size = (np.array(geometry.bounds[2:]) - low) / (columns, rows)
     too_small = ValueError(
