@@ -79,7 +79,7 @@ BAD = {
     "seats.toml": scenario(people="starts = [{ first = [1, 1], columns = 900000, rows = 900000, step = [1, 1] }]"),
     "walls.toml": scenario("thin_walls = [{ line = [[1, 1], [2, 2]], columns = 99999999, step = [1, 0] }]"),
     "words.toml": scenario(walkable='{ box = [0, 0, "{().__class__}", 5] }'),
-    "deep.json": '{"geometry": {"walkable": ' + "[" * 500 + "]" * 500 + ', "exits": {}}}',
+    "deep.json": '{"geometry": {"walkable": ' + "[" * 500 + "]" * 500 + ', "exits": {}}, "population": {"people": 1}}',
     "deeper.json": "[" * 200000,
     "deep.toml": "a = " + "[" * 300 + "]" * 300,
     "outside.toml": scenario(people='starts = "../secret.csv"'),

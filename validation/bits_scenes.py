@@ -246,8 +246,6 @@ def variants() -> Scene:
     for scheme in (
         nsm2(position_correction=0.3),
         nsm2(relative_tolerance=1e-6),
-        nsm2(solver="gauss-seidel"),
-        crowd_env.NSM1(solver="gauss-seidel"),
         crowd_env.DEM(stiffness=5e4),
     ):
         yield from _episode(25, "room-v0", num_envs=2, scheme=scheme)

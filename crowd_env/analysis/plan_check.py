@@ -14,9 +14,9 @@ from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import counted
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import closed_off
+from crowd_env.geometry.placement import CLOSEST_PACKING
 from crowd_env.routing.fields.grid import nearest_nodes
 from crowd_env.scenarios.groups import People
-from crowd_env.scenarios.placement import CLOSEST_PACKING
 from crowd_env.scenarios.scenario import Scenario
 
 # Beyond these a plan is rarely what it is meant to be.

@@ -1,6 +1,6 @@
 """What became of everyone in a decision step, compiled: who got out, and whose episode is over."""
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -9,15 +9,17 @@ from crowd_env.core.kernels.jit import kernel
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.envs.metrics import EpisodeMetrics, summarise_exits
 from crowd_env.envs.reward import Transition
-from crowd_env.physics.simulation.checkpoint import Arrays, Checkpoint
-from crowd_env.physics.simulation.simulation import Simulation
+
+if TYPE_CHECKING:  # no part of what kernels are made of
+    from crowd_env.physics.simulation.checkpoint import Arrays, Checkpoint
+    from crowd_env.physics.simulation.simulation import Simulation
 
 
 class EnvCheckpoint(NamedTuple):
     """A moment of a `CrowdEnv`; made by `CrowdEnv.checkpoint`, taken up by `CrowdEnv.restore`.  It can be pickled."""
 
-    simulation: Checkpoint
-    step: Arrays  # of the `Transition`
+    simulation: "Checkpoint"
+    step: "Arrays"  # of the `Transition`
     chosen_at: Floats  # of the `RouteChoice`
     generators: tuple[Any, ...]  # states
     started: bool
@@ -50,7 +52,7 @@ def init_transition(simulation: Simulation, potential: Floats, time_limit: Float
     )
 
 
-def metrics_of(e: int, people: slice, step: Transition, simulation: Simulation) -> EpisodeMetrics:
+def metrics_of(e: int, people: slice, step: Transition, simulation: "Simulation") -> EpisodeMetrics:
     """Return the metrics of the episode so far of environment ``e``, whose slots are ``people``."""
     sums = simulation.diagnostics
     exits = summarise_exits(np.sort(simulation.state.exit_time[people]))

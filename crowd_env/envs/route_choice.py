@@ -6,7 +6,7 @@ costs nothing but the way back; whoever has taken another way keeps to it for ``
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,9 +15,11 @@ from crowd_env.core.kernels.jit import kernel
 from crowd_env.envs.action import ActionKind, fit_routes
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.observation.view import Ways
-from crowd_env.routing.route_set import RouteSet
-from crowd_env.scenarios.population import Population
-from crowd_env.scenarios.scenario import Scenario
+
+if TYPE_CHECKING:  # no part of what kernels are made of
+    from crowd_env.routing.route_set import RouteSet
+    from crowd_env.scenarios.population import Population
+    from crowd_env.scenarios.scenario import Scenario
 
 _EARLY = 1e-9  # s  sums of physics steps that fall short of the dwell by rounding count as whole
 
@@ -33,7 +35,7 @@ class RouteChoice(NamedTuple):
 
 
 def fit_to_ways(
-    kind: ActionKind, layout: ObservationLayout, scenarios: Sequence[Scenario]
+    kind: ActionKind, layout: ObservationLayout, scenarios: Sequence["Scenario"]
 ) -> tuple[ActionKind, ObservationLayout, bool]:
     """Return both for the exits and routes of some places, and whether there is a way to each: if one of them is about ways.
 
@@ -57,7 +59,12 @@ def fit_to_ways(
 
 
 def make_route_choice(
-    scenario_of_env: Sequence[Scenario], route_sets: Sequence[RouteSet], env_start: Ints, dwell: float, *, used: bool
+    scenario_of_env: Sequence["Scenario"],
+    route_sets: Sequence["RouteSet"],
+    env_start: Ints,
+    dwell: float,
+    *,
+    used: bool,
 ) -> RouteChoice:
     """Return what can be chosen in some environments; nothing unless it is ``used``.
 
@@ -79,7 +86,7 @@ def make_route_choice(
     return RouteChoice(Ways(route, then), allowed, np.full(len(allowed), -np.inf), dwell, env_start)
 
 
-def _allowed(part: Population, scenario: Scenario) -> list[bool]:
+def _allowed(part: "Population", scenario: "Scenario") -> list[bool]:
     """Return which of the ways of a place (C,) the people of a group may choose."""
     leads_to = {route.name: route.exits or scenario.exits for route in scenario.routes}
     goals = part.exits or scenario.exits

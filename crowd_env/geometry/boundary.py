@@ -172,7 +172,10 @@ def _off_boundary(name: str, segment: Floats, area: Area) -> str:
 
 
 def _cut(edges: Floats, openings: list[_Opening]) -> tuple[Floats, Floats, tuple[str, ...]]:
-    """Return walls (W, 2, 2), exits (X, 2, 2) and the name of each exit: the edges, cut at the ends of the openings."""
+    """Return walls (W, 2, 2), exits (X, 2, 2) and the name of each exit: the edges, cut at the ends of the openings.
+
+    Pieces of one exit are joined; different exits must not overlap.
+    """
     walls: list[Floats] = []
     exits: list[tuple[str, Floats]] = []
     for row, (a, b) in enumerate(edges):
@@ -181,12 +184,18 @@ def _cut(edges: Floats, openings: list[_Opening]) -> tuple[Floats, Floats, tuple
         def at(s: float, a: Floats = a, b: Floats = b, length: float = length) -> Floats:
             return b if s == length else a + (b - a) * (s / length)  # b itself, so that neighboring edges share it
 
-        end = 0.0
-        for _, low, high, name in _merged(sorted(o for o in openings if o.edge == row), at):
+        end, last = 0.0, None
+        for _, low, high, name in sorted(o for o in openings if o.edge == row):
+            if low < end - SLIVER and name != last:
+                raise ValueError(f"exits {last!r} and {name!r} overlap at {place(at(low))}; exits must be apart")
+            if low < end + SLIVER and name == last:  # pieces of one exit
+                end = max(end, high)
+                exits[-1][1][1] = at(end)
+                continue
             if low - end > SLIVER:
                 walls.append(np.array([at(end), at(low)]))
             exits.append((name, np.array([at(low), at(high)])))
-            end = high
+            end, last = high, name
         if length - end > SLIVER:
             walls.append(np.array([at(end), b]))
     order = {name: i for i, name in enumerate(dict.fromkeys(o.name for o in openings))}
@@ -196,21 +205,6 @@ def _cut(edges: Floats, openings: list[_Opening]) -> tuple[Floats, Floats, tuple
         np.array([segment for _, segment in exits]).reshape(-1, 2, 2),
         tuple(name for name, _ in exits),
     )
-
-
-def _merged(openings: list[_Opening], at) -> list[_Opening]:  # type: ignore[no-untyped-def]
-    """Return the sorted openings of one edge with the pieces of one exit joined; different exits must not overlap."""
-    merged: list[_Opening] = []
-    for opening in openings:
-        last = merged[-1] if merged else None
-        if last is not None and opening.low < last.high - SLIVER and opening.name != last.name:
-            spot = place(at(opening.low))
-            raise ValueError(f"exits {last.name!r} and {opening.name!r} overlap at {spot}; exits must be apart")
-        if last is not None and opening.low < last.high + SLIVER and opening.name == last.name:
-            merged[-1] = last._replace(high=max(last.high, opening.high))
-        else:
-            merged.append(opening)
-    return merged
 
 
 def add_aprons(walkable: Area, exits: Floats, depth: float) -> Area:

@@ -17,11 +17,7 @@ _JAMB = 0.1  # m; a door may be so far from what it shuts against
 
 
 def read_doors(
-    doors: Mapping[str, Shape],
-    area: Area,
-    thin: Floats,
-    exits: Floats,
-    exit_names: tuple[str, ...],
+    doors: Mapping[str, Shape], area: Area, thin: Floats, exits: Floats, exit_names: tuple[str, ...]
 ) -> tuple[Floats, Ints, tuple[str | None, ...]]:
     """Return the leaves (L, 2, 2) [m] of all doors, the door of each (L,), and the exit that each door closes (or None).
 

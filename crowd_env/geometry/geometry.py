@@ -189,9 +189,7 @@ class Geometry:
             exit_names=exit_names,
             regions=_regions(area, left_out, regions or {}, shapes),
             doors=tuple(doors or {}),
-            door_of_wall=np.concatenate(
-                [np.full(fixed, -1, dtype=np.int64), door_of_leaf, np.full(len(chords), -1, dtype=np.int64)]
-            ),
+            door_of_wall=np.pad(door_of_leaf, (fixed, len(chords)), constant_values=-1),
             exits_of_door=exits_of_door,
             left_out=tuple(left_out),
             arcs=arcs,

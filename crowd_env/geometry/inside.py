@@ -14,7 +14,6 @@ from crowd_env.core.kernels.jit import index, kernel
 from crowd_env.geometry.parsing import Area, border_edges
 
 _FEWEST_ROWS, _MOST_ROWS = 8, 1024
-_ROUNDING = 1e-6  # m; a stretch ends so far before an edge
 
 
 class Border(NamedTuple):
@@ -28,7 +27,6 @@ class Border(NamedTuple):
     high: Floats  # (M,)    m
     x: Floats  # (M,)    m   at the lower end
     slope: Floats  # (M,)        dx / dy
-    clear: Floats  # (R, 2)  m   widest stretch of each row that no edge comes into, and that is inside
 
 
 def border_of(areas: Sequence[Area]) -> Border:
@@ -43,16 +41,14 @@ def border_of(areas: Sequence[Area]) -> Border:
 def _rows_of(area: Area) -> Border:
     """Return the border of one area."""
     edges = border_edges(area)
+    edges = edges[edges[:, 0, 1] != edges[:, 1, 1]]  # a ray to the right crosses no other
     falling = edges[:, 0, 1] > edges[:, 1, 1]
     edges[falling] = edges[falling, ::-1]
     bottom, top = float(edges[:, 0, 1].min()), float(edges[:, 1, 1].max())
     rows = min(max(len(edges), _FEWEST_ROWS), _MOST_ROWS)
     per_height = rows / (top - bottom)
     start, edge = _by_row(edges, bottom, per_height, rows)
-    clear = [_clear(edges[edge[start[r] : start[r + 1]]], bottom, per_height, r) for r in range(rows)]
-    upright = edges[edges[:, 0, 1] < edges[:, 1, 1]]  # a ray to the right crosses no other
-    start, edge = _by_row(upright, bottom, per_height, rows)
-    low, high = upright[edge, 0], upright[edge, 1]
+    low, high = edges[edge, 0], edges[edge, 1]
     return Border(
         bottom=np.array([bottom]),
         per_height=np.array([per_height]),
@@ -62,7 +58,6 @@ def _rows_of(area: Area) -> Border:
         high=high[:, 1].copy(),
         x=low[:, 0].copy(),
         slope=(high[:, 0] - low[:, 0]) / (high[:, 1] - low[:, 1]),
-        clear=np.array(clear),
     )
 
 
@@ -80,42 +75,13 @@ def _row(y: Floats, bottom: float, per_height: float, rows: int) -> Ints:
     return np.minimum(((y - bottom) * per_height).astype(np.int64), rows - 1)
 
 
-def _clear(edges: Floats, bottom: float, per_height: float, row: int) -> tuple[float, float]:
-    """Return the widest stretch of a row that no edge comes into and that is inside; empty if there is none."""
-    below, above = (bottom + (row + k) / per_height for k in (0, 1))
-    a, b = edges[:, 0], edges[:, 1]
-    comes_in = (b[:, 1] > below + _ROUNDING) & (
-        a[:, 1] < above - _ROUNDING
-    )  # not one that lies along the end of the row
-    a, b = a[comes_in], b[comes_in]
-    rise = np.maximum(b[:, 1] - a[:, 1], 1e-300)  # of a level edge both ends count as they are
-    ends = [
-        np.where(
-            b[:, 1] > a[:, 1], a[:, 0] + (np.clip(y, a[:, 1], b[:, 1]) - a[:, 1]) / rise * (b[:, 0] - a[:, 0]), end
-        )
-        for y, end in ((below, a[:, 0]), (above, b[:, 0]))
-    ]
-    left, right = np.minimum(*ends), np.maximum(*ends)
-    order = np.argsort(left)
-    start, stop = np.maximum.accumulate(right[order])[:-1] + _ROUNDING, left[order][1:] - _ROUNDING
-    height, middle = 0.5 * (below + above), 0.5 * (start + stop)
-    at_height = (a[:, 1] <= height) & (height < b[:, 1])
-    x = a[:, 0] + (height - a[:, 1]) / rise * (b[:, 0] - a[:, 0])
-    beyond = (at_height & (middle[:, None] < x)).sum(axis=1)
-    width = np.where(beyond % 2 == 1, stop - start, -1.0)
-    if not len(width) or width.max() <= 0.0:
-        return 0.0, 0.0
-    k = int(np.argmax(width))
-    return float(start[k]), float(stop[k])
-
-
 @kernel
 def mark_outside(
     border: Border, geometry_of_env: Ints, env_start: Ints, active: Bools, position: Floats, outside: Bools
 ) -> None:
     """Set ``outside`` (P,) of everyone who is active and not in the walkable area; clear none."""
     low, high, x_low, slope = border.low, border.high, border.x, border.slope
-    edge_start, clear = border.edge_start, border.clear
+    edge_start = border.edge_start
     for e in range(len(geometry_of_env)):
         g = geometry_of_env[e]
         bottom, per_height = border.bottom[g], border.per_height[g]
@@ -127,8 +93,6 @@ def mark_outside(
             part = (y - bottom) * per_height
             if part >= 0.0 and part <= rows:  # false for nan
                 row = first_row + min(int(part), rows - 1)
-                if clear[row, 0] < x < clear[row, 1]:
-                    continue
                 for m in range(index(edge_start[row]), index(edge_start[row + 1])):
                     crossings += (low[m] <= y) & (y < high[m]) & (x < x_low[m] + (y - low[m]) * slope[m])
             if crossings & 1 == 0:

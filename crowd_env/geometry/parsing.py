@@ -28,15 +28,15 @@ _LINES = ("LineString", "LinearRing", "MultiLineString")
 _POLYGONS = ("Polygon", "MultiPolygon")
 _NOT_FINITE = " has a coordinate that is not finite; all must be numbers in meters"
 _SRID = re.compile(r"(?:SRID\s*=\s*(\d+)\s*;\s*)?(.*)", re.IGNORECASE | re.DOTALL)
+_DEGREES = ("4326", "4258", "CRS84")
+_NO_METERS = re.compile(r"\b(4326|4258|CRS84|3857|3785|900913)\b")
 _CURVED = re.compile(r"\b(CURVEPOLYGON|COMPOUNDCURVE|CIRCULARSTRING|MULTISURFACE|MULTICURVE)\b", re.IGNORECASE)
 _EXIT_FORMS = "'x1,y1,x2,y2' in meters, 'LINESTRING (x1 y1, x2 y2)' or 'POLYGON ((...))'"
 
 
 def place(point: ArrayLike) -> str:
     """Return ``point`` (2,) as text for messages: six digits, and in large numbers, as of maps, down to the centimeter."""
-    x, y = (
-        f"{round(value, 2):.12g}" if abs(value) >= 1e4 else f"{value:.6g}" for value in np.asarray(point, dtype=float)
-    )
+    x, y = (f"{round(c, 2):.12g}" if abs(c) >= 1e4 else f"{c:.6g}" for c in np.asarray(point, dtype=float))
     return f"({x}, {y})"
 
 
@@ -55,6 +55,18 @@ def require_inside(what: str, line: Floats, area: Area, allowed: str) -> None:
         raise ValueError(f"{what} leaves the walkable area at {at}; it must {allowed}")
 
 
+def require_meters(what: str, system: str) -> None:
+    """Raise ValueError if the name of a reference system holds the number of one that is not in meters on the ground."""
+    number = _NO_METERS.search(system)
+    if number is not None and number[0] in _DEGREES:
+        raise ValueError(f"{what} is in degrees ({number[0]}); project it to meters first")
+    if number is not None:
+        raise ValueError(
+            f"{what} is in Web Mercator ({number[0]}), in which lengths are stretched, by 1.5 in Central Europe; project it "
+            "to meters on the ground first, such as UTM"
+        )
+
+
 def from_wkt(text: str, what: str) -> BaseGeometry:
     """Return the shape written in ``text``; ``what`` names it in errors.
 
@@ -64,12 +76,7 @@ def from_wkt(text: str, what: str) -> BaseGeometry:
         If the text is not well-known text.
     """
     srid, body = _SRID.match(text.lstrip("\ufeff \t\r\n")).groups()  # type: ignore[union-attr]  # matches anything
-    if srid in ("4326", "4258"):
-        raise ValueError(f"{what} is in degrees (SRID {srid}); project it to meters first")
-    if srid in ("3857", "3785", "900913"):  # lengths are stretched by 1.5 at 48 degrees north
-        raise ValueError(
-            f"{what} is in Web Mercator (SRID {srid}), whose meters are no meters; project it to meters first"
-        )
+    require_meters(what, f"SRID {srid}")
     curved = _CURVED.search(body)
     if curved:
         raise ValueError(
@@ -226,10 +233,9 @@ def _polygon_parts(shape: BaseGeometry, what: str) -> list[Polygon]:
     parts = flat_parts(shape)
     polygons = [part for part in parts if part.geom_type == "Polygon"]
     if parts and not polygons:
-        within, kind = (
-            ("a part of ", parts[0].geom_type) if shape.geom_type == "GeometryCollection" else ("", shape.geom_type)
-        )
-        raise ValueError(f"{within}{what} is a {kind}; it must be {allowed}")
+        if shape.geom_type == "GeometryCollection":
+            what, shape = f"a part of {what}", parts[0]
+        raise ValueError(f"{what} is a {shape.geom_type}; it must be {allowed}")
     if len(polygons) < len(parts):
         kinds = sorted({part.geom_type for part in parts if part.geom_type != "Polygon"})
         left_out = len(parts) - len(polygons)

@@ -64,12 +64,10 @@ def split_by_exits(area: Area, openings: Floats) -> tuple[Area, list[Polygon]]:
     middles = shapely.points(openings.mean(axis=1))
     reached = np.zeros(len(parts), dtype=bool)
     reached[shapely.STRtree(parts).query_nearest(middles, all_matches=True)[1]] = True
-    kept = [part for part, has in zip(parts, reached, strict=True) if has]
-    if len(kept) == len(parts):
+    kept, lost = ([parts[k] for k in np.flatnonzero(of)] for of in (reached, ~reached))
+    if not lost:
         return area, []
-    return (kept[0] if len(kept) == 1 else MultiPolygon(kept)), [
-        part for part, has in zip(parts, reached, strict=True) if not has
-    ]
+    return (kept[0] if len(kept) == 1 else MultiPolygon(kept)), lost
 
 
 def closed_off(area: Area, openings: Floats, radius: float) -> list[Polygon]:

@@ -16,6 +16,10 @@ CELL = 1.0  # m
 _MOST_CELLS = 1_000_000  # of one geometry: beyond, cells are larger
 
 
+Near = tuple[int, int]
+"""The first entry of `WallGrid.wall` and one past the last of the walls near a point."""
+
+
 class WallGrid(NamedTuple):
     """The cells of G geometries, one behind the other; rows of a geometry follow each other from its origin upwards."""
 
@@ -27,16 +31,8 @@ class WallGrid(NamedTuple):
     wall: Ints  # (K,)    rows of `Boundary.wall`
 
 
-def no_wall_grid(geometries: int) -> WallGrid:
-    """Return a grid without any cell: nothing is near."""
-    nothing = np.zeros(geometries, dtype=np.int64)
-    empty = np.zeros(0, dtype=np.int64)
-    corner = np.zeros((geometries, 2))
-    return WallGrid(corner, np.ones(geometries), np.zeros((geometries, 2), dtype=np.int64), nothing, nothing[:1], empty)
-
-
-def make_wall_grid(boundary: Boundary, reach: float) -> WallGrid:
-    """Return the cells of every geometry, each with the walls that are nearer to it than ``reach`` [m].
+def make_wall_grid(boundary: Boundary, reach: float | None) -> WallGrid:
+    """Return the cells of every geometry, each with the walls that are nearer to it than ``reach`` [m]; None = no cells.
 
     The leaves of doors are among them, of open ones too: a reader of the grid looks which of them stand.
     """
@@ -55,9 +51,9 @@ def make_wall_grid(boundary: Boundary, reach: float) -> WallGrid:
     )
 
 
-def _grid_of(wall: Floats, first: int, reach: float) -> tuple[Floats, float, tuple[int, int], Ints, Ints]:
+def _grid_of(wall: Floats, first: int, reach: float | None) -> tuple[Floats, float, tuple[int, int], Ints, Ints]:
     """Return origin, cell size, shape, the number of walls of each cell, and these walls, of one geometry."""
-    if not len(wall):
+    if reach is None or not len(wall):
         return np.zeros(2), CELL, (0, 0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     low, high = wall.min(axis=(0, 1)) - reach, wall.max(axis=(0, 1)) + reach  # people walk beyond the last wall too
     size = max(CELL, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
@@ -70,8 +66,8 @@ def _grid_of(wall: Floats, first: int, reach: float) -> tuple[Floats, float, tup
 
 
 @inner_kernel
-def walls_near(grid: WallGrid, g: int, x: float, y: float) -> tuple[int, int]:
-    """Return the first entry of `WallGrid.wall` and one past the last of the walls near a point of geometry ``g``."""
+def walls_near(grid: WallGrid, g: int, x: float, y: float) -> Near:
+    """Return the walls near a point of geometry ``g``."""
     rows, columns = grid.shape[g, 0], grid.shape[g, 1]
     column = int(np.floor((x - grid.origin[g, 0]) / grid.size[g]))
     row = int(np.floor((y - grid.origin[g, 1]) / grid.size[g]))
@@ -83,19 +79,11 @@ def walls_near(grid: WallGrid, g: int, x: float, y: float) -> tuple[int, int]:
 
 @inner_kernel
 def is_hidden(
-    grid: WallGrid,
-    entry_start: int,
-    entry_stop: int,
-    wall: Floats,
-    wall_door: Ints,
-    door_open: Bools,
-    x: float,
-    y: float,
-    dx: float,
-    dy: float,
+    grid: WallGrid, near: Near, boundary: Boundary, door_open: Bools, x: float, y: float, dx: float, dy: float
 ) -> bool:
     """Whether one of these walls stands between (x, y) and the point (dx, dy) [m] from there; an open door hides nothing."""
-    for entry in range(index(entry_start), index(entry_stop)):
+    wall, wall_door = boundary.wall, boundary.wall_door
+    for entry in range(index(near[0]), index(near[1])):
         k = grid.wall[entry]
         ax, ay = wall[k, 0, 0] - x, wall[k, 0, 1] - y
         bx, by = wall[k, 1, 0] - x, wall[k, 1, 1] - y
@@ -112,22 +100,12 @@ def is_hidden(
 
 
 @inner_kernel
-def free_path(
-    grid: WallGrid,
-    entry_start: int,
-    entry_stop: int,
-    wall: Floats,
-    x: float,
-    y: float,
-    ex: float,
-    ey: float,
-    most: float,
-) -> float:
+def free_path(grid: WallGrid, near: Near, wall: Floats, x: float, y: float, ex: float, ey: float, most: float) -> float:
     """Return how far [m] one gets from (x, y) along the unit vector (ex, ey) before one of these walls, at most ``most``.
 
     Open doors stop it too: nobody overtakes through a doorway.
     """
-    for entry in range(index(entry_start), index(entry_stop)):
+    for entry in range(index(near[0]), index(near[1])):
         k = grid.wall[entry]
         ax, ay = wall[k, 0, 0] - x, wall[k, 0, 1] - y
         bx, by = wall[k, 1, 0] - x, wall[k, 1, 1] - y

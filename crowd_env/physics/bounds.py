@@ -83,12 +83,8 @@ def stay_within_bounds(e: int, rank_stop: int, batch: Batch, deepest: float, sma
 @inner_kernel
 def _is_too_far(e: int, rank_stop: int, batch: Batch) -> bool:
     """Whether anyone has moved further than the own radius in this step."""
-    inside, previous, position, radius = (
-        batch.workspace.inside,
-        batch.workspace.previous_position,
-        batch.state.position,
-        batch.bodies.radius,
-    )
+    inside, previous = batch.workspace.inside, batch.workspace.previous_position
+    position, radius = batch.state.position, batch.bodies.radius
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]
         dx, dy = position[i, 0] - previous[i, 0], position[i, 1] - previous[i, 1]
@@ -103,12 +99,8 @@ def _hold_at_walls(e: int, batch: Batch) -> None:
     near, state, bodies = batch.workspace.neighbors, batch.state, batch.bodies
     entry_start, entry_end = near.pair_end[e], near.wall_end[e]
     boundary, g, owner, partner = batch.world.boundary, batch.world.geometry_of_env[e], near.owner, near.partner
-    position, previous, velocity, active = (
-        state.position,
-        batch.workspace.previous_position,
-        state.velocity,
-        state.active,
-    )
+    position, velocity, active = state.position, state.velocity, state.active
+    previous = batch.workspace.previous_position
     entry = entry_start
     while entry < entry_end:
         i, entry_stop = owner[entry], entry + 1
@@ -137,22 +129,21 @@ def stop_at_walls(
 
     The first wall, or round jamb, is slid along; a second one ends the path.  A normal of zero: no wall was met.
     """
-    part, met, nx, ny = 2.0, np.int64(-1), 0.0, 0.0
+    part, met, nx, ny, px, py = 2.0, np.int64(-1), 0.0, 0.0, 0.0, 0.0
     for entry in range(begin, stop):
         k = np.int64(partner[entry])
-        share, ax, ay = _crossing(boundary, g, k, x0, y0, x1, y1)
+        share, ax, ay, bx, by = _crossing(boundary, g, k, x0, y0, x1, y1)
         if share < part:
-            part, met, nx, ny = share, k, ax, ay
+            part, met, nx, ny, px, py = share, k, ax, ay, bx, by
     if met < 0:
         return x1, y1, 0.0, 0.0, 0.0, 0.0
-    px, py = _point_of(boundary, g, met, nx, ny)
     height = nx * (x1 - px) + ny * (y1 - py)
     x1, y1 = x1 + (MARGIN - height) * nx, y1 + (MARGIN - height) * ny
     part, mx, my = 1.0, 0.0, 0.0
     for entry in range(begin, stop):
         k = np.int64(partner[entry])
         if k != met:
-            share, ax, ay = _crossing(boundary, g, k, x0, y0, x1, y1)
+            share, ax, ay, _, _ = _crossing(boundary, g, k, x0, y0, x1, y1)
             if share < part:
                 part, mx, my = share, ax, ay
     if part < 1.0:
@@ -163,28 +154,21 @@ def stop_at_walls(
 @inner_kernel
 def _crossing(
     boundary: Boundary, g: int, feature: int, x0: float, y0: float, x1: float, y1: float
-) -> tuple[float, float, float]:
-    """Return which part of the path from 0 to 1 lies before a wall feature, 2 if it is not met, and the normal towards 0."""
+) -> tuple[float, float, float, float, float]:
+    """Return which part of the path from 0 to 1 lies before a wall feature, 2 if it is not met, the normal towards 0, and a
+    point of the feature where it has that normal.
+    """
     start = boundary.wall_start[g]
     walls = boundary.chord_start[g] - start
     if feature < walls:
-        return _crossing_wall(boundary, start + feature, x0, y0, x1, y1)
-    v = boundary.corner_start[g] + feature - walls
-    if boundary.corner_radius[v] > 0.0:
-        return _crossing_arc(boundary, v, x0, y0, x1, y1)
-    return 2.0, 0.0, 0.0  # a point is on the walls that end there
-
-
-@inner_kernel
-def _point_of(boundary: Boundary, g: int, feature: int, nx: float, ny: float) -> tuple[float, float]:
-    """Return a point of a wall, or the point of a round jamb whose normal is (nx, ny)."""
-    start = boundary.wall_start[g]
-    walls = boundary.chord_start[g] - start
-    if feature < walls:
-        return boundary.wall[start + feature, 0, 0], boundary.wall[start + feature, 0, 1]
+        part, nx, ny = _crossing_wall(boundary, start + feature, x0, y0, x1, y1)
+        return part, nx, ny, boundary.wall[start + feature, 0, 0], boundary.wall[start + feature, 0, 1]
     v = boundary.corner_start[g] + feature - walls
     rho = boundary.corner_radius[v]
-    return boundary.corner[v, 0] + rho * nx, boundary.corner[v, 1] + rho * ny
+    if rho > 0.0:
+        part, nx, ny = _crossing_arc(boundary, v, x0, y0, x1, y1)
+        return part, nx, ny, boundary.corner[v, 0] + rho * nx, boundary.corner[v, 1] + rho * ny
+    return 2.0, 0.0, 0.0, 0.0, 0.0  # a point is on the walls that end there
 
 
 @inner_kernel

@@ -13,9 +13,7 @@ processor need not wait for one row to start the next; a sweep was measured to t
 contacts.
 """
 
-from typing import NamedTuple
-
-import numpy as np
+from typing import Annotated, NamedTuple
 
 from crowd_env.core.arrays.state import Floats, Indices
 from crowd_env.core.kernels.jit import inner_kernel
@@ -42,31 +40,16 @@ class Constraints(NamedTuple):
     which the last is the wall.
     """
 
-    pair: Indices  # (M, 2)         the two bodies, counted within the environment; the wall is the last
-    source: Indices  # (M,)           contact of the row, counted from the first of its environment
-    coefficients: (
-        Floats  # (M, 4)         direction from the second to the first (2); m/s bias, or w- of a soft row; share of i
-    )
-    compliance: Floats  # (M,)           0 hard, > 0 with dissipation, < 0 tangential
-    reaction: Floats  # (M, 2)    m/s  r = a P of this sweep and of the one before
-    velocity: Floats  # (P+E, 2)  m/s
-    previous_velocity: Floats  # (P+E, 2)  m/s  of the sweep before
-    colors: Indices  # (P+E, 2)       colors taken by each body (bits); where each color starts
-
-
-def allocate_constraints(people: int, entries: int, environments: int) -> Constraints:
-    """Return no constraints, with room for ``entries`` contacts."""
-    bodies = people + environments
-    return Constraints(
-        pair=np.zeros((entries, 2), dtype=np.uint32),
-        source=np.zeros(entries, dtype=np.uint32),
-        coefficients=np.zeros((entries, 4)),
-        compliance=np.zeros(entries),
-        reaction=np.zeros((entries, 2)),
-        velocity=np.zeros((bodies, 2)),
-        previous_velocity=np.zeros((bodies, 2)),
-        colors=np.zeros((bodies, 2), dtype=np.uint32),
-    )
+    # The two bodies, counted within the environment; the wall is the last.
+    pair: Annotated[Indices, "M 2", "constraints"]
+    source: Annotated[Indices, "M", "constraints"]  # contact of the row, counted from the first of its environment
+    # Direction from the second to the first (2); m/s bias, or w- of a soft row; share of i.
+    coefficients: Annotated[Floats, "M 4", "constraints"]
+    compliance: Annotated[Floats, "M", "constraints"]  # 0 hard, > 0 with dissipation, < 0 tangential
+    reaction: Annotated[Floats, "M 2", "constraints"]  # m/s  r = a P of this sweep and of the one before
+    velocity: Annotated[Floats, "B 2", "constraints"]  # m/s
+    previous_velocity: Annotated[Floats, "B 2", "constraints"]  # m/s  of the sweep before
+    colors: Annotated[Indices, "B 2", "constraints"]  # colors taken by each body (bits); where each color starts
 
 
 @inner_kernel
@@ -90,31 +73,27 @@ def assemble_no_overlap(
     return active_rows
 
 
+class Percussion(NamedTuple):
+    """The contact of NSM2 as kernels read it."""
+
+    k_normal: float  # kg
+    k_tangent: float  # kg
+    dissipative: bool  # a contact that was separating is closed only down to w+ = -w-, where it does no work
+
+
 @inner_kernel
 def assemble_percussions(
-    extent: Extent,
-    contacts: Contacts,
-    mass: Floats,
-    before: Floats,
-    constraints: Constraints,
-    k_normal: float,
-    k_tangent: float,
-    dissipative: bool,
+    extent: Extent, contacts: Contacts, mass: Floats, before: Floats, constraints: Constraints, params: Percussion
 ) -> int:
     """NSM2: a contact dissipates if it approached at t(n), with velocities ``before`` (eqs 8-10 with the approach gate).
 
-    ``dissipative`` lets a contact that was separating be closed only down to w+ = -w-, where it does no work.  Returns the
-    number of rows: with tangential dissipation up to twice the number of contacts.
+    Returns the number of rows: with tangential dissipation up to twice the number of contacts.
     """
+    k_normal, k_tangent, dissipative = params
     contact_start, contact_stop = extent.contact_start, extent.contact_stop
     tangents = contact_stop
-    source, pair, coefficients, compliance, reaction = (
-        constraints.source,
-        constraints.pair,
-        constraints.coefficients,
-        constraints.compliance,
-        constraints.reaction,
-    )
+    source, pair, coefficients = constraints.source, constraints.pair, constraints.coefficients
+    compliance, reaction = constraints.compliance, constraints.reaction
     contact_i, contact_j, normal = contacts.i, contacts.j, contacts.normal
     for t in range(contact_start, contact_stop):
         source[t] = t - contact_start

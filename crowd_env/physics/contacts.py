@@ -7,7 +7,7 @@ Sign conventions: ``gap`` is the distance between the surfaces (negative = overl
 left by 90 degrees.  ``j < 0`` is a wall feature: it does not move.  `crowd_env.physics.narrow_phase` finds them.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -19,38 +19,35 @@ from crowd_env.physics.neighbors.lists import NeighborList
 class Contacts(NamedTuple):
     """Contacts of all environments; ``e`` owns ``NeighborList.entry_start[e]`` onwards, ``number[e]`` of them."""
 
-    number: Ints  # (E,)
-    i: Ints  # (M,)    global person
-    j: Ints  # (M,)    global person > i, or -1 - k: wall feature k
-    gap: Floats  # (M,)    m     < 0 is overlap
-    normal: Floats  # (M, 2)        unit, from j to i
-    impulse: Floats  # (M, 2)  N s   normal, tangential, of the current step
-    history: Floats  # (M, 2)  what the scheme keeps of a contact while it lasts; 0 at first
+    number: Annotated[Ints, "E"]
+    i: Annotated[Ints, "M"]  # global person
+    j: Annotated[Ints, "M"]  # global person > i, or -1 - k: wall feature k
+    gap: Annotated[Floats, "M"]  # m     < 0 is overlap
+    normal: Annotated[Floats, "M 2"]  # unit, from j to i
+    impulse: Annotated[Floats, "M 2"]  # N s   normal, tangential, of the current step
+    history: Annotated[Floats, "M 2"]  # what the scheme keeps of a contact while it lasts; 0 at first
     #                nsm1, nsm2: normal and tangential impulse of the last step [N s]; hertz: tangential elongation [m], 0
-    disc_i: Ints  # (M,)    which disc of i; without an outline there is but one, and these two are empty
-    disc_j: Ints  # (M,)    which disc of j; -1 of a wall
+    # Which disc of i; without an outline there is but one, and these two are empty.
+    disc_i: Annotated[Ints, "M", "discs"]
+    disc_j: Annotated[Ints, "M", "discs"]  # which disc of j; -1 of a wall
+
+
+class ContactList(NamedTuple):
+    """Contacts of one environment at the start of its last physics step (hertz: at its end), and the impulses of that step."""
+
+    i: Ints  # (C,)    person, counted within the environment
+    j: Ints  # (C,)    other person > i, or -1 - k: wall feature k
+    gap: Floats  # (C,)    m, < 0 is overlap
+    normal: Floats  # (C, 2)  unit vector from j to i
+    impulse: Floats  # (C, 2)  N s, normal and tangential
+    converged: bool  # whether every solve of the episode so far met its tolerance
+    disc_i: Ints | None = None  # (C,)    with an outline: which disc of i
+    disc_j: Ints | None = None  # (C,)    which disc of j, -1 of a wall
 
 
 def of_a_contact(contacts: Contacts) -> list[str]:
     """Return the names of what there is of each contact; the rest of `Contacts` is of an environment, or empty."""
     return [name for name in Contacts._fields[1:] if len(getattr(contacts, name))]
-
-
-def allocate_contacts(near: NeighborList, with_discs: bool = False) -> Contacts:
-    """Return no contacts, with as much room as the neighbor list."""
-    entries = len(near.contact_distance)
-    of_discs = entries if with_discs else 0
-    return Contacts(
-        number=np.zeros(len(near.reach), dtype=np.int64),
-        i=np.zeros(entries, dtype=np.int64),
-        j=np.zeros(entries, dtype=np.int64),
-        gap=np.zeros(entries),
-        normal=np.zeros((entries, 2)),
-        impulse=np.zeros((entries, 2)),
-        history=np.zeros((entries, 2)),
-        disc_i=np.zeros(of_discs, dtype=np.int64),
-        disc_j=np.zeros(of_discs, dtype=np.int64),
-    )
 
 
 def rows_of(e: int, contacts: Contacts, near: NeighborList) -> slice:

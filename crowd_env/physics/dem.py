@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env.core.arrays.state import Bodies
-from crowd_env.core.checks import POSITIVE, check_fields
+from crowd_env.core.checks import POSITIVE
 from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.physics.dem_lanes.barrier import wait_for_all
 from crowd_env.physics.dem_lanes.buffers import interleave
@@ -69,9 +69,7 @@ class DEM(ContactScheme):
 
     stiffness: float = 1.2e5
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_fields("dem", self, stiffness=POSITIVE.because("the contact force k |D| (eq 5) has to push"))
+    ALLOWED = {"stiffness": POSITIVE.because("the contact force k |D| (eq 5) has to push")}
 
     @property
     def info(self) -> SchemeInfo:
@@ -128,12 +126,8 @@ def _push_people(row: int, batch: Batch, stiffness: float) -> None:
     later slab is carried: that slab adds it in `_receive_forces`.
     """
     near, soa, partition = batch.workspace.neighbors, batch.workspace.soa, batch.workspace.partition
-    owner, partner, contact_distance, candidates = (
-        near.owner,
-        near.partner,
-        near.contact_distance,
-        batch.workspace.narrow_phase.candidates,
-    )
+    owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
+    candidates = batch.workspace.narrow_phase.candidates
     x, y, fx, fy, magnitude = soa.x, soa.y, soa.fx, soa.fy, soa.force_magnitude
     carried_to, carried_force, found = partition.carried_to, partition.carried_force, partition.found
     slab_end, first, hits = partition.slot_stop[row], partition.pair_start[row], index(partition.pair_start[row])

@@ -39,12 +39,7 @@ def influences(social: SocialForce | None, batch: StructRef) -> Influences:
 
 @inner_kernel
 def regular_forces(
-    e: int,
-    rank_stop: int,
-    batch: Batch,
-    social: SocialParams | None,
-    walking: bool | None,
-    max_drive: float | None,
+    e: int, rank_stop: int, batch: Batch, social: SocialParams | None, walking: bool | None, max_drive: float | None
 ) -> None:
     """Write the sum of all forces but contact [N] into ``History.force`` (P, 2): external, driving and social.
 
@@ -97,12 +92,8 @@ def limited(fx: float, fy: float, most: float) -> tuple[float, float]:
 def _drive(e: int, rank_stop: int, batch: Batch, walking: bool | None, max_drive: float | None) -> None:
     """Write desired velocities, and external and driving forces (eq 11)."""
     bodies, driving, external = batch.bodies, batch.control.driving, batch.control.external_force
-    mass, relaxation_time, velocity, time = (
-        bodies.mass,
-        bodies.relaxation_time,
-        batch.state.velocity,
-        batch.state.time[e],
-    )
+    mass, relaxation_time = bodies.mass, bodies.relaxation_time
+    velocity, time = batch.state.velocity, batch.state.time[e]
     inside, desired, force = batch.workspace.inside, batch.workspace.desired_velocity, batch.history.force
     for rank in range(index(bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]

@@ -14,16 +14,11 @@ def leave(e: int, rank_stop: int, batch: Batch, dt: float) -> int:
 
     `Workspace.inside` lists the active people up to ``rank_stop``; returns where the list ends now.
     """
-    boundary, g, slot_start, left = (
-        batch.world.boundary,
-        batch.world.geometry_of_env[e],
-        batch.bodies.env_start[e],
-        False,
-    )
+    boundary, g, left = batch.world.boundary, batch.world.geometry_of_env[e], False
     inside, previous, position = batch.workspace.inside, batch.workspace.previous_position, batch.state.position
     exit_line, first, stop = boundary.exit, boundary.exit_start[g], boundary.exit_start[g + 1]
     for k in range(first, stop):
-        for rank in range(index(slot_start), index(rank_stop)):
+        for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
             i = inside[rank]
             x0, y0, x1, y1 = previous[i, 0], previous[i, 1], position[i, 0], position[i, 1]
             if _crossing(exit_line, k, x0, y0, x1, y1) <= 1.0:  # seldom: only then what else there is to read

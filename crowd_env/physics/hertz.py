@@ -30,7 +30,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from crowd_env.core.arrays.state import Bodies
-from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range
 from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.physics.bounds import hold_to_speed, stay_within_bounds
 from crowd_env.physics.driving_force import Influences, regular_forces
@@ -68,6 +68,7 @@ LITERAL = replace(
 # goes on from there when there is more: DRIFTED.
 _UNKNOWN, _KNOWN, _DRIFTED = 0, 1, 2
 
+_DISSIPATES = NOT_NEGATIVE.because("a contact dissipates (eqs 3, 4)")
 _FITTED = SocialForce(wall_strength=300.0)  # eq 2 with Table 1; the walls' share is ours
 
 
@@ -115,19 +116,11 @@ class Hertz(ContactScheme):
     _: KW_ONLY
     social: SocialForce | None = _FITTED
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        dissipates = NOT_NEGATIVE.because("a contact dissipates (eqs 3, 4)")
-        check_fields(
-            "hertz",
-            self,
-            youngs_modulus=POSITIVE.because("k_n = 2 E / (3 (1 - sigma^2)) has to push"),
-            poisson_ratio=Range(-1.0, 0.5, above=True),
-            normal_damping=dissipates,
-            tangential_damping=dissipates,
-            friction=dissipates,
-            wall_friction=dissipates,
-        )
+    ALLOWED = {
+        "youngs_modulus": POSITIVE.because("k_n = 2 E / (3 (1 - sigma^2)) has to push"),
+        "poisson_ratio": Range(-1.0, 0.5, above=True),
+        **dict.fromkeys(("normal_damping", "tangential_damping", "friction", "wall_friction"), _DISSIPATES),
+    }
 
     @staticmethod
     def literal() -> "Hertz":
@@ -181,17 +174,8 @@ class Hertz(ContactScheme):
 
     def parameters(self) -> tuple[Any, ...]:
         """Return stiffness, damping and friction."""
-        params = HertzParams(
-            self.normal_stiffness,
-            self.tangential_stiffness,
-            self.normal_damping,
-            self.tangential_damping,
-            get_args(DampingUnit).index(self.damping_unit),
-            self.friction,
-            self.wall_friction,
-            self.rotation,
-        )
-        return (params,)
+        values = {name: getattr(self, name) for name in HertzParams._fields}
+        return (HertzParams(**values | {"damping_unit": get_args(DampingUnit).index(self.damping_unit)}),)
 
 
 @inner_kernel
@@ -381,9 +365,7 @@ def _advance_range(
             # Half of the impulses and the overlaps into the sums.
             record_impulses(e, batch, 0.5)
             deepest = record_overlaps(e, batch)
-            if (
-                acting.outline is not None
-            ):  # how near a wall a center is does not follow from the overlaps of other discs
+            if acting.outline is not None:  # the overlaps of other discs do not say how near a wall a center is
                 deepest = np.inf
             # The other half of the kick (eq 11), and the clock.
             _kick(e, rank_stop, batch, 0.5 * dt, limit)

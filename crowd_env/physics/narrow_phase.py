@@ -29,7 +29,7 @@ def find_contacts(e: int, batch: Batch, margin: float) -> None:
     if pair_end < wall_end:
         walls = find_wall_candidates(e, pair_end, wall_end, batch, margin)
     if walls > pair_end:
-        c = _write_all(e, entry_start, pairs, pair_end, walls, batch, margin)
+        c = _write_all(e, (entry_start, pairs), (pair_end, walls), batch, margin)
     elif pairs > entry_start:
         c = _write_pairs(entry_start, pairs, batch, margin, c)
     contacts.number[e] = c - entry_start
@@ -43,11 +43,8 @@ def find_candidates(entry_start: int, entry_stop: int, batch: Batch, margin: flo
     Every entry is written, and kept only if it counts: a branch would be mispredicted every third time, which costs more than
     all of the rest.
     """
-    near, position, candidates = (
-        batch.workspace.neighbors,
-        batch.state.position,
-        batch.workspace.narrow_phase.candidates,
-    )
+    near, candidates = batch.workspace.neighbors, batch.workspace.narrow_phase.candidates
+    position = batch.state.position
     owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
     candidate = index(entry_start)
     for entry in range(index(entry_start), index(entry_stop)):
@@ -109,35 +106,27 @@ def _write_pairs(candidate_start: int, candidate_stop: int, batch: Batch, margin
 
 
 @inner_kernel
-def _write_all(
-    e: int,
-    candidate_start: int,
-    candidate_stop: int,
-    wall_candidate_start: int,
-    wall_candidate_stop: int,
-    batch: Batch,
-    margin: float,
-) -> int:
+def _write_all(e: int, pairs: tuple[int, int], walls: tuple[int, int], batch: Batch, margin: float) -> int:
     """Write the contacts among these pair and wall candidates; returns one past the last contact."""
     near, contacts, state = batch.workspace.neighbors, batch.history.contacts, batch.state
     boundary, g, radius = batch.world.boundary, batch.world.geometry_of_env[e], batch.bodies.radius
     owner, partner, active, position = near.owner, near.partner, state.active, state.position
     contact_i, contact_j, contact_gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
-    candidates, c, h = batch.workspace.narrow_phase.candidates, candidate_start, candidate_start
-    for entry in candidates[wall_candidate_start:wall_candidate_stop]:
+    candidates, c, h = batch.workspace.narrow_phase.candidates, pairs[0], pairs[0]
+    for entry in candidates[walls[0] : walls[1]]:
         i, feature = owner[entry], np.int64(partner[entry])
         if not active[i]:
             continue
         gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius[i], boundary, g, feature)
         if gap < margin:
             before = h
-            while h < candidate_stop and owner[candidates[h]] <= i:  # walls come after the pairs of i
+            while h < pairs[1] and owner[candidates[h]] <= i:  # walls come after the pairs of i
                 h += 1
             c = _write_pairs(before, h, batch, margin, c)
             contact_i[c], contact_j[c], contact_gap[c] = i, -1 - feature, gap
             normal[c, 0], normal[c, 1] = nx, ny
             c += 1
-    return _write_pairs(h, candidate_stop, batch, margin, c)
+    return _write_pairs(h, pairs[1], batch, margin, c)
 
 
 @inner_kernel

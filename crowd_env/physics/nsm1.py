@@ -15,7 +15,6 @@ from typing import Any, Literal
 import numpy as np
 
 from crowd_env.core.arrays.state import Bodies
-from crowd_env.core.checks import POSITIVE, check_fields
 from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.physics.bounds import hold_to_speed, stay_within_bounds
 from crowd_env.physics.constraints import assemble_no_overlap, restore_impulses, set_impulses, stash_impulses
@@ -24,15 +23,7 @@ from crowd_env.physics.exits import leave
 from crowd_env.physics.scheme import IterativeScheme, SchemeInfo
 from crowd_env.physics.solvers import Stopping, closing_speed, solve
 from crowd_env.physics.steering import steer
-from crowd_env.physics.step import (
-    begin_call,
-    detect,
-    extent_of,
-    find_neighbors,
-    record_contacts,
-    record_solver,
-    tick,
-)
+from crowd_env.physics.step import begin_call, detect, extent_of, find_neighbors, record_contacts, record_solver, tick
 from crowd_env.physics.workspace import Batch
 
 INFO = SchemeInfo(
@@ -47,12 +38,8 @@ INFO = SchemeInfo(
     impulses_are_forces=False,  # without inertia they only keep bodies apart: nobody would feel them as a push
 )
 
-INERTIAL = replace(
-    INFO,
-    name="nsm1-inertial",
-    title="no overlap: projection of the inertial velocity",
-    impulses_are_forces=True,
-)
+_TITLE = "no overlap: projection of the inertial velocity"
+INERTIAL = replace(INFO, name="nsm1-inertial", title=_TITLE, impulses_are_forces=True)
 
 # Margin for contacts over what the speeds before and of the trial ask for: wider costs less than to solve a step twice.
 _HEADROOM = 1.25
@@ -65,16 +52,12 @@ class NSM1(IterativeScheme):
     Parameters
     ----------
     trial : "spontaneous" (Venel: the desired velocity itself) or "inertial" (velocity, driving and external force).
-    tolerance, relative_tolerance, max_iterations, solver, social : see `IterativeScheme` and `ContactScheme`.
+    tolerance, relative_tolerance, max_iterations, social : see `IterativeScheme` and `ContactScheme`.
     """
 
     trial: Literal["spontaneous", "inertial"] = "spontaneous"
     _: KW_ONLY
     tolerance: float = 1e-2
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_fields("nsm1", self, relative_tolerance=POSITIVE)
 
     @property
     def info(self) -> SchemeInfo:
@@ -163,11 +146,8 @@ def _project(
 @inner_kernel
 def _move(e: int, rank_stop: int, batch: Batch, dt: float, limit: float) -> float:
     """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m]."""
-    inside, after, previous = (
-        batch.workspace.inside,
-        batch.workspace.trial_velocity,
-        batch.workspace.previous_position,
-    )
+    inside, after = batch.workspace.inside, batch.workspace.trial_velocity
+    previous = batch.workspace.previous_position
     position, velocity = batch.state.position, batch.state.velocity
     longest = dt * hold_to_speed(e, rank_stop, batch, after, limit)
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):

@@ -13,30 +13,22 @@ order of h times the closing speed remains, and is the scheme's, not the solver'
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Bodies
-from crowd_env.core.checks import POSITIVE, SHARE, Range, check_fields
+from crowd_env.core.checks import SHARE, Range
 from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.physics.bounds import hold_to_speed, stay_within_bounds
-from crowd_env.physics.constraints import assemble_no_overlap, assemble_percussions, set_impulses
+from crowd_env.physics.constraints import Percussion, assemble_no_overlap, assemble_percussions, set_impulses
 from crowd_env.physics.driving_force import Influences, regular_forces
 from crowd_env.physics.exits import leave
 from crowd_env.physics.neighbors.update import FULL
 from crowd_env.physics.scheme import IterativeScheme, SchemeInfo
 from crowd_env.physics.solvers import Stopping, solve
 from crowd_env.physics.steering import steer
-from crowd_env.physics.step import (
-    begin_call,
-    contact_range,
-    detect,
-    extent_of,
-    record_contacts,
-    record_solver,
-    tick,
-)
+from crowd_env.physics.step import begin_call, contact_range, detect, extent_of, record_contacts, record_solver, tick
 from crowd_env.physics.workspace import Batch
 
 INFO = SchemeInfo(
@@ -47,32 +39,16 @@ INFO = SchemeInfo(
     conserves_energy_at_contact=True,
     overlap="time step times closing speed, up to about 40 mm at 0.01 s in a room of 20; it shrinks with the time step",
     stable_step="2 tau_min, from the explicit driving force",
-    uses=(
-        "constraints",
-        "desired_velocity",
-        "force",
-        "previous_position",
-        "previous_velocity",
-        "correction_velocity",
-    ),
+    uses=("constraints", "desired_velocity", "force", "previous_position", "previous_velocity", "correction_velocity"),
 )
 
-PRINTED = replace(
-    INFO,
-    name="nsm2-printed",
-    title="percussions, reaction as printed: makes energy where many touch at once",
-)
+_TITLE = "percussions, reaction as printed: makes energy where many touch at once"
+PRINTED = replace(INFO, name="nsm2-printed", title=_TITLE)
+
+_DISSIPATES = Range(0.0, infinite=True).because("a contact dissipates, restitution (K_N - 2 m_e) / (K_N + 2 m_e)")
 
 # A contact has D <= 0; the narrow phase keeps what lies strictly below its margin.
 _TOUCHING = 1e-12  # m
-
-
-class NSM2Params(NamedTuple):
-    """The contact as kernels read it."""
-
-    k_normal: float  # kg
-    k_tangent: float  # kg
-    dissipative: bool
 
 
 @dataclass(frozen=True)
@@ -89,7 +65,7 @@ class NSM2(IterativeScheme):
         explodes.  The two agree where only two bodies touch.
     position_correction : share of every overlap that is taken back in each step, 0 to 1.  An EXTENSION, not in the paper, whose
         law acts on velocities alone: people are moved apart by the least displacement (mass-weighted), without any velocity.
-    tolerance, relative_tolerance, max_iterations, solver, social : see `IterativeScheme` and `ContactScheme`.
+    tolerance, relative_tolerance, max_iterations, social : see `IterativeScheme` and `ContactScheme`.
     """
 
     normal_dissipation: float = 1e5
@@ -98,19 +74,11 @@ class NSM2(IterativeScheme):
     reaction: Literal["dissipative", "printed"] = "dissipative"
     position_correction: float = 0.0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        dissipates = Range(0.0, infinite=True).because(
-            "a contact dissipates, restitution (K_N - 2 m_e) / (K_N + 2 m_e)"
-        )
-        check_fields(
-            "nsm2",
-            self,
-            normal_dissipation=dissipates,
-            tangential_dissipation=dissipates,
-            relative_tolerance=POSITIVE,
-            position_correction=SHARE,
-        )
+    ALLOWED = {
+        **IterativeScheme.ALLOWED,
+        **dict.fromkeys(("normal_dissipation", "tangential_dissipation"), _DISSIPATES),
+        "position_correction": SHARE,
+    }
 
     @property
     def info(self) -> SchemeInfo:
@@ -128,7 +96,7 @@ class NSM2(IterativeScheme):
 
     def parameters(self) -> tuple[Any, ...]:
         """Return the dissipation, when the solver stops, and the share of an overlap that is taken back."""
-        params = NSM2Params(self.normal_dissipation, self.tangential_dissipation, self.reaction == "dissipative")
+        params = Percussion(self.normal_dissipation, self.tangential_dissipation, self.reaction == "dissipative")
         return params, self.stopping(), self.position_correction or None
 
 
@@ -148,13 +116,8 @@ def _detect(e: int, batch: Batch, rough: bool, reach: float) -> bool:
 @inner_kernel
 def _accelerate(e: int, rank_stop: int, batch: Batch, dt: float) -> None:
     """Keep u(n) and add the regular forces: u(n) + M^-1 p_ext."""
-    inside, force, velocity, mass = (
-        batch.workspace.inside,
-        batch.history.force,
-        batch.state.velocity,
-        batch.bodies.mass,
-    )
-    previous = batch.workspace.previous_velocity
+    inside, previous = batch.workspace.inside, batch.workspace.previous_velocity
+    force, velocity, mass = batch.history.force, batch.state.velocity, batch.bodies.mass
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]
         for k in range(2):
@@ -163,22 +126,13 @@ def _accelerate(e: int, rank_stop: int, batch: Batch, dt: float) -> None:
 
 
 @inner_kernel
-def _collide(e: int, batch: Batch, params: NSM2Params, stopping: Stopping) -> float:
+def _collide(e: int, batch: Batch, params: Percussion, stopping: Stopping) -> float:
     """Give everyone the velocity after the percussions of this step; returns the deepest overlap with a wall [m]."""
     extent = extent_of(e, batch)
     if extent.contact_stop == extent.contact_start:
         return 0.0
     contacts, constraints, mass = batch.history.contacts, batch.workspace.constraints, batch.bodies.mass
-    rows = assemble_percussions(
-        extent,
-        contacts,
-        mass,
-        batch.workspace.previous_velocity,
-        constraints,
-        params.k_normal,
-        params.k_tangent,
-        params.dissipative,
-    )
+    rows = assemble_percussions(extent, contacts, mass, batch.workspace.previous_velocity, constraints, params)
     v, compliance = batch.state.velocity, constraints.compliance
     sweeps, residual, converged = solve(extent, rows, rows, mass, v, constraints, compliance, stopping)
     set_impulses(extent, rows, contacts, mass, constraints)
@@ -189,11 +143,8 @@ def _collide(e: int, batch: Batch, params: NSM2Params, stopping: Stopping) -> fl
 @inner_kernel
 def _move(e: int, rank_stop: int, batch: Batch, dt: float, limit: float) -> float:
     """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m]."""
-    inside, before, previous = (
-        batch.workspace.inside,
-        batch.workspace.previous_velocity,
-        batch.workspace.previous_position,
-    )
+    inside, before = batch.workspace.inside, batch.workspace.previous_velocity
+    previous = batch.workspace.previous_position
     position, velocity = batch.state.position, batch.state.velocity
     hold_to_speed(e, rank_stop, batch, velocity, limit)
     longest = 0.0
@@ -239,7 +190,7 @@ def _advance_range(
     env_first: int,
     env_stop: int,
     acting: Influences,
-    params: NSM2Params,
+    params: Percussion,
     stopping: Stopping,
     correction: float | None,
 ) -> None:

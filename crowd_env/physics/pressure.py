@@ -1,17 +1,17 @@
 """How hard a crowd presses: on a body, and as a crowd."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.outline import Outline
-from crowd_env.core.arrays.state import Bools, CrowdState, Floats, Ints
+from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import POSITIVE, array, number, require_all
-from crowd_env.core.kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.physics.neighbors.lists import NeighborList, sort_into_cells
+from crowd_env.geometry.near import pairs_within
 from crowd_env.physics.simulation.simulation import Simulation
 
 
@@ -129,30 +129,14 @@ def crowd_pressure(simulation: Simulation, radius: float = 1.0) -> Floats:
         If the radius is not positive and finite.
     """
     radius = number("crowd_pressure: radius", radius, POSITIVE, "m")
-    out = np.zeros(len(simulation.bodies.radius))
-    _density_times_variance(simulation.bodies.env_start, simulation.state, simulation.workspace.neighbors, radius, out)
+    out, state = np.zeros(len(simulation.bodies.radius)), simulation.state
+    for begin, end in pairwise(simulation.bodies.env_start):
+        here = begin + np.flatnonzero(state.active[begin:end])
+        i, j = pairs_within(state.position[here], radius)
+        count = np.bincount(i)  # oneself included
+        moments = [
+            np.bincount(i, values[here][j]) / count for values in (*state.velocity.T, (state.velocity**2).sum(axis=1))
+        ]
+        variance = moments[2] - moments[0] ** 2 - moments[1] ** 2
+        out[here] = count / (np.pi * radius**2) * np.maximum(variance, 0.0)
     return out
-
-
-@kernel
-def _density_times_variance(env_start: Ints, state: CrowdState, near: NeighborList, radius: float, out: Floats) -> None:
-    position, velocity = state.position, state.velocity
-    for e in range(len(state.time)):
-        begin, end = env_start[e], env_start[e + 1]
-        head, columns, rows = sort_into_cells(e, begin, end, state.active, position, near, radius)
-        for i in range(begin, end):
-            if not state.active[i]:
-                continue
-            column, row = near.cell_of[i] % columns, near.cell_of[i] // columns
-            count, sum_x, sum_y, squares = 0, 0.0, 0.0, 0.0
-            for r in range(max(row - 1, 0), min(row + 2, rows)):
-                first = head + r * columns + max(column - 1, 0)
-                stop = head + r * columns + min(column + 1, columns - 1)
-                for item in range(begin + near.cell_start[first], begin + near.cell_start[stop + 1]):
-                    j = near.cell_item[item]
-                    dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
-                    if dx * dx + dy * dy < radius * radius:
-                        u, v = velocity[j, 0], velocity[j, 1]
-                        count, sum_x, sum_y, squares = count + 1, sum_x + u, sum_y + v, squares + u * u + v * v
-            variance = squares / count - (sum_x * sum_x + sum_y * sum_y) / (count * count)
-            out[i] = count / (np.pi * radius * radius) * max(variance, 0.0)

@@ -1,18 +1,18 @@
 """What a contact scheme is: facts, a frozen dataclass of parameters, and one compiled call that advances a batch of crowds."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY, dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Bodies
-from crowd_env.core.checks import COUNT, POSITIVE, number, whole
+from crowd_env.core.checks import COUNT, POSITIVE, Range, check_fields
 from crowd_env.core.kernels.struct_ref import StructRef
 from crowd_env.physics.driving_force import influences
 from crowd_env.physics.social_force import SocialForce, make_social
-from crowd_env.physics.solvers import SolverName, Stopping
+from crowd_env.physics.solvers import Stopping
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,11 @@ class ContactScheme(ABC):
     _: KW_ONLY
     social: SocialForce | None = None
 
+    ALLOWED: ClassVar[Mapping[str, Range]] = {}  # of its numbers, by name; any finite number if not said
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "social", make_social(self.social))
+        check_fields(type(self).__name__.lower(), self, **self.ALLOWED)
 
     @property
     @abstractmethod
@@ -123,26 +126,23 @@ class IterativeScheme(ContactScheme):
     relative_tolerance : if given, the residual (its 2-norm over the contacts) must also be below this share of what it would be
         without any impulse.
     max_iterations : after so many a step is given up and counted in ``Diagnostics.unconverged``.
-    solver : "accelerated" (with momentum) or "gauss-seidel", which is slower.
     """
 
     _: KW_ONLY
     tolerance: float = 1e-4
     relative_tolerance: float | None = None
     max_iterations: int = 20_000
-    solver: SolverName = "accelerated"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        name = type(self).__name__.lower()
-        why = "the solver stops on it"
-        number(f"{name}: tolerance", self.tolerance, POSITIVE.because(why))
-        whole(f"{name}: max_iterations", self.max_iterations, COUNT.because(why))
+    ALLOWED: ClassVar[Mapping[str, Range]] = {
+        "tolerance": POSITIVE.because("the solver stops on it"),
+        "relative_tolerance": POSITIVE,
+        "max_iterations": COUNT.because("the solver stops on it"),
+    }
 
     def stopping(self) -> Stopping:
         """Return when the solver stops, as kernels read it."""
         relative = np.inf if self.relative_tolerance is None else self.relative_tolerance
-        return Stopping(self.tolerance, relative, self.max_iterations, self.solver == "accelerated")
+        return Stopping(self.tolerance, relative, self.max_iterations)
 
 
 def arrays_of(scheme: ContactScheme, keeps_headway: bool = False, with_outline: bool = False) -> frozenset[str]:

@@ -14,7 +14,7 @@ overlap.  A pedestrian without a desired direction has no front: cos beta is 0.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,15 +61,9 @@ class SocialForce:
     cutoff: float = 0.4
 
     def __post_init__(self) -> None:
-        check_fields(
-            "social force",
-            self,
-            strength=NOT_NEGATIVE,
-            length=POSITIVE,
-            anisotropy=Range(-1.0, 1.0).because("outside, the force would attract"),
-            wall_strength=NOT_NEGATIVE,
-            cutoff=POSITIVE,
-        )
+        repels = Range(-1.0, 1.0).because("outside, the force would attract")
+        sizes = {"strength": NOT_NEGATIVE, "wall_strength": NOT_NEGATIVE, "length": POSITIVE, "cutoff": POSITIVE}
+        check_fields("social force", self, anisotropy=repels, **sizes)
 
     @staticmethod
     def helbing(strength: float = 2000.0, length: float = 0.08, behind: float = 0.0) -> "SocialForce":
@@ -89,7 +83,7 @@ class SocialForce:
 
     def params(self) -> SocialParams:
         """Return the force as kernels read it."""
-        return SocialParams(self.strength, self.length, self.anisotropy, self.wall_strength, self.cutoff)
+        return SocialParams(*astuple(self))
 
 
 # Name -> social force.
@@ -137,12 +131,8 @@ def add_social_forces(e: int, rank_stop: int, batch: Batch, params: SocialParams
     The neighbor list must be complete up to the cut-off.  Distances and sizes are found for all pairs first, eight in one
     instruction; then the forces are added up in the order of the list.
     """
-    near, inside, position, force = (
-        batch.workspace.neighbors,
-        batch.workspace.inside,
-        batch.state.position,
-        batch.history.force,
-    )
+    near, inside = batch.workspace.neighbors, batch.workspace.inside
+    position, force = batch.state.position, batch.history.force
     desired, heading = batch.workspace.desired_velocity, batch.workspace.heading
     slot_start = batch.bodies.env_start[e]
     for rank in range(index(slot_start), index(rank_stop)):
@@ -155,7 +145,7 @@ def add_social_forces(e: int, rank_stop: int, batch: Batch, params: SocialParams
     pairs, owner, partner = batch.workspace.social_pairs, near.owner, near.partner
     entry, sizes, normal_x, normal_y = pairs.entry, pairs.size, pairs.x, pairs.y
     pair, pair_stop = index(near.entry_start[e]), _find_pairs(e, batch, params.cutoff)
-    _repel(pair, pair_stop, normal_x, normal_y, sizes, params.strength, params.cutoff, 1.0 / params.length)
+    _repel(pair, pair_stop, normal_x, normal_y, sizes, params)
     wall, wall_end = index(near.pair_end[e]), index(near.wall_end[e])
     for rank in range(index(slot_start), index(rank_stop)):
         i = inside[rank]
@@ -175,11 +165,8 @@ def add_social_forces(e: int, rank_stop: int, batch: Batch, params: SocialParams
                 feature = np.int64(partner[wall])
                 gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius, boundary, g, feature)
                 if gap < params.cutoff:
-                    size = (
-                        params.wall_strength
-                        * _exp(-gap * (1.0 / params.length))
-                        * (1.0 - (ahead_x * nx + ahead_y * ny))
-                    )
+                    size = params.wall_strength * _exp(-gap * (1.0 / params.length))
+                    size *= 1.0 - (ahead_x * nx + ahead_y * ny)
                     total_x += size * nx
                     total_y += size * ny
             wall += index(1)
@@ -199,28 +186,17 @@ def _find_pairs(e: int, batch: Batch, cutoff: float) -> Any:
     entry_of, x, y, size = pairs.entry, pairs.x, pairs.y, pairs.size
     for entry in range(index(near.entry_start[e]), index(near.pair_end[e])):
         i, j = owner[entry], partner[entry]
-        dx, dy, reach = (
-            position[i, 0] - position[j, 0],
-            position[i, 1] - position[j, 1],
-            contact_distance[entry] + cutoff,
-        )
+        dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+        reach = contact_distance[entry] + cutoff
         entry_of[pair], x[pair], y[pair], size[pair] = entry, dx, dy, reach
         pair += index((dx * dx + dy * dy < reach * reach) & active[i] & active[j])
     return pair
 
 
 @inner_kernel
-def _repel(
-    pair_start: int,
-    pair_stop: int,
-    x: Floats,
-    y: Floats,
-    size: Floats,
-    strength: float,
-    cutoff: float,
-    per_length: float,
-) -> None:
+def _repel(pair_start: int, pair_stop: int, x: Floats, y: Floats, size: Floats, params: SocialParams) -> None:
     """Turn displacements and reaches into unit vectors and the sizes [N] of isotropic forces."""
+    strength, cutoff, per_length = params.strength, params.cutoff, 1.0 / params.length
     for pair in range(pair_start, pair_stop):
         dx, dy = x[pair], y[pair]
         distance = np.sqrt(dx * dx + dy * dy)

@@ -1,14 +1,14 @@
 """Solves the rows of NSM1 and NSM2 (`crowd_env.physics.constraints`) down to a true residual.
 
-Projected Gauss-Seidel sets one row right after the other.  "accelerated" starts every sweep from an extrapolation of the last
-two (Nesterov's momentum, dropped whenever it runs uphill; O'Donoghue and Candès 2015).  In jams that takes half the sweeps of
+Projected Gauss-Seidel sets one row right after the other; here every sweep starts from an extrapolation of the last two
+(Nesterov's momentum, dropped whenever it runs uphill; O'Donoghue and Candès 2015).  In jams that takes half the sweeps of
 the accelerated projected gradient, each at the same price, and far fewer than without momentum.
 
 A step that changes little is no proof of a small error, so the solver stops on the violation of the laws themselves, in m/s,
 all at the same velocities: max_c |r_c - law_c(v)|, which for a unilateral contact is |min(a_c P_c, w_c)|.
 """
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from crowd_env.core.arrays.state import Floats, Indices
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.constraints import Constraints, Extent
 
-SolverName = Literal["accelerated", "gauss-seidel"]
 # The momentum may not exceed 1 - this / sqrt(rows): the slowest motions of a jam are as wide as the jam.  Measured from 300 to
 # 5000 people: up to 20 % fewer sweeps to 1e-3 of the first residual.
 _RESISTANCE = 1.5
@@ -24,12 +23,11 @@ _ROUNDING = 1e-12  # m/s, added to the limit of the relative residual
 
 
 class Stopping(NamedTuple):
-    """When the solver stops, and how it goes on."""
+    """When the solver stops."""
 
     tolerance: float  # m/s
     relative: float  # of the residual without any impulse, in the 2-norm; infinite = not asked for
     max_iterations: int
-    accelerated: bool  # with momentum
 
 
 @inner_kernel
@@ -52,18 +50,13 @@ def solve(
     if rows == 0:
         return 0, 0.0, True
     e, slot_start, slot_stop, row_start, _ = extent
-    pair, source = constraints.pair[row_start : row_start + rows], constraints.source[row_start : row_start + rows]
-    coefficients, reaction, start = (
-        constraints.coefficients[row_start : row_start + rows],
-        constraints.reaction[row_start : row_start + rows],
-        v[slot_start:slot_stop],
-    )
+    row_stop, start = row_start + rows, v[slot_start:slot_stop]
+    pair, source = constraints.pair[row_start:row_stop], constraints.source[row_start:row_stop]
+    coefficients, reaction = constraints.coefficients[row_start:row_stop], constraints.reaction[row_start:row_stop]
     if compliance is not None:
-        compliance = compliance[row_start : row_start + rows]
-    u, u_last = (
-        constraints.velocity[slot_start + e : slot_stop + e + 1],
-        constraints.previous_velocity[slot_start + e : slot_stop + e + 1],
-    )
+        compliance = compliance[row_start:row_stop]
+    u = constraints.velocity[slot_start + e : slot_stop + e + 1]
+    u_last = constraints.previous_velocity[slot_start + e : slot_stop + e + 1]
     for i in range(slot_stop - slot_start):
         u[i, 0], u[i, 1] = start[i, 0], start[i, 1]
     u[slot_stop - slot_start, 0], u[slot_stop - slot_start, 1] = 0.0, 0.0
@@ -81,13 +74,11 @@ def solve(
     sweeps, since, beta, least, next_check = 0, 0, 0.0, residual, 1
     most = max(0.5, 1.0 - _RESISTANCE / np.sqrt(active_rows + 1.0))
     while sweeps < stopping.max_iterations and not (residual <= stopping.tolerance and size <= limit):
-        if stopping.accelerated:
-            _extrapolate(beta, u, u_last)
+        _extrapolate(beta, u, u_last)
         uphill = _sweep(active_rows, pair, coefficients, compliance, reaction, u, beta)
         sweeps += 1
-        if stopping.accelerated:
-            since = 0 if uphill else since + 1
-            beta = min(most, since / (since + 2.0))
+        since = 0 if uphill else since + 1
+        beta = min(most, since / (since + 2.0))
         if sweeps >= next_check or sweeps == stopping.max_iterations:
             residual, size, active_rows = _residual(active_rows, pair, source, coefficients, compliance, reaction, u)
             if np.isnan(residual):  # the next search for contacts reports that

@@ -13,7 +13,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
 from crowd_env.core.clock import DueClock, next_multiple
 from crowd_env.core.kernels.jit import index, kernel
-from crowd_env.physics.contacts import Contacts, of_a_contact, order_of_contacts, rows_of
+from crowd_env.physics.contacts import Contacts, order_of_contacts, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
 from crowd_env.physics.workspace import Batch, Command, Results, set_command
 
@@ -22,17 +22,8 @@ EVERY = 0.5  # s
 _CELL = 0.5  # m
 
 # The part of the history that only the physics reads: it lies in the order of space itself.
-_IN_ORDER = (
-    "direction",
-    "is_uniform",
-    "lookup_turn",
-    "region_bits",
-    "local_speed",
-    "force",
-    "torque",
-    "walking_velocity",
-    "waited",
-)
+_IN_ORDER: tuple[str, ...] = ("direction", "is_uniform", "lookup_turn", "region_bits", "local_speed", "force", "torque")
+_IN_ORDER += ("walking_velocity", "waited")
 
 
 class Order(NamedTuple):
@@ -131,13 +122,13 @@ class SortedCrowd:
         for people in self._small:
             self.gather_bodies(people)
         for copy, array in self._shown():
-            _gather(self.slot, array, copy)
-        set_command(self.batch.control, asked, lambda array, values: _gather(self.slot, values, array))
+            _gather(self.slot, _flat(array), _flat(copy))
+        set_command(self.batch.control, asked, lambda array, values: _gather(self.slot, _flat(values), _flat(array)))
 
     def scatter(self) -> None:
         """Write what the physics has done to where everyone looks for it."""
         for copy, array in self._shown():
-            _scatter(self.slot, copy, array)
+            _scatter(self.slot, _flat(copy), _flat(array))
 
     def _shown(self) -> list[tuple[Any, Any]]:
         """Return what others read and write: each copy, and the array that it is of."""
@@ -152,15 +143,7 @@ class SortedCrowd:
         self, i: Ints, j: Ints, normal: Floats, disc_i: Ints, disc_j: Ints
     ) -> tuple[Ints, Ints, Floats, Ints, Ints, Ints]:
         """Return contacts between slots, i < j, sorted by (i, j, discs), walls last; and the order they had."""
-        i, j = self.slot[i], np.where(j >= 0, self.slot[np.maximum(j, 0)], j)
-        swap = (j >= 0) & (j < i)
-        i, j = np.where(swap, j, i), np.where(swap, i, j)
-        if len(disc_i):
-            disc_i, disc_j = np.where(swap, disc_j, disc_i), np.where(swap, disc_i, disc_j)
-        order = order_of_contacts(i, j, disc_i, disc_j)
-        of_discs = order[: len(disc_i)]  # none without an outline
-        normal = np.where(swap[:, None], -normal, normal)
-        return i[order], j[order], normal[order], disc_i[of_discs], disc_j[of_discs], order
+        return _between(self.slot, i, j, normal, disc_i, disc_j)
 
 
 def _stretches(chosen: Bools, env_start: Ints) -> list[slice]:
@@ -169,41 +152,24 @@ def _stretches(chosen: Bools, env_start: Ints) -> list[slice]:
     return [slice(int(env_start[e]), int(env_start[stop])) for e, stop in edges.reshape(-1, 2)]
 
 
-def _gather(slot: Ints, source: Any, copy: Any) -> None:
-    """Copy the people of ``source`` in the order of ``slot``."""
-    (_gather_one if source.ndim == 1 else _gather_two)(slot, source, copy)
-
-
-def _scatter(slot: Ints, copy: Any, target: Any) -> None:
-    """Copy them back."""
-    (_scatter_one if target.ndim == 1 else _scatter_two)(slot, copy, target)
+def _flat(array: Any) -> Any:
+    """Return an array with one number a person: a vector (P, 2) as complex numbers."""
+    return array if array.ndim == 1 else array.view(np.complex128)[:, 0]
 
 
 # NumPy's own take and put need three times as long.
 @kernel
-def _gather_one(slot: Ints, source: Any, copy: Any) -> None:
+def _gather(slot: Ints, source: Any, copy: Any) -> None:
+    """Copy the people of ``source`` in the order of ``slot``."""
     for i in range(len(slot)):
         copy[i] = source[index(slot[i])]
 
 
 @kernel
-def _gather_two(slot: Ints, source: Any, copy: Any) -> None:
-    for i in range(len(slot)):
-        k = index(slot[i])
-        copy[i, 0], copy[i, 1] = source[k, 0], source[k, 1]
-
-
-@kernel
-def _scatter_one(slot: Ints, copy: Any, target: Any) -> None:
+def _scatter(slot: Ints, copy: Any, target: Any) -> None:
+    """Copy them back."""
     for i in range(len(slot)):
         target[index(slot[i])] = copy[i]
-
-
-@kernel
-def _scatter_two(slot: Ints, copy: Any, target: Any) -> None:
-    for i in range(len(slot)):
-        k = index(slot[i])
-        target[k, 0], target[k, 1] = copy[i, 0], copy[i, 1]
 
 
 def _order_of_space(position: Floats, active: Bools) -> Ints:
@@ -217,16 +183,25 @@ def _order_of_space(position: Floats, active: Bools) -> Ints:
 
 def _renumber(begin: int, rank: Ints, contacts: Contacts, rows: slice) -> None:
     """Let the contacts ``rows`` of an environment follow people to their new places ``rank``, sorted as they must be."""
-    i, j, normal = contacts.i[rows], contacts.j[rows], contacts.normal[rows]
-    i = begin + rank[i - begin]
-    j = np.where(j >= 0, begin + rank[np.maximum(j, begin) - begin], j)
-    swap = (j >= 0) & (j < i)
-    contacts.i[rows], contacts.j[rows] = np.where(swap, j, i), np.where(swap, i, j)
-    normal[swap] *= -1.0
-    disc_i, disc_j = contacts.disc_i[rows], contacts.disc_j[rows]  # none without an outline
-    if len(disc_i):
-        contacts.disc_i[rows], contacts.disc_j[rows] = np.where(swap, disc_j, disc_i), np.where(swap, disc_i, disc_j)
-    order = order_of_contacts(contacts.i[rows], contacts.j[rows], disc_i, disc_j)
-    for name in of_a_contact(contacts):
-        array = getattr(contacts, name)
+    i, j = contacts.i[rows] - begin, contacts.j[rows]
+    others = contacts.normal[rows], contacts.disc_i[rows], contacts.disc_j[rows]
+    *renumbered, order = _between(begin + rank, i, np.where(j >= 0, j - begin, j), *others)
+    for name, array in zip(("i", "j", "normal", "disc_i", "disc_j"), renumbered, strict=True):
+        getattr(contacts, name)[rows] = array
+    for array in (contacts.gap, contacts.impulse, contacts.history):
         array[rows] = array[rows][order]
+
+
+def _between(
+    number: Ints, i: Ints, j: Ints, normal: Floats, disc_i: Ints, disc_j: Ints
+) -> tuple[Ints, Ints, Floats, Ints, Ints, Ints]:
+    """Return contacts between people who get another ``number``, i < j, sorted by (i, j, discs); and the order they had."""
+    i, j = number[i], np.where(j >= 0, number[np.maximum(j, 0)], j)
+    swap = (j >= 0) & (j < i)
+    i, j = np.where(swap, j, i), np.where(swap, i, j)
+    if len(disc_i):
+        disc_i, disc_j = np.where(swap, disc_j, disc_i), np.where(swap, disc_i, disc_j)
+    order = order_of_contacts(i, j, disc_i, disc_j)
+    of_discs = order[: len(disc_i)]  # none without an outline
+    normal = np.where(swap[:, None], -normal, normal)
+    return i[order], j[order], normal[order], disc_i[of_discs], disc_j[of_discs], order

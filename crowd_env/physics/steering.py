@@ -74,19 +74,8 @@ def follow_rules(e: int, batch: Batch) -> None:
     if not has_regions(e, batch):
         return
     world, history, g = batch.world, batch.history, batch.world.geometry_of_env[e]
-    notice_regions(e, g, world.guidance.region, batch.bodies, batch.state, history.region_bits, history.local_speed)
-    apply_rules(
-        e,
-        g,
-        world.field,
-        world.guidance,
-        batch.bodies,
-        batch.state,
-        history.region_bits,
-        history.followed,
-        history.rule_on,
-        history.rule_since,
-    )
+    notice_regions(e, g, world.guidance.region, batch.bodies, batch.state, history)
+    apply_rules(e, g, world.field, world.guidance, batch.bodies, batch.state, history)
 
 
 @inner_kernel
@@ -110,21 +99,12 @@ def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: f
     """
     field, boundary, field_of_route = batch.world.field, batch.world.boundary, batch.world.guidance.field_of_route
     cell, table, exit_line, position = field.cell, field.direction, boundary.exit, batch.state.position
-    radius, relative, inside, history = (
-        batch.bodies.radius,
-        batch.control.relative,
-        batch.workspace.inside,
-        batch.history,
-    )
-    followed, direction, is_uniform, lookup_turn = (
-        history.followed,
-        history.direction,
-        history.is_uniform,
-        history.lookup_turn,
-    )
+    radius, relative, inside = batch.bodies.radius, batch.control.relative, batch.workspace.inside
+    followed, direction = batch.history.followed, batch.history.direction
+    is_uniform, lookup_turn = batch.history.is_uniform, batch.history.lookup_turn
     everyone = dt < LOOK_EVERY  # a command that becomes relative before the next look-up needs the direction too
     f, rows, cols, start, keep, left, bottom, size = -1, 0, 0, 0, np.nan, 0.0, 0.0, 1.0
-    aim, ax, ay, ux, uy, width, nx, ny = -1, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0
+    aim, frame = -1, (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
     for rank in range(index(rank_start), index(rank_stop)):
         i = inside[rank]
         if not (relative[i] or everyone):
@@ -146,9 +126,9 @@ def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: f
             if k >= 0:
                 if k != aim:  # most aim at the same exit as the one before
                     aim = k
-                    ax, ay, ux, uy, width, nx, ny = exit_frame(exit_line, k)
+                    frame = exit_frame(exit_line, k)
                 plain = True
-                ex, ey = through_exit(ax, ay, ux, uy, width, nx, ny, x, y, r, keep if keep >= 0.0 else r)
+                ex, ey = through_exit(frame, x, y, r, keep if keep >= 0.0 else r)
             elif k == BLEND:
                 plain, ex, ey = blended_direction(table, node, cols, u, v)
                 is_uniform[i] = _agree(table, node, cols)

@@ -1,8 +1,7 @@
 """All that a step works on: the world around the crowd, what is asked of it, results, history and scratch."""
 
-from collections.abc import Callable, Collection, Mapping
-from functools import cache
-from typing import Annotated, Any, NamedTuple, TypeVar, cast, get_args, get_origin, get_type_hints
+from collections.abc import Callable, Collection
+from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,20 +12,14 @@ from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Indic
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.geometry.wall_grid import WallGrid
-from crowd_env.physics.constraints import Constraints, allocate_constraints
-from crowd_env.physics.contacts import Contacts, allocate_contacts, move_contacts
-from crowd_env.physics.dem_lanes.buffers import SoABuffers, allocate_buffers
-from crowd_env.physics.dem_lanes.partition import Partition, allocate_partition, count_slabs
+from crowd_env.physics.allocation import Arrays, allocate
+from crowd_env.physics.constraints import Constraints
+from crowd_env.physics.contacts import Contacts, move_contacts
+from crowd_env.physics.dem_lanes.buffers import SoABuffers
+from crowd_env.physics.dem_lanes.partition import SLABS, Partition, count_slabs
 from crowd_env.physics.neighbors.lists import NeighborList, allocate_neighbors, entries_per_person
 from crowd_env.routing.fields.lookup import FieldArrays
 from crowd_env.routing.rules import Guidance
-
-Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
-
-# An array says how large it is beside its type, in letters and numbers: P people, E environments, M entries of the neighbor
-# list, R control rules, D doors, N discs of all bodies, S places of those whom a decision looks at.  A name behind that says
-# what needs it: it is empty unless a scheme (`SchemeInfo.uses`), its social force, a manner or an outline does.
-Sizes = Mapping[str, int]
 
 LOOKUP_PERIOD = 4  # in which those look for their way who need not do so every time
 
@@ -160,9 +153,8 @@ class Walkers(NamedTuple):
     slot: Annotated[Indices, "P", "walking"]  # whose they are
     columns: Annotated[Ints, "E"]  # of cells
     rows: Annotated[Ints, "E"]
-    seen: Annotated[
-        Indices, "S", "walking"
-    ]  # places in that order of those in front; a list for each part of a cut crowd
+    # Places in that order of those in front; a list for each part of a cut crowd.
+    seen: Annotated[Indices, "S", "walking"]
 
 
 class Workspace(NamedTuple):
@@ -178,9 +170,8 @@ class Workspace(NamedTuple):
     walkers: Walkers
     inside: Annotated[Indices, "P"]  # who is inside, environment e from env_start[e] on: see `step.list_active`
     desired_velocity: Annotated[Floats, "P 2", "desired_velocity"]  # m/s
-    heading: Annotated[
-        Floats, "P 4", "heading"
-    ]  # desired direction by anisotropy of the social force; of which velocity
+    # Desired direction by anisotropy of the social force; of which velocity.
+    heading: Annotated[Floats, "P 4", "heading"]
     previous_position: Annotated[Floats, "P 2", "previous_position"]  # m    at the start of the step
     previous_velocity: Annotated[Floats, "P 2", "previous_velocity"]  # m/s  at the start of the step
     trial_velocity: Annotated[Floats, "P 2", "trial_velocity"]  # m/s  before contacts change it
@@ -205,34 +196,8 @@ class Batch(NamedTuple):
     workspace: Workspace
 
 
-@cache
-def _arrays_of(kind: type[Any]) -> dict[str, tuple[Any, list[str], str]]:
-    """Return the arrays of a NamedTuple that say how large they are: name -> type of a number, shape, what needs it."""
-    found = {}
-    for name, hint in get_type_hints(kind, include_extras=True).items():
-        if get_origin(hint) is Annotated:
-            array, shape, *needs = get_args(hint)
-            found[name] = get_args(get_args(array)[1])[0], shape.split(), "".join(needs)
-    return found
-
-
-def allocate(kind: type[Arrays], sizes: Sizes, uses: Collection[str] | None = None, **given: Any) -> Arrays:
-    """Return a NamedTuple whose arrays are zero, but for those that are ``given``; ``uses`` says what is in use, None = all."""
-    for name, (number, letters, needs) in _arrays_of(kind).items():
-        if name not in given:
-            shape = [sizes[one] if one.isalpha() else int(one) for one in letters]
-            if uses is not None and needs and needs not in uses:
-                shape[0] = 0
-            given[name] = np.zeros(shape, dtype=number)
-    return kind(**given)
-
-
 def allocate_control(
-    people: int,
-    driving: bool,
-    bounded: bool = True,
-    headway: Headway | None = None,
-    max_drive: float | None = None,
+    people: int, driving: bool, bounded: bool = True, headway: Headway | None = None, max_drive: float | None = None
 ) -> Control:
     """Return room for what is asked of so many people."""
     return allocate(
@@ -282,15 +247,34 @@ def allocate_history(
     """Return the history of people whom nothing has happened to, with so many control rules and doors (all open)."""
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     slots = np.arange(people) - np.repeat(bodies.env_start[:-1], np.diff(bodies.env_start))  # within the environment
+    sizes = {"P": people, "E": environments, "M": len(neighbors.owner), "R": rules, "D": doors}
     return allocate(
         History,
-        {"P": people, "E": environments, "R": rules, "D": doors},
+        sizes,
         uses,
-        contacts=by_reference(allocate_contacts(neighbors, uses is None or "discs" in uses)),
+        contacts=by_reference(allocate(Contacts, sizes, uses)),
         lookup_turn=(slots % LOOKUP_PERIOD).astype(np.uint8),
         local_speed=bodies.desired_speed.copy(),
         door_open=np.ones((environments, doors), dtype=np.bool_),
     )
+
+
+def begin_history(e: int, people: slice, history: History, bodies: Bodies, route: Ints) -> None:
+    """Forget what went on in environment ``e``: no contact, no forces, nobody has looked for the route."""
+    for name in ("phase", "directions_known", "turn", "rule_on", "have_decided"):
+        getattr(history, name)[e] = 0
+    history.contacts.number[e], history.door_open[e] = 0, True
+    history.followed[people], history.region_bits[people] = route, 0
+    history.local_speed[people] = bodies.desired_speed[people]
+    for array in (history.waited, history.walking_velocity):  # empty where nobody decides
+        array[people] = 0.0
+
+
+def begin_results(e: int, people: slice, results: Results, total: Diagnostics) -> None:
+    """Set to zero what the people of environment ``e`` got, and what went on since its start."""
+    results.impulse[people], results.impulse_magnitude[people] = 0.0, 0.0
+    for array in (*total, *results.diagnostics):
+        array[e] = 0
 
 
 def allocate_workspace(
@@ -302,13 +286,10 @@ def allocate_workspace(
     """
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     neighbors = allocate_neighbors(bodies, per_person)
-    entries = len(neighbors.contact_distance)
-    seen = count_slabs(int(np.diff(bodies.env_start).max())) * people
-    sizes = {"P": people, "E": environments, "M": entries, "N": discs * people, "S": seen}
-
-    def room(name: str, length: int) -> int:
-        return length if uses is None or name in uses else 0
-
+    entries, slabs = len(neighbors.owner), count_slabs(int(np.diff(bodies.env_start).max()))
+    sizes = {"P": people, "E": environments, "M": entries, "N": discs * people, "S": slabs * people}
+    # Nothing is carried within one slab.
+    sizes |= {"B": people + environments, "L": SLABS * environments, "T": entries if slabs > 1 else 0}
     return allocate(
         Workspace,
         sizes,
@@ -316,11 +297,9 @@ def allocate_workspace(
         neighbors=by_reference(neighbors),
         narrow_phase=by_reference(allocate(NarrowPhase, sizes, uses)),
         discs=allocate(Discs, sizes, uses),
-        constraints=by_reference(
-            allocate_constraints(room("constraints", people), room("constraints", entries), environments)
-        ),
-        soa=allocate_buffers(room("soa", people)),
-        partition=by_reference(allocate_partition(bodies.env_start, room("soa", entries))),
+        constraints=by_reference(allocate(Constraints, sizes, uses)),
+        soa=allocate(SoABuffers, sizes, uses),
+        partition=by_reference(allocate(Partition, sizes, uses)),
         social_pairs=by_reference(allocate(SocialPairs, sizes, uses)),
         walkers=allocate(Walkers, sizes, uses),
     )
@@ -335,7 +314,8 @@ def grow(history: History, workspace: Workspace, bodies: Bodies, uses: Collectio
     """Make twice the room for neighbors, in place; contacts are kept, the list is built at the next step."""
     before = workspace.neighbors
     larger = allocate_workspace(bodies, 2 * entries_per_person(before, bodies), uses)
-    contacts = allocate_contacts(larger.neighbors, uses is None or "discs" in uses)
+    sizes = {"E": len(bodies.env_start) - 1, "M": len(larger.neighbors.owner)}
+    contacts = allocate(Contacts, sizes, uses)
     move_contacts(history.contacts, before, contacts, larger.neighbors)
     replace_arrays(history.contacts, contacts)
     for part, new in zip(workspace, larger, strict=True):

@@ -25,9 +25,8 @@ def add_fields(
     fields += [route.field for route in route_set.routes]
     potentials = list(rows)
     for r, route in enumerate(route_set.routes):
-        if (
-            route.congestion is not None or route.to_exit is not None
-        ):  # the field changes in place, or ends at the region
+        # The field changes in place, or ends at the region.
+        if route.congestion is not None or route.to_exit is not None:
             potentials[r] = len(fields)
             fields.append(route.potential)
     return rows, potentials

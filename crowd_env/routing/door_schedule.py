@@ -84,9 +84,8 @@ class DoorSchedule:
             if len(self._happened[e]) == len(events) or not self._clock.is_due(e, state.time[e]):
                 continue
             people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
-            doors = zip(
-                self._geometries[e].doors, door_open[e].tolist(), strict=False
-            )  # padded to the most of any place
+            # Padded to the most of any place.
+            doors = zip(self._geometries[e].doors, door_open[e].tolist(), strict=False)
             before = closed = frozenset(name for name, is_open in doors if not is_open)
             for k, event in enumerate(events):
                 if k not in self._happened[e] and self._is_due(e, event, state, people):

@@ -5,7 +5,7 @@ counts the people in a region; while it is on, people elsewhere who would come t
 route (Pécol et al. 2011, section 4.3).  A region may set or scale the desired speed: stairs.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,10 +51,9 @@ class Guidance(NamedTuple):
 
 
 @inner_kernel
-def notice_regions(
-    e: int, g: int, region: RegionArrays, bodies: Bodies, state: CrowdState, region_bits: Ints, local_speed: Floats
-) -> None:
-    """Write the regions that everyone stands in (bits) and the desired speed there [m/s]."""
+def notice_regions(e: int, g: int, region: RegionArrays, bodies: Bodies, state: CrowdState, history: Any) -> None:
+    """Write the regions that everyone stands in (bits) and the desired speed there [m/s] into the `History` of a step."""
+    region_bits, local_speed = history.region_bits, history.local_speed
     rows, cols, mask, fixed, factor = region.shape[g, 0], region.shape[g, 1], region.mask, region.fixed, region.factor
     start, left, bottom, spacing = region.node_start[g], region.origin[g, 0], region.origin[g, 1], region.spacing[g]
     active, position, desired_speed = state.active, state.position, bodies.desired_speed
@@ -79,18 +78,11 @@ def notice_regions(
 
 @inner_kernel
 def apply_rules(
-    e: int,
-    g: int,
-    field: FieldArrays,
-    guidance: Guidance,
-    bodies: Bodies,
-    state: CrowdState,
-    region_bits: Ints,
-    followed: Ints,
-    rule_on: Bools,
-    rule_since: Floats,
+    e: int, g: int, field: FieldArrays, guidance: Guidance, bodies: Bodies, state: CrowdState, history: Any
 ) -> None:
-    """Switch the rules of environment ``e`` on and off, and write the route that everyone follows now."""
+    """Switch the rules of environment ``e`` on and off, and write the route that everyone follows now, into the history."""
+    region_bits, followed = history.region_bits, history.followed
+    rule_on, rule_since = history.rule_on, history.rule_since
     rule, slot_begin, slot_end, time = guidance.rule, bodies.env_start[e], bodies.env_start[e + 1], state.time[e]
     active, position, own, field_of_route = state.active, state.position, state.route, guidance.field_of_route
     rule_begin, rule_end = rule.start[g], rule.start[g + 1]

@@ -1,7 +1,7 @@
 """What body parameters are drawn from; every distribution has bounds, so that what can happen is known beforehand."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any, Protocol
@@ -84,10 +84,7 @@ class Normal:
 
     def sample(self, rng: np.random.Generator, count: int) -> Floats:
         """Draw ``count`` values."""
-        values = rng.normal(self.mean, self.sd, count)
-        while (bad := (values < self.low) | (values > self.high)).any():
-            values[bad] = rng.normal(self.mean, self.sd, int(bad.sum()))
-        return values
+        return _within(self.low, self.high, lambda many: rng.normal(self.mean, self.sd, many), count)
 
 
 @dataclass(frozen=True)
@@ -124,10 +121,15 @@ class LogNormal:
 
     def sample(self, rng: np.random.Generator, count: int) -> Floats:
         """Draw ``count`` values."""
-        values = self.median * np.exp(self.sigma * rng.standard_normal(count))
-        while (bad := (values < self.low) | (values > self.high)).any():
-            values[bad] = self.median * np.exp(self.sigma * rng.standard_normal(int(bad.sum())))
-        return values
+        return _within(self.low, self.high, lambda k: self.median * np.exp(self.sigma * rng.standard_normal(k)), count)
+
+
+def _within(low: float, high: float, draw: Callable[[int], Floats], count: int) -> Floats:
+    """Draw ``count`` values, anew those that lie outside the bounds."""
+    values = draw(count)
+    while (bad := (values < low) | (values > high)).any():
+        values[bad] = draw(int(bad.sum()))
+    return values
 
 
 def _require_share(kind: str, low: float, high: float, from_sd: float, to_sd: float) -> None:

@@ -6,7 +6,7 @@ ignored.  A place that takes options of its own is a function that returns a `Sc
 
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -33,10 +33,6 @@ CORNERS = 32  # of a circle
 KEYS = ("$schema", *(field.name for field in fields(Scenario)), "groups")
 PLAN = ("walkable", "obstacles", "thin_walls", "exits", "regions", "doors", "jamb_radius")
 
-_DEEPEST = 20  # tables and lists within each other
-_LARGEST = 1e15
-_COMPUTED = ("options", "columns", "rows", "step")  # of files of crowd_env 0.1
-
 
 def read_scenario(path: Path) -> Scenario:
     """Return the scenario in a file, checked: every route leads out, and the people fit.
@@ -46,9 +42,15 @@ def read_scenario(path: Path) -> Scenario:
     ValueError
         If the file cannot be read, or something in it is wrong or unknown.
     """
+    try:
+        return _read_scenario(path)
+    except RecursionError:
+        raise ValueError(f"{path}: nested too deeply") from None
+
+
+def _read_scenario(path: Path) -> Scenario:
     content = _read(path)
     with at(str(path)):
-        _require_data(content)
         check_keys(str(path), content, KEYS)
         for key in ("geometry", "groups" if "groups" in content else "population"):
             if key not in content:
@@ -64,37 +66,10 @@ def _read(path: Path) -> Mapping[str, Any]:
     kind = "JSON" if path.suffix.lower() == ".json" else "TOML"
     text = read_text(path, "the scenario", f"a scenario in this file must be {kind}", ("JSON", "GeoJSON"))
     try:
-        content = json.loads(text, object_pairs_hook=_without_doubles) if kind == "JSON" else tomllib.loads(text)
-    except RecursionError:
-        raise ValueError(f"{path}: nested too deeply") from None
+        content = json.loads(text) if kind == "JSON" else tomllib.loads(text)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return table(f"{path}: the scenario", content, "keys and values")
-
-
-def _without_doubles(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in found:
-            raise ValueError(f"key {key!r} occurs twice in one object")
-        found[key] = value
-    return found
-
-
-def _require_data(value: Any, levels: int = _DEEPEST) -> None:
-    """Raise ValueError if something would have to be computed, or is too large or too deep for a file."""
-    if isinstance(value, dict | list) and levels == 0:
-        raise ValueError("nested too deeply")
-    computed = [key for key in _COMPUTED if isinstance(value, dict) and key in value]
-    if computed or (isinstance(value, str) and "{" in value):
-        raise ValueError(
-            f"{computed[0] if computed else value!r}: a file holds data alone; write a Python function in place of options, "
-            "expressions in braces, columns and rows: docs/scenarios.md shows one"
-        )
-    if isinstance(value, int | float) and _LARGEST < abs(value) < np.inf:
-        raise ValueError(f"it holds a number beyond {_LARGEST:g}")
-    for inner in value.values() if isinstance(value, dict) else value if isinstance(value, list) else ():
-        _require_data(inner, levels - 1)
 
 
 def _geometry(content: Any) -> Geometry:

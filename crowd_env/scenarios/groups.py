@@ -9,7 +9,7 @@ import numpy as np
 from crowd_env.core.arrays.state import MOTIVATION, Bodies, Floats, make_bodies
 from crowd_env.core.checks import at, check_fields, refuse
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.scenarios.placement import sample_positions
+from crowd_env.geometry.placement import sample_positions
 from crowd_env.scenarios.population import DRAWN, Population, check_people, population_of
 from crowd_env.scenarios.starts import check_starts
 

@@ -9,8 +9,8 @@ import numpy as np
 from crowd_env.core.arrays.state import MAX_SPEED, MOTIVATION, Bodies, Floats, make_bodies
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, from_table, known, whole
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.placement import CLOSEST_PACKING, sample_positions
 from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
-from crowd_env.scenarios.placement import CLOSEST_PACKING, sample_positions
 from crowd_env.scenarios.starts import as_positions, check_starts
 
 __all__ = ["Distribution", "LogNormal", "Normal", "Population", "Uniform"]
@@ -190,10 +190,8 @@ def require_room(geometry: Geometry, parts: Iterable[Population], room: float = 
     for part in parts:
         if part.starts is None:
             count, cover = waiting.get(part.start_region, (0, 0.0))
-            waiting[part.start_region] = (
-                count + part.people,
-                cover + part.people * np.pi * (room * part.radius.low) ** 2,
-            )
+            cover += part.people * np.pi * (room * part.radius.low) ** 2
+            waiting[part.start_region] = count + part.people, cover
     for region, (count, cover) in waiting.items():
         area = geometry.area_of(region)
         if cover > CLOSEST_PACKING * area:

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.csv_table import read_table
-from crowd_env.core.kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.placement import closest_pair
 
 
 def as_positions(starts: Any, people: int = 0) -> Floats:
@@ -68,26 +68,3 @@ def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:
             f"starts {i} and {j} overlap by {-gap:.3f} m: their radii add up to {radius[i] + radius[j]:.3f} m; "
             "take smaller bodies"
         )
-
-
-def closest_pair(position: Floats, radius: Floats) -> tuple[int, int, float]:
-    """Return the two discs with the smallest gap, and that gap [m]; (0, 0, inf) for fewer than two."""
-    order = np.argsort(position[:, 0], kind="stable")
-    return _closest_pair(position, radius, order, 2.0 * float(np.max(radius, initial=0.0)))
-
-
-@kernel
-def _closest_pair(position: Floats, radius: Floats, order: Ints, widest: float) -> tuple[int, int, float]:
-    """Look from each disc, from left to right, only as far as a smaller gap can be."""
-    best_i, best_j, best = 0, 0, np.inf
-    for m in range(len(order)):
-        i = order[m]
-        for n in range(m + 1, len(order)):
-            j = order[n]
-            if position[j, 0] - position[i, 0] - widest > best:
-                break
-            distance = np.hypot(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1])
-            gap = distance - radius[i] - radius[j]
-            if gap < best:
-                best_i, best_j, best = min(i, j), max(i, j), gap
-    return best_i, best_j, best

@@ -18,10 +18,8 @@ def with_manner(place: Scenario, manner: str | None, outline: str | None = None)
     """
     make_manner(manner)
     make_outline(outline)
-    given: dict[str, Any] = {
-        name: value for name, value in (("manner", manner), ("outline", outline)) if value is not None
-    }
-    return replace(place, **given) if given else place
+    given: dict[str, Any] = {"manner": manner or place.manner, "outline": outline or place.outline}
+    return replace(place, **given)
 
 
 def run_title(place: Scenario, scheme: str = "", *, people: str = "", runs: str = "") -> str:

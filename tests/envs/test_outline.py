@@ -13,7 +13,7 @@ from crowd_env import OUTLINES, CrowdEnv, Geometry, Groups, Outline, Physics, Po
 from crowd_env.analysis.figures import report
 from crowd_env.envs.parallel import env as aec_env
 from crowd_env.envs.rollout import run_episodes
-from crowd_env.scenarios.starts import closest_pair
+from crowd_env.geometry.placement import closest_pair
 
 TORSO = OUTLINES["torso"]
 

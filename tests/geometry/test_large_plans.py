@@ -8,9 +8,9 @@ from evacuations import evacuated
 
 from crowd_env import Geometry, Population, Scenario, Uniform
 from crowd_env.geometry.boundary import solid_depth
+from crowd_env.geometry.placement import closest_pair
 from crowd_env.routing.fields import domain as navigation_plan
 from crowd_env.routing.fields.field import travel_time_field
-from crowd_env.scenarios.starts import closest_pair
 
 HALL = shapely.box(0, 0, 24, 12)
 

@@ -11,7 +11,7 @@ import crowd_env.geometry.wall_grid
 from crowd_env import Geometry
 from crowd_env.core.kernels.jit import kernel
 from crowd_env.geometry.geometry import join_boundaries
-from crowd_env.geometry.wall_grid import is_hidden, make_wall_grid, no_wall_grid, walls_near
+from crowd_env.geometry.wall_grid import is_hidden, make_wall_grid, walls_near
 
 pytestmark = pytest.mark.kernels
 REACH = 2.5  # m
@@ -33,16 +33,15 @@ def near_to(grid, g, x, y):
 
 
 @kernel
-def hides(grid, g, wall, wall_door, door_open, x, y, dx, dy):
+def hides(grid, g, boundary, door_open, x, y, dx, dy):
     """Return whether a wall of geometry ``g`` stands between (x, y) and the point (dx, dy) from there."""
-    first, stop = walls_near(grid, g, x, y)
-    return is_hidden(grid, first, stop, wall, wall_door, door_open, x, y, dx, dy)
+    return is_hidden(grid, walls_near(grid, g, x, y), boundary, door_open, x, y, dx, dy)
 
 
 def hidden(grid, boundary, g, here, there, door_open=()):
     """Return whether a wall of geometry ``g`` stands between two points."""
     stands_open = np.array(door_open, dtype=np.bool_)
-    return hides(grid, g, boundary.wall, boundary.wall_door, stands_open, *here, *(there - here))
+    return hides(grid, g, boundary, stands_open, *here, *(there - here))
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +100,7 @@ def test_a_door_hides_only_while_it_is_closed():
 
 
 def test_where_nobody_keeps_a_distance_there_are_no_cells():
-    grid = no_wall_grid(2)
+    two_halls = join_boundaries([HALL, HALL])
+    grid = make_wall_grid(two_halls, None)
     assert near_to(grid, 1, 0.0, 0.0) == (0, 0)
     assert len(grid.wall) == 0

@@ -10,7 +10,8 @@ from shapely.geometry import box
 from crowd_env.core.arrays.state import make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import NSM1, NSM2, constraints, solvers
-from crowd_env.physics.constraints import Extent, allocate_constraints
+from crowd_env.physics.allocation import allocate
+from crowd_env.physics.constraints import Constraints, Extent
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.physics.solvers import Stopping
 
@@ -90,9 +91,7 @@ def test_a_wall_does_not_move():
     rows, mass = simulation.workspace.constraints, simulation.bodies.mass
     extent = Extent(0, 0, len(mass), 0, number)
     active_rows = assemble_no_overlap(extent, contacts, mass, free, rows, DT, True)
-    sweeps, _, converged = solve(
-        extent, number, active_rows, mass, free, rows, None, Stopping(1e-9, np.inf, 20_000, True)
-    )
+    sweeps, _, converged = solve(extent, number, active_rows, mass, free, rows, None, Stopping(1e-9, np.inf, 20_000))
     assert converged and sweeps > 50
     np.testing.assert_array_equal(rows.velocity[len(mass)], 0.0)
 
@@ -103,7 +102,7 @@ def test_a_start_is_never_worse_than_none(factor):
     simulation = jam(NSM1())
     number, free, contacts = problem_of(simulation)
     mass, count = simulation.bodies.mass, len(free)
-    rows = allocate_constraints(count, number, 1)
+    rows = allocate(Constraints, {"M": number, "B": count + 1})
     rng = np.random.default_rng(1)
     contacts.impulse[:number, 0] *= factor * rng.uniform(0.5, 1.5, number)
     assemble_no_overlap(Extent(0, 0, count, 0, number), contacts, mass, free, rows, DT, True)

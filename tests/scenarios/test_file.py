@@ -195,9 +195,7 @@ MISTAKES = {
         ("time_limit = -1", r"my\.toml: scenario 'my': time_limit is -1"),
         ('target = "paht"', r"my\.toml: scenario 'my': unknown target 'paht'; known: path, nearest, centre, width"),
         ('closed_doors = ["gate"]', r"my\.toml: unknown door 'gate'"),
-        ('title = "{width} m"', r"my\.toml: '\{width\} m': a file holds data alone; write a Python function"),
-        ("options = { width = 1 }", r"my\.toml: 'options': a file holds data alone; write a Python function"),
-        ("time_limit = 1e16", r"my\.toml: it holds a number beyond 1e\+15"),
+        ("options = { width = 1 }", r"my\.toml: unknown key 'options'; known: .*title"),
     ],
     "geometry": [
         ("wals = []", r"my\.toml: geometry: unknown key 'wals'; known: walkable"),
@@ -214,7 +212,7 @@ MISTAKES = {
         ("far = { box = [9, 9, 10, 10] }", r"geometry: region 'far' around .* outside of the walkable"),
         ("far = { bxo = [9, 9, 10, 10] }", r"geometry\.regions\.far: unknown key 'bxo'; known: box, circle"),
         ("far = { box = [1, 1, 0, 2] }", r"geometry\.regions\.far: box is \[1, 1, 0, 2\]; it must be"),
-        ("far = { box = [1, 1, 2, 2], rows = 2 }", r"my\.toml: 'rows': a file holds data alone; write a Python"),
+        ("far = { box = [1, 1, 2, 2], rows = 2 }", r"my\.toml: geometry\.regions\.far: unknown key 'rows'; known: box"),
         ("far = { box = [1, 1, 2] }", r"geometry\.regions\.far: it must be a box = \["),
     ],
     "people": [
@@ -300,11 +298,9 @@ def test_a_mistake_is_named_by_its_place(write, text, message):
 
 
 @pytest.mark.more
-def test_json_says_line_and_column_and_refuses_doubles(write):
+def test_json_says_line_and_column(write):
     with pytest.raises(ValueError, match=r"my\.json: Expecting value: line 2 column 9"):
         make_scenario(write('{\n "name":}', "my.json"))
-    with pytest.raises(ValueError, match=r"my\.json: key 'name' occurs twice"):
-        make_scenario(write('{"name": "a", "name": "b"}', "my.json"))
     with pytest.raises(ValueError, match=r"my\.json: the scenario is \[1\]; it must be a table"):
         make_scenario(write("[1]", "my.json"))
     with pytest.raises(ValueError, match=r"cannot read the scenario none\.toml"):

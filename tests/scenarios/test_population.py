@@ -9,7 +9,7 @@ from crowds import HALL, PLANS, clear, scatter
 from shapely.geometry import box
 
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.scenarios.placement import sample_positions
+from crowd_env.geometry.placement import sample_positions
 from crowd_env.scenarios.population import Normal, Population, Uniform
 from crowd_env.scenarios.starts import check_starts
 

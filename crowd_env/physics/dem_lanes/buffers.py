@@ -4,7 +4,7 @@ Positions and velocities are copied here at the start of a call and back at its 
 who are out are moved far away and nothing drives them, so that no loop has to ask who is inside.
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -16,29 +16,24 @@ FAR_AWAY = 1e9  # m   beyond any crowd: nobody touches anyone there, and to add 
 
 
 class SoABuffers(NamedTuple):
-    """Working copy of all people as a structure of arrays, (P,) each."""
+    """Working copy of all people as a structure of arrays."""
 
-    x: Floats  # m
-    y: Floats
-    vx: Floats  # m/s
-    vy: Floats
-    desired_vx: Floats  # m/s
-    desired_vy: Floats
-    inv_tau: Floats  # 1/s  of the relaxation time; 0 for passive grains
-    inv_mass: Floats  # 1/kg  0 for people who are out
-    fx: Floats  # N    contact force; 0 between steps
-    fy: Floats
-    force_magnitude: Floats  # N    sum of the magnitudes of the contact forces; 0 between steps
-    regular_fx: Floats  # N    external and social force
-    regular_fy: Floats
-    impulse_x: Floats  # N s  contact impulse since the start of the call
-    impulse_y: Floats
-    impulse_magnitude: Floats  # N s
-
-
-def allocate_buffers(people: int) -> SoABuffers:
-    """Return buffers for so many people."""
-    return SoABuffers._make(np.zeros(people) for _ in SoABuffers._fields)
+    x: Annotated[Floats, "P", "soa"]  # m
+    y: Annotated[Floats, "P", "soa"]
+    vx: Annotated[Floats, "P", "soa"]  # m/s
+    vy: Annotated[Floats, "P", "soa"]
+    desired_vx: Annotated[Floats, "P", "soa"]  # m/s
+    desired_vy: Annotated[Floats, "P", "soa"]
+    inv_tau: Annotated[Floats, "P", "soa"]  # 1/s  of the relaxation time; 0 for passive grains
+    inv_mass: Annotated[Floats, "P", "soa"]  # 1/kg  0 for people who are out
+    fx: Annotated[Floats, "P", "soa"]  # N    contact force; 0 between steps
+    fy: Annotated[Floats, "P", "soa"]
+    force_magnitude: Annotated[Floats, "P", "soa"]  # N    sum of the magnitudes of the contact forces; 0 between steps
+    regular_fx: Annotated[Floats, "P", "soa"]  # N    external and social force
+    regular_fy: Annotated[Floats, "P", "soa"]
+    impulse_x: Annotated[Floats, "P", "soa"]  # N s  contact impulse since the start of the call
+    impulse_y: Annotated[Floats, "P", "soa"]
+    impulse_magnitude: Annotated[Floats, "P", "soa"]  # N s
 
 
 @inner_kernel

@@ -5,9 +5,7 @@ the result is the same, bit by bit, for any number of threads.  A slab is a rang
 (`crowd_env.physics.spatial_order`), so few pairs reach from one slab into another.
 """
 
-from typing import NamedTuple
-
-import numpy as np
+from typing import Annotated, NamedTuple
 
 from crowd_env.core.arrays.state import Bools, Floats, Indices, Ints
 from crowd_env.core.kernels.jit import inner_kernel, kernel
@@ -29,60 +27,28 @@ LAST_REACHED = 7  # the last slot among these people, -1 if there are none
 class Partition(NamedTuple):
     """How crowds are cut, and what the threads of a step tell each other; slab s of environment e is row SLABS * e + s."""
 
-    barrier: Ints  # (8,)     [0] counts who has come to `wait_for_all`
-    run: Bools  # (E,)     another step is to be done
-    list_is_stale: Bools  # (E,)     someone may have gone further than the neighbor list allows for
-    steering: Ints  # (E,)     what this step has to do about desired velocities, see `stages.plan_steering`
-    turn: Ints  # (E,)     whose turn it is to look up the direction, see `steering.begin_look_up`
-    desired_until: Floats  # (E,)  s    up to when each step has to compute desired velocities anew
-    people_inside: Ints  # (E,)
-    smallest_radius: Floats  # (E,)  m
-    has_regular_force: Bools  # (E,)     external or social forces act
-    slot_start: Ints  # (E * SLABS,)  people of each slab
-    slot_stop: Ints
-    rank_start: Ints  # (E * SLABS,)  where they stand in the list of people inside
-    rank_stop: Ints
-    pair_start: Ints  # (E * SLABS,)  pairs of each slab in the neighbor list
-    pair_stop: Ints
-    wall_start: Ints  # (E * SLABS,)  walls near each slab in the neighbor list
-    wall_stop: Ints
-    found: Floats  # (E * SLABS, 8)  what each slab has found in this step: a cache line each, so that no two threads share one
-    carried_to: Indices  # (M,)     people of later slabs whom a slab has found a force on, from its first pair on
-    carried_force: Floats  # (M, 2)  N    and the opposite of that force
-
-
-def allocate_partition(env_start: Ints, entries: int) -> Partition:
-    """Return the partition of these crowds, whose neighbor list has room for ``entries``."""
-    environments = len(env_start) - 1
-    if np.diff(env_start).max(initial=0) < _MANY:
-        entries = 0  # nothing is carried within one slab
-
-    def counts(size: int) -> Ints:
-        return np.zeros(size, dtype=np.int64)
-
-    rows = environments * SLABS
-    return Partition(
-        barrier=counts(8),
-        run=np.zeros(environments, dtype=np.bool_),
-        list_is_stale=np.zeros(environments, dtype=np.bool_),
-        steering=counts(environments),
-        turn=counts(environments),
-        desired_until=np.zeros(environments),
-        people_inside=counts(environments),
-        smallest_radius=np.zeros(environments),
-        has_regular_force=np.zeros(environments, dtype=np.bool_),
-        slot_start=counts(rows),
-        slot_stop=counts(rows),
-        rank_start=counts(rows),
-        rank_stop=counts(rows),
-        pair_start=counts(rows),
-        pair_stop=counts(rows),
-        wall_start=counts(rows),
-        wall_stop=counts(rows),
-        found=np.zeros((rows, 8)),
-        carried_to=np.zeros(entries, dtype=np.uint32),
-        carried_force=np.zeros((entries, 2)),
-    )
+    barrier: Annotated[Ints, "8"]  # [0] counts who has come to `wait_for_all`
+    run: Annotated[Bools, "E"]  # another step is to be done
+    list_is_stale: Annotated[Bools, "E"]  # someone may have gone further than the neighbor list allows for
+    steering: Annotated[Ints, "E"]  # what this step has to do about desired velocities, see `stages.plan_steering`
+    turn: Annotated[Ints, "E"]  # whose turn it is to look up the direction, see `steering.begin_look_up`
+    desired_until: Annotated[Floats, "E"]  # s    up to when each step has to compute desired velocities anew
+    people_inside: Annotated[Ints, "E"]
+    smallest_radius: Annotated[Floats, "E"]  # m
+    has_regular_force: Annotated[Bools, "E"]  # external or social forces act
+    slot_start: Annotated[Ints, "L"]  # people of each slab
+    slot_stop: Annotated[Ints, "L"]
+    rank_start: Annotated[Ints, "L"]  # where they stand in the list of people inside
+    rank_stop: Annotated[Ints, "L"]
+    pair_start: Annotated[Ints, "L"]  # pairs of each slab in the neighbor list
+    pair_stop: Annotated[Ints, "L"]
+    wall_start: Annotated[Ints, "L"]  # walls near each slab in the neighbor list
+    wall_stop: Annotated[Ints, "L"]
+    # What each slab has found in this step: a cache line each, no two threads share one.
+    found: Annotated[Floats, "L 8"]
+    # People of later slabs whom a slab has found a force on, from its first pair on.
+    carried_to: Annotated[Indices, "T", "soa"]
+    carried_force: Annotated[Floats, "T 2", "soa"]  # N    and the opposite of that force
 
 
 @kernel

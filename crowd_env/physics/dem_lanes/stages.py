@@ -17,15 +17,7 @@ from crowd_env.physics.dem_lanes.buffers import (
     move_out,
 )
 from crowd_env.physics.dem_lanes.gather import cut_neighbor_list, list_active_by_slab
-from crowd_env.physics.dem_lanes.partition import (
-    DEEPEST,
-    FASTEST,
-    OUTSIDE,
-    OVERLAP,
-    OVERLAPS,
-    SLABS,
-    TOO_FAR,
-)
+from crowd_env.physics.dem_lanes.partition import DEEPEST, FASTEST, OUTSIDE, OVERLAP, OVERLAPS, SLABS, TOO_FAR
 from crowd_env.physics.driving_force import desired_velocity, limited
 from crowd_env.physics.exits import mark_crossing
 from crowd_env.physics.neighbors.update import OK, TOO_FAST, update_neighbors

@@ -1,6 +1,6 @@
 """Lists of neighbors: what they hold, and how they are built."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
+from crowd_env.physics.allocation import allocate
 
 # Up to this number of people all pairs are tested, which is quicker than to sort them into cells.
 _FEW = 64  # people
@@ -24,53 +25,37 @@ class NeighborList(NamedTuple):
     """Half lists of all environments; ``e`` owns the entries from ``entry_start[e]`` on: pairs, then walls, then exits."""
 
     entry_start: Ints  # (E+1,)
-    pair_end: Ints  # (E,)
-    wall_end: Ints  # (E,)
-    exit_end: Ints  # (E,)
-    owner: Indices  # (M,)   person i
-    partner: Indices  # (M,)   person j > i; or wall k of the geometry, then its corners; or exit k of the geometry
-    contact_distance: Floats  # (M,)   m    sum of the two radii of a pair
-    origin_x: Floats  # (P,)   m    positions when the list was built
-    origin_y: Floats
-    allowed: Floats  # (P,)   m    how far each may go from there
-    room: Floats  # (P,)   m    scratch: radius and allowed displacement, in the order of cells
-    reach: Floats  # (E,)   m    gap up to which the list is complete until somebody goes further
-    is_valid: Bools  # (E,)   there is a list: nobody and no door has been moved from outside since it was built
-    horizon: Floats  # (E,)   s    for which the list should last
-    age: Ints  # (E,)   steps since it was built
-    built: Floats  # (E,)   s    when that was
-    cell_start: NDArray[np.int32]  # cell heads of the counting sort, see `first_cell`
-    cell_item: NDArray[np.int32]  # (P,)
-    cell_of: NDArray[np.int32]  # (P,)
+    pair_end: Annotated[Ints, "E"]
+    wall_end: Annotated[Ints, "E"]
+    exit_end: Annotated[Ints, "E"]
+    owner: Annotated[Indices, "M"]  # person i
+    # Person j > i; or wall k of the geometry, then its corners; or exit k of the geometry.
+    partner: Annotated[Indices, "M"]
+    contact_distance: Annotated[Floats, "M"]  # m    sum of the two radii of a pair
+    origin_x: Annotated[Floats, "P"]  # m    positions when the list was built
+    origin_y: Annotated[Floats, "P"]
+    allowed: Annotated[Floats, "P"]  # m    how far each may go from there
+    room: Annotated[Floats, "P"]  # m    scratch: radius and allowed displacement, in the order of cells
+    reach: Annotated[Floats, "E"]  # m    gap up to which the list is complete until somebody goes further
+    # There is a list: nobody and no door has been moved from outside since it was built.
+    is_valid: Annotated[Bools, "E"]
+    horizon: Annotated[Floats, "E"]  # s    for which the list should last
+    age: Annotated[Ints, "E"]  # steps since it was built
+    built: Annotated[Floats, "E"]  # s    when that was
+    cell_start: Annotated[NDArray[np.int32], "C"]  # cell heads of the counting sort, see `first_cell`
+    cell_item: Annotated[NDArray[np.int32], "P"]
+    cell_of: Annotated[NDArray[np.int32], "P"]
 
 
 def allocate_neighbors(bodies: Bodies, per_person: int) -> NeighborList:
     """Return an empty list with room for ``per_person`` entries a pedestrian (and a few more an environment)."""
-    people = len(bodies.radius)
-    environments = len(bodies.env_start) - 1
+    people, environments = len(bodies.radius), len(bodies.env_start) - 1
     entry_start = bodies.env_start * per_person + _SPARE_ENTRIES * np.arange(environments + 1)
-    entries = int(entry_start[-1])
-    return NeighborList(
-        entry_start=entry_start,
-        pair_end=entry_start[:-1].copy(),
-        wall_end=entry_start[:-1].copy(),
-        exit_end=entry_start[:-1].copy(),
-        owner=np.zeros(entries, dtype=np.uint32),
-        partner=np.zeros(entries, dtype=np.uint32),
-        contact_distance=np.zeros(entries),
-        origin_x=np.zeros(people),
-        origin_y=np.zeros(people),
-        allowed=np.zeros(people),
-        room=np.zeros(people),
-        reach=np.zeros(environments),
-        is_valid=np.zeros(environments, dtype=np.bool_),
-        horizon=np.full(environments, FIRST_HORIZON),
-        age=np.zeros(environments, dtype=np.int64),
-        built=np.zeros(environments),
-        cell_start=np.zeros(_CELLS_PER_PERSON * people + _SPARE_CELLS * environments, dtype=np.int32),
-        cell_item=np.zeros(people, dtype=np.int32),
-        cell_of=np.zeros(people, dtype=np.int32),
-    )
+    cells = _CELLS_PER_PERSON * people + _SPARE_CELLS * environments
+    sizes = {"P": people, "E": environments, "M": int(entry_start[-1]), "C": cells}
+    ends = {name: entry_start[:-1].copy() for name in ("pair_end", "wall_end", "exit_end")}
+    horizon = np.full(environments, FIRST_HORIZON)
+    return allocate(NeighborList, sizes, entry_start=entry_start, horizon=horizon, **ends)
 
 
 def invalidate_lists(near: NeighborList, environments: int | slice = slice(None)) -> None:

@@ -37,11 +37,7 @@ def update_neighbors(e: int, batch: Batch, margin: float) -> int:
     active, position, velocity = batch.state.active, batch.state.position, batch.state.velocity
     slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
     near.age[e] += 1
-    if (
-        near.is_valid[e]
-        and margin <= near.reach[e]
-        and are_near(slot_start, slot_stop, active, position, near.origin_x, near.origin_y, allowed)
-    ):
+    if near.is_valid[e] and margin <= near.reach[e] and are_near(slot_start, slot_stop, active, position, near):
         return OK
     for i in range(slot_start, slot_stop):
         if active[i] and not (abs(position[i, 0]) < _FARTHEST and abs(position[i, 1]) < _FARTHEST):
@@ -75,17 +71,9 @@ def update_neighbors(e: int, batch: Batch, margin: float) -> int:
 
 
 @inner_kernel
-def are_near(
-    slot_start: int,
-    slot_stop: int,
-    active: Bools,
-    position: Floats,
-    origin_x: Floats,
-    origin_y: Floats,
-    allowed: Floats,
-) -> bool:
+def are_near(slot_start: int, slot_stop: int, active: Bools, position: Floats, near: NeighborList) -> bool:
     """Whether no active person has gone further than allowed; nan counts as further.  The loop is free of branches."""
-    gone = 0
+    origin_x, origin_y, allowed, gone = near.origin_x, near.origin_y, near.allowed, 0
     for i in range(index(slot_start), index(slot_stop)):
         dx, dy = position[i, 0] - origin_x[i], position[i, 1] - origin_y[i]
         gone += active[i] & (not dx * dx + dy * dy <= allowed[i] * allowed[i])

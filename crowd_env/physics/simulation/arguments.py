@@ -7,33 +7,39 @@ import numpy as np
 
 from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Bodies, Bools, Floats, Ints, check_motivation
-from crowd_env.core.checks import POSITIVE, number, refuse
+from crowd_env.core.checks import FINITE, POSITIVE, Range, array, number, require_all
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.scheme import ContactScheme
-from crowd_env.physics.simulation.limits import check_stride
 from crowd_env.physics.workspace import Command
 from crowd_env.routing.fields.field import travel_time_field
 from crowd_env.routing.replanning import Place
+
+STRIDE = 0.5  # radii that a desired speed may lead in one step; the rest of the radius is for what others push
 
 
 def check_step(
     scheme: ContactScheme, bodies: Bodies, dt: float, allow_unstable: bool = False, outline: Outline | None = None
 ) -> None:
-    """Raise ValueError unless ``dt`` is positive, at most the scheme's stable step, and no stride too long."""
+    """Raise ValueError unless ``dt`` is positive, at most the scheme's stable step, and no stride too long: see `STRIDE`."""
     if not (np.isfinite(dt) and dt > 0):
         raise ValueError(f"dt is {dt!r} s; it must be finite and > 0")
     limit, formula = scheme.stable_dt(bodies), scheme.info.stable_step
     if outline is not None:
-        limit, formula = (
-            min(limit * outline.step_share, outline.turning_time),
-            f"{formula}; less with several discs a body",
-        )
+        limit = min(limit * outline.step_share, outline.turning_time)
+        formula = f"{formula}; less with several discs a body"
     if dt > limit and not allow_unstable:
         raise ValueError(
             f"dt = {dt:g} s is above the stable step of {scheme.info.name}, {limit:.4g} s for these people: {formula}"
         )
-    if not allow_unstable:
-        check_stride(bodies, dt)
+    strides = bodies.desired_speed * dt / bodies.radius
+    if not allow_unstable and strides.max(initial=0.0) > STRIDE:
+        i = int(np.argmax(strides))
+        speed, radius = bodies.desired_speed[i], bodies.radius[i]
+        raise ValueError(
+            f"dt = {dt:g} s is too long for pedestrian {i}: desired speed x dt = {speed:.3g} m/s x {dt:g} s = "
+            f"{speed * dt:.3g} m, and it must be at most {STRIDE:g} of the radius of {radius:.3g} m; take dt <= "
+            f"{STRIDE * radius / speed:.3g} s"
+        )
 
 
 def check_drive(max_drive: Any, driving: bool) -> float | None:
@@ -59,13 +65,8 @@ def routes_of(route: Any, known: Ints) -> Ints:
     ValueError
         If these are not so many whole numbers, or someone does not know his.
     """
-    routes = np.full(known.shape, route) if isinstance(route, int) else np.asarray(route)
-    if routes.dtype.kind not in "iu" or routes.shape not in ((), known.shape):
-        raise ValueError(
-            f"route must be one whole number, or {len(known)}, not {routes.dtype} of the shape {routes.shape}"
-        )
-    if routes.shape != known.shape or routes.dtype != np.int64:
-        routes = np.array(np.broadcast_to(routes, known.shape), dtype=np.int64)
+    given = array("route", route, known.shape if np.ndim(route) else (), "iu")
+    routes = np.array(np.broadcast_to(given, known.shape), dtype=np.int64)
     check_routes(routes, known)
     return routes
 
@@ -101,13 +102,10 @@ def which_geometry(geometry_of_env: Any, environments: int, geometries: int) -> 
     ValueError
         If it is not one number for each, or there is no such geometry.
     """
-    which = np.zeros(environments, dtype=np.int64) if geometry_of_env is None else np.asarray(geometry_of_env)
-    if which.shape != (environments,) or which.dtype.kind not in "iu" or which.min() < 0 or which.max() >= geometries:
-        raise ValueError(
-            f"geometry_of_env must name, for each of {environments} environments, "
-            f"one of {geometries} geometries, 0 to {geometries - 1}"
-        )
-    return np.array(which, dtype=np.int64)
+    if geometry_of_env is None:
+        return np.zeros(environments, dtype=np.int64)
+    which = array("geometry_of_env", geometry_of_env, (environments,), "iu")
+    return np.array(require_all("geometry_of_env", which, Range(0, geometries - 1)), dtype=np.int64)
 
 
 def vectors(name: str, values: Floats, people: int) -> Floats:
@@ -118,13 +116,7 @@ def vectors(name: str, values: Floats, people: int) -> Floats:
     ValueError
         If they have another shape or are not finite.
     """
-    array = np.ascontiguousarray(values, dtype=np.float64)
-    if array.shape != (people, 2):
-        raise ValueError(f"{name} must have the shape {(people, 2)}, not {array.shape}")
-    if not np.isfinite(array).all():
-        bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
-        raise ValueError(f"{name} of pedestrian {bad[0]} is {array[bad[0]].tolist()}; it must be finite")
-    return array
+    return require_all(name, np.ascontiguousarray(array(name, values, (people, 2)), dtype=np.float64), FINITE)
 
 
 def motivation_of(name: str, value: Any, people: int) -> Floats:
@@ -135,14 +127,8 @@ def motivation_of(name: str, value: Any, people: int) -> Floats:
     ValueError
         If these are not so many numbers, or one is out of range.
     """
-    form = f"one number, or an array of {people}"
-    try:
-        values = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        refuse(name, value, form)
-    if values.shape not in ((), (people,)):
-        refuse(name, value, form)
-    values = np.broadcast_to(values, (people,))
+    given = array(name, value, (people,) if np.ndim(value) else ())
+    values = np.broadcast_to(np.asarray(given, dtype=np.float64), (people,))
     check_motivation(name, values)
     return values
 
@@ -155,19 +141,13 @@ def check_command(asked: Command, people: int) -> Command:
     ValueError
         If an array has another shape or holds something that is not finite.
     """
-    command, relative, force, gives_way = asked
-    if command is not None:
-        command = vectors("command", command, people)
-    relative, gives_way = _flags("relative", relative, people), _flags("gives_way", gives_way, people)
-    if force is not None:
-        force = vectors("external_force", force, people)
-    return Command(command, relative, force, gives_way)
+    return Command(
+        None if asked.command is None else vectors("command", asked.command, people),
+        _flags("relative", asked.relative, people),
+        None if asked.external_force is None else vectors("external_force", asked.external_force, people),
+        _flags("gives_way", asked.gives_way, people),
+    )
 
 
 def _flags(name: str, values: Any, people: int) -> Bools | None:
-    if values is None:
-        return None
-    flags = np.ascontiguousarray(values, dtype=np.bool_)
-    if flags.shape != (people,):
-        raise ValueError(f"{name} must have the shape ({people},), not {flags.shape}")
-    return flags
+    return None if values is None else np.ascontiguousarray(array(name, values, (people,), "biuf"), dtype=np.bool_)

@@ -5,14 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.headway import Headway
-from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Bodies, CrowdState, Ints
 from crowd_env.core.checks import shown
 from crowd_env.physics.contacts import Contacts, of_a_contact, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
-from crowd_env.physics.scheme import ContactScheme
-from crowd_env.physics.spatial_order import Order, SortedCrowd
+from crowd_env.physics.spatial_order import Order
 from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace, World
 from crowd_env.routing.door_schedule import DoorState
 from crowd_env.routing.replanning import PlannerState
@@ -93,33 +90,7 @@ def require_checkpoint(checkpoint: Any, kind: type, of: str) -> None:
         raise TypeError(f"restore takes a checkpoint() of {of}, not {type(checkpoint).__name__}")
 
 
-def made_by(
-    scheme: ContactScheme,
-    manner: Headway | None,
-    max_drive: float | None,
-    outline: Outline | None,
-    dt: float,
-    driving: bool,
-    replan_every: float,
-    bodies: Bodies,
-    world: World,
-) -> dict[str, Any]:
-    """Return what a simulation must have in common with another to take up a checkpoint of it."""
-    return {
-        "scheme": scheme,
-        "manner": manner,
-        "max_drive": max_drive,
-        "outline": outline,
-        "dt": dt,
-        "driving": driving,
-        "replan_every": replan_every,
-        "env_start": bodies.env_start.tolist(),
-        "sorting": SortedCrowd.is_needed(bodies),
-        "place": _fingerprint(world),
-    }
-
-
-def _fingerprint(world: World) -> str:
+def fingerprint(world: World) -> str:
     """Return a digest of the places that a batch is in, and of how many ways there are."""
     digest = hashlib.sha256()
     for array in (*world.boundary, world.geometry_of_env, world.guidance.goal, world.guidance.following):

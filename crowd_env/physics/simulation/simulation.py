@@ -7,14 +7,14 @@ import numpy as np
 
 from crowd_env.core.arrays.headway import Manner, make_manner
 from crowd_env.core.arrays.outline import NO_OUTLINE, BodyShape, Outline, make_outline
-from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints, check_bodies, check_state
+from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints, check_bodies, check_state, make_state
 from crowd_env.core.checks import known, whole
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.geometry.geometry import Boundary, Geometry, join_boundaries
 from crowd_env.geometry.inside import border_of, mark_outside
-from crowd_env.geometry.wall_grid import make_wall_grid, no_wall_grid
+from crowd_env.geometry.wall_grid import make_wall_grid
 from crowd_env.physics import ContactScheme, check_outline, make_scheme
-from crowd_env.physics.contacts import rows_of
+from crowd_env.physics.contacts import ContactList, rows_of
 from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.physics.scheme import arrays_of
 from crowd_env.physics.simulation.arguments import (
@@ -30,16 +30,14 @@ from crowd_env.physics.simulation.arguments import (
 )
 from crowd_env.physics.simulation.checkpoint import (
     Checkpoint,
+    fingerprint,
     has_room,
     load_history,
-    made_by,
     require_checkpoint,
     require_same,
     save_history,
     write_arrays,
 )
-from crowd_env.physics.simulation.contact_list import ContactList, list_contacts
-from crowd_env.physics.simulation.restart import begin_history, begin_results, begin_state
 from crowd_env.physics.simulation.stepper import Stepper
 from crowd_env.physics.spatial_order import SortedCrowd
 from crowd_env.physics.workspace import (
@@ -52,6 +50,8 @@ from crowd_env.physics.workspace import (
     allocate_history,
     allocate_results,
     allocate_workspace,
+    begin_history,
+    begin_results,
     by_reference,
     no_diagnostics,
     replace_arrays,
@@ -77,8 +77,7 @@ def build(
 ) -> Batch:
     """Return all that a step of ``scheme`` works on: the world around these people, room for results, history and scratch."""
     guidance, keeps_headway = planner.guidance, control.keeps_headway
-    count, sight = len(boundary.exit_start) - 1, control.headway.sight
-    walls = make_wall_grid(boundary, sight + 1.0) if keeps_headway else no_wall_grid(count)
+    walls = make_wall_grid(boundary, control.headway.sight + 1.0 if keeps_headway else None)
     body = NO_OUTLINE if outline is None else outline.params()
     uses = arrays_of(scheme, keeps_headway, outline is not None)
     workspace = allocate_workspace(bodies, uses=uses, discs=len(body.radius))
@@ -169,12 +168,8 @@ class Simulation:
         control = allocate_control(len(bodies.radius), driving, not allow_unstable, headway, self.max_drive)
         doors = max(len(place.doors) for place in self.geometries)
         batch = build(bodies, state, control, self.scheme, boundary, which, self.planner, doors, shape)
-        self.world, self.results, self.history, self.workspace = (
-            batch.world,
-            batch.results,
-            batch.history,
-            batch.workspace,
-        )
+        self.world, self.results = batch.world, batch.results
+        self.history, self.workspace = batch.history, batch.workspace
         # Overlaps, residuals and solver effort since the start of each environment.
         self.diagnostics = no_diagnostics(len(state.time))
         # (P,) who was found outside of the walkable area after any call since the start of the environment: by position
@@ -309,9 +304,13 @@ class Simulation:
         for name in Bodies._fields[:-1]:
             getattr(self.bodies, name)[people] = getattr(bodies, name)
         self._set_inertia(people)
-        begin_state(e, people, self.state, stand, walk, routes)
-        begin_history(e, people, self.history, self.workspace, self.bodies, routes)
+        start = make_state(stand, walk)
+        for name in CrowdState._fields[:-1]:
+            getattr(self.state, name)[people] = getattr(start, name)
+        self.state.route[people], self.state.time[e] = routes, 0.0
+        begin_history(e, people, self.history, self.bodies, routes)
         begin_results(e, people, self.results, self.diagnostics)
+        invalidate_lists(self.workspace.neighbors, e)
         if self._sorted is not None:
             self._sorted.restart(e)
         self.planner.restart(e)
@@ -321,8 +320,10 @@ class Simulation:
 
     def _made_by(self) -> dict[str, Any]:
         """Return what a simulation must have in common with this one to take up a checkpoint of it."""
-        chosen = self.scheme, self.manner, self.max_drive, self.outline, self.dt, self.driving, self.planner.interval
-        return made_by(*chosen, self.bodies, self.world)
+        chosen = {name: getattr(self, name) for name in ("scheme", "manner", "max_drive", "outline", "dt", "driving")}
+        env_start, sorting = self.bodies.env_start.tolist(), self._sorted is not None
+        batch = {"env_start": env_start, "sorting": sorting, "place": fingerprint(self.world)}
+        return {**chosen, "replan_every": self.planner.interval, **batch}
 
     def checkpoint(self) -> Checkpoint:
         """Return a copy of all that the future depends on, to `restore` here, or in a simulation made like this one."""
@@ -412,6 +413,12 @@ class Simulation:
 
     def contacts(self, e: int = 0) -> ContactList:
         """Return a copy of the contacts of environment ``e``."""
-        first, rows = self._people(e).start, rows_of(e, self.history.contacts, self.workspace.neighbors)
-        converged = bool(self.diagnostics.unconverged[e] == 0)
-        return list_contacts(self.history.contacts, rows, first, self._sorted, converged)
+        first, contacts = self._people(e).start, self.history.contacts
+        rows, converged = rows_of(e, contacts, self.workspace.neighbors), bool(self.diagnostics.unconverged[e] == 0)
+        names = ("i", "j", "gap", "normal", "impulse", "disc_i", "disc_j")
+        i, j, gap, normal, impulse, disc_i, disc_j = (getattr(contacts, name)[rows].copy() for name in names)
+        if self._sorted is not None:
+            i, j, normal, disc_i, disc_j, order = self._sorted.by_slot(i, j, normal, disc_i, disc_j)
+            gap, impulse = gap[order], impulse[order]
+        discs = (disc_i, disc_j) if len(contacts.disc_i) else (None, None)
+        return ContactList(i - first, np.where(j >= 0, j - first, j), gap, normal, impulse, converged, *discs)

@@ -5,11 +5,11 @@ from functools import partial
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Bodies, CrowdState
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.core.kernels.threads import Workers
 from crowd_env.physics.neighbors.update import DIVERGED, FULL, OK, TOO_FAST
 from crowd_env.physics.scheme import ContactScheme, arrays_of
-from crowd_env.physics.simulation.limits import why_stopped
 from crowd_env.physics.spatial_order import SortedCrowd
 from crowd_env.physics.workspace import Batch, Command, grow, set_command
 
@@ -92,3 +92,24 @@ def _share_out(scheme: ContactScheme, batch: Batch, threads: int) -> list[tuple[
         return [(0, count, thread, threads) for thread in range(threads)]
     edges = np.linspace(0, count, min(threads, count) + 1).astype(int).tolist()
     return [(first, stop, 0, 1) for first, stop in itertools.pairwise(edges)]
+
+
+def why_stopped(scheme: str, e: int, status: int, bodies: Bodies, state: CrowdState, dt: float) -> str:
+    """Say in one sentence who of environment ``e`` went too far in a step, where and when."""
+    people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
+    paths = np.where(state.active[people], dt * np.hypot(*state.velocity[people].T), 0.0)
+    when = f"at t = {state.time[e]:g} s with dt = {dt:g} s"
+    if status == DIVERGED or not np.isfinite(paths).all():
+        return f"{scheme}: positions of environment {e} are no longer finite {when}; take a smaller dt"
+    radius = bodies.radius[people]
+    i = int(np.argmax(paths / radius))
+    x, y = state.position[people][i]
+    if paths[i] <= radius[i]:  # so it was not the velocity that led too far
+        return (
+            f"{scheme}: people of environment {e} would be moved apart by more than their radius in one step {when}: their "
+            "overlaps are deeper than a step may take back; take a smaller position_correction or dt"
+        )
+    return (
+        f"{scheme}: pedestrian {i} of environment {e} would move {paths[i]:.3g} m in one step near ({x:.2f}, {y:.2f}) "
+        f"{when}, further than its radius of {radius[i]:.3g} m ({paths[i] / dt:.3g} m/s); take a smaller dt"
+    )

@@ -4,6 +4,7 @@ import numpy as np
 
 from crowd_env.core.arrays.headway import Headway
 from crowd_env.core.kernels.jit import index, inner_kernel
+from crowd_env.physics.driving_force import asked_of
 from crowd_env.physics.neighbors.lists import sort_into_cells
 from crowd_env.physics.workspace import Batch
 
@@ -30,15 +31,11 @@ def look_around(e: int, batch: Batch, params: Headway) -> None:
 @inner_kernel
 def _find_ways(e: int, slot_start: int, slot_stop: int, batch: Batch) -> tuple[float, float]:
     """Write the unit vector along everyone's way, and the desired speed; returns the largest radius [m] and speed [m/s]."""
-    walkers, command, relative = batch.workspace.walkers, batch.control.command, batch.control.relative
-    direction, local_speed, radius = batch.history.direction, batch.history.local_speed, batch.bodies.radius
+    walkers, local_speed, radius = batch.workspace.walkers, batch.history.local_speed, batch.bodies.radius
     time, response_time, velocity = batch.state.time[e], batch.bodies.response_time, batch.state.velocity
     active, widest, fastest = batch.state.active, 0.0, 0.0
     for i in range(index(slot_start), index(slot_stop)):
-        cx, cy = command[i, 0], command[i, 1]
-        if relative[i]:
-            ex, ey = direction[i, 0], direction[i, 1]
-            cx, cy = cx * ex - cy * ey, cx * ey + cy * ex
+        cx, cy = asked_of(i, batch)
         size = np.sqrt(cx * cx + cy * cy)
         if time < response_time[i]:
             size = 0.0  # not on the way yet, and not waiting for anyone either

@@ -27,11 +27,8 @@ def decide(e: int, batch: Batch, params: Headway) -> None:
 @inner_kernel
 def decide_share(e: int, share: int, shares: int, batch: Batch, params: Headway) -> None:
     """Let the people in one of so many parts of the cells decide; any thread may do so, after `look_around`."""
-    walkers, cell_start, slot_start = (
-        batch.workspace.walkers,
-        batch.workspace.neighbors.cell_start,
-        batch.bodies.env_start[e],
-    )
+    walkers, slot_start = batch.workspace.walkers, batch.bodies.env_start[e]
+    cell_start = batch.workspace.neighbors.cell_start
     cells, head = walkers.columns[e] * walkers.rows[e], first_cell(e, slot_start)
     # Where the list of those seen is: each share has room for all people.
     seen_start = slot_start * (len(walkers.seen) // len(walkers.x)) + share * cell_start[head + cells]
@@ -58,11 +55,12 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, batch: Batch, params
     u, v = velocity[i, 0], velocity[i, 1]
     push = _impatient(i, u, v, speed, push, batch, params)
     count, aside = _look(e, i, cell, seen_start, batch, params)
-    aside += _overtake(e, i, seen_start, seen_start + count, time_gap, speed, batch, params)
+    seen = (seen_start, seen_start + count)
+    aside += _overtake(e, i, seen, time_gap, speed, batch, params)
     aside = min(max((1.0 - push) * aside, -_MOST_ASIDE), _MOST_ASIDE)
     per_size = 1.0 / np.sqrt(1.0 + aside * aside)
     ex, ey = per_size * (way_x - aside * way_y), per_size * (way_y + aside * way_x)
-    behind, _ = _speed_behind(i, seen_start, seen_start + count, ex, ey, time_gap, batch, params, params.width)
+    behind, _ = _speed_behind(i, seen, ex, ey, time_gap, batch, params, params.width)
     size = min(max(behind, push * speed), speed)
     walking[i, 0], walking[i, 1] = size * ex, size * ey
 
@@ -81,17 +79,12 @@ def _impatient(i: int, u: float, v: float, speed: float, push: float, batch: Bat
 @inner_kernel
 def _look(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: Headway) -> tuple[int, float]:
     """Write those whom ``i`` sees in front; returns how many they are, and how far to step aside (left > 0), of the way."""
-    walkers, position, velocity, radius = (
-        batch.workspace.walkers,
-        batch.state.position,
-        batch.state.velocity,
-        batch.bodies.radius,
-    )
+    walkers, radius = batch.workspace.walkers, batch.bodies.radius
+    position, velocity = batch.state.position, batch.state.velocity
     world, g, door_open = batch.world, batch.world.geometry_of_env[e], batch.history.door_open[e]
-    grid, wall, wall_door = world.wall_grid, world.boundary.wall, world.boundary.wall_door
     x, y, r, u, v = position[i, 0], position[i, 1], radius[i], velocity[i, 0], velocity[i, 1]
     way_x, way_y = walkers.way_x[i], walkers.way_y[i]
-    wall_first, wall_stop = walls_near(grid, g, x, y)
+    near = walls_near(world.wall_grid, g, x, y)
     seen, aside = walkers.seen, 0.0
     xs, ys, radii, cell_start = walkers.x, walkers.y, walkers.radius, batch.workspace.neighbors.cell_start
     slot_start, columns, rows = batch.bodies.env_start[e], walkers.columns[e], walkers.rows[e]
@@ -107,7 +100,7 @@ def _look(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: Head
     for m in range(index(seen_start), count):
         n = seen[m]
         dx, dy = walkers.x[n] - x, walkers.y[n] - y
-        if is_hidden(grid, wall_first, wall_stop, wall, wall_door, door_open, x, y, dx, dy):
+        if is_hidden(world.wall_grid, near, world.boundary, door_open, x, y, dx, dy):
             continue
         seen[kept] = n
         kept += index(1)
@@ -129,27 +122,27 @@ def _look(e: int, i: int, cell: int, seen_start: int, batch: Batch, params: Head
 
 @inner_kernel
 def _overtake(
-    e: int, i: int, slot_start: int, slot_stop: int, time_gap: float, speed: float, batch: Batch, params: Headway
+    e: int, i: int, seen: tuple[int, int], time_gap: float, speed: float, batch: Batch, params: Headway
 ) -> float:
     """Return how far to step aside, of the way, to get past someone slower; 0 if that gains too little, or in a queue."""
     walkers, world, velocity = batch.workspace.walkers, batch.world, batch.state.velocity
     x, y, r = batch.state.position[i, 0], batch.state.position[i, 1], batch.bodies.radius[i]
     way_x, way_y = walkers.way_x[i], walkers.way_y[i]
-    behind, leader = _speed_behind(i, slot_start, slot_stop, way_x, way_y, time_gap, batch, params, params.width)
+    behind, leader = _speed_behind(i, seen, way_x, way_y, time_gap, batch, params, params.width)
     if behind >= speed:
         return 0.0
     if velocity[leader, 0] * way_x + velocity[leader, 1] * way_y < params.overtaking:
         return 0.0
-    first, stop = walls_near(world.wall_grid, world.geometry_of_env[e], x, y)
+    near = walls_near(world.wall_grid, world.geometry_of_env[e], x, y)
     best, chosen = behind + params.gain * speed, 0.0
     for k in range(len(_SIDES)):
         aside = _SIDES[k]
         per_size = 1.0 / np.sqrt(1.0 + aside * aside)
         ex, ey = per_size * (way_x - aside * way_y), per_size * (way_y + aside * way_x)
-        behind, _ = _speed_behind(i, slot_start, slot_stop, ex, ey, time_gap, batch, params, params.berth)
+        behind, _ = _speed_behind(i, seen, ex, ey, time_gap, batch, params, params.berth)
         pace = per_size * min(behind, speed)
         if pace > best:
-            free = free_path(world.wall_grid, first, stop, world.boundary.wall, x, y, ex, ey, time_gap * speed + r) - r
+            free = free_path(world.wall_grid, near, world.boundary.wall, x, y, ex, ey, time_gap * speed + r) - r
             pace = min(pace, per_size * free / time_gap)
             if pace > best:
                 best, chosen = pace, aside
@@ -159,8 +152,7 @@ def _overtake(
 @inner_kernel
 def _speed_behind(
     i: int,
-    slot_start: int,
-    slot_stop: int,
+    seen: tuple[int, int],
     ex: float,
     ey: float,
     time_gap: float,
@@ -169,15 +161,11 @@ def _speed_behind(
     width: float,
 ) -> tuple[float, int]:
     """Return how fast [m/s] those seen whose bodies overlap the strip along (ex, ey) let ``i`` walk, and who slows most."""
-    walkers, position, velocity, radius = (
-        batch.workspace.walkers,
-        batch.state.position,
-        batch.state.velocity,
-        batch.bodies.radius,
-    )
+    walkers, radius = batch.workspace.walkers, batch.bodies.radius
+    position, velocity = batch.state.position, batch.state.velocity
     x, y, r, slowest, leader = position[i, 0], position[i, 1], radius[i], np.inf, i
     way_x, way_y, gives_way = walkers.way_x[i], walkers.way_y[i], batch.control.gives_way
-    for m in range(index(slot_start), index(slot_stop)):
+    for m in range(index(seen[0]), index(seen[1])):
         n = walkers.seen[m]
         dx, dy, reach = walkers.x[n] - x, walkers.y[n] - y, r + walkers.radius[n]
         along, across = dx * ex + dy * ey, dy * ex - dx * ey

@@ -129,9 +129,10 @@ def go_straight(
         for j in range(cols):
             limit = time[i, j] + spacing
             for k in range(len(exits)):
-                ax, ay, ux, uy, width, nx, ny = exit_frame(exits, k)
+                frame = exit_frame(exits, k)
+                ax, ay, ux, uy, _, _, _ = frame
                 x, y = origin[0] + j * spacing, origin[1] + i * spacing
-                tx, ty = nearest_on_exit(ax, ay, ux, uy, width, x, y, radius)
+                tx, ty = nearest_on_exit(frame, x, y, radius)
                 length = np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
                 if not length <= limit or (direct[i, j] >= 0 and length >= time[i, j]):
                     continue
@@ -143,7 +144,7 @@ def go_straight(
                     continue
                 direct[i, j] = rows_of_exits[k]
                 time[i, j] = length
-                ex, ey = through_exit(ax, ay, ux, uy, width, nx, ny, x, y, radius, radius)
+                ex, ey = through_exit(frame, x, y, radius, radius)
                 direction[i, j, 0], direction[i, j, 1] = ex, ey
 
 

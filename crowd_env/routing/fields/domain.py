@@ -143,13 +143,13 @@ def require_grid(geometry: Geometry, min_radius: float) -> None:
         )
 
 
-def choose_spacing(plan: Plan, spacing: float | None) -> float:
-    """Return the distance between nodes [m]: ``spacing`` if it is given and fine enough, else what suits the plan.
+def choose_spacing(plan: Plan) -> float:
+    """Return the distance between nodes [m] that suits the plan.
 
     Raises
     ------
     ValueError
-        If it is coarser than half the smallest body, or the plan needs too many nodes.
+        If the plan needs too many nodes.
 
     Warns
     -----
@@ -159,12 +159,7 @@ def choose_spacing(plan: Plan, spacing: float | None) -> float:
     x0, y0, x1, y1 = plan.geometry.bounds
     largest = plan.min_radius / 2
     require_grid(plan.geometry, plan.min_radius)
-    if spacing is None:
-        spacing = min(max(_SPACING, float(np.sqrt((x1 - x0) * (y1 - y0) / _NODES))), largest)
-    elif not 0 < spacing <= largest * (1 + 1e-9):
-        raise ValueError(
-            f"spacing is {spacing:g} m; it must be positive and at most half the smallest radius, {largest:g} m"
-        )
+    spacing = min(max(_SPACING, float(np.sqrt((x1 - x0) * (y1 - y0) / _NODES))), largest)
     finest = _finest(plan.geometry, spacing)
     if finest > largest * (1 + 1e-9):
         warnings.warn(

@@ -127,7 +127,6 @@ def travel_time_field(
     radius: float,
     *,
     exits: Iterable[str] | None = None,
-    spacing: float | None = None,
     min_radius: float | None = None,
     goal: str | None = None,
     speed: Callable[[Floats], Floats] | None = None,
@@ -144,9 +143,6 @@ def travel_time_field(
         Radius of the body [m] by which the walls are dilated.
     exits
         Names of the exits to lead to; all by default.  The others count as walls.
-    spacing
-        Distance between the nodes of the grid [m]; by default 0.05 m, more for big plans, at most ``min_radius / 2``.
-        It is halved (down to 0.01 m) where a passage would be missed otherwise.
     min_radius
         Radius of the smallest body [m], ``radius`` by default.  Where only smaller bodies get through, the field is made
         for the largest radius that does, with a warning.
@@ -159,13 +155,16 @@ def travel_time_field(
     speed
         Walking speed (...) at points (..., 2) [m], relative to that on plain floor; > 0.  The way is the quickest one then.
 
+    The nodes of the grid are 0.05 m apart, more in big plans, at most ``min_radius / 2``; the distance is halved (down to
+    0.01 m) where a passage would be missed otherwise.
+
     Raises
     ------
     ValueError
         If a region or exit is unknown, an exit is too narrow for the smallest body, or a part of the area reaches no exit.
     """
     plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius, goal, closed)
-    nodes, used, reached = dilate(plan, choose_spacing(plan, spacing))
+    nodes, used, reached = dilate(plan, choose_spacing(plan))
     local_speed = None if speed is None else speed(nodes.points())
     lines = [line for door in one_way if door.door not in closed for line in door.lines(geometry)]
     return _solve(plan, nodes, used, reached, local_speed, lines)

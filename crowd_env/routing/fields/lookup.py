@@ -37,9 +37,13 @@ class FieldArrays(NamedTuple):
     through: Ints  # (M,)    bit k: the way from here leads through region k
 
 
+Frame = tuple[float, float, float, float, float, float, float]
+"""Of an exit: end a (2), the vector from there to end b (2), its length, and the unit vector out (2)."""
+
+
 @inner_kernel
-def exit_frame(exit_line: Floats, k: int) -> tuple[float, float, float, float, float, float, float]:
-    """Return of exit ``k``: end a (2), the vector from there to end b (2), its length, and the unit vector out (2)."""
+def exit_frame(exit_line: Floats, k: int) -> Frame:
+    """Return the frame of exit ``k``."""
     ax, ay = exit_line[k, 0, 0], exit_line[k, 0, 1]
     ux, uy = exit_line[k, 1, 0] - ax, exit_line[k, 1, 1] - ay
     width = np.sqrt(ux * ux + uy * uy)
@@ -47,10 +51,9 @@ def exit_frame(exit_line: Floats, k: int) -> tuple[float, float, float, float, f
 
 
 @inner_kernel
-def nearest_on_exit(
-    ax: float, ay: float, ux: float, uy: float, width: float, x: float, y: float, radius: float
-) -> tuple[float, float]:
+def nearest_on_exit(frame: Frame, x: float, y: float, radius: float) -> tuple[float, float]:
     """Return the point of an exit, shrunk by ``radius`` at both ends, nearest to (x, y); its middle if too narrow."""
+    ax, ay, ux, uy, width, _, _ = frame
     if width <= 2.0 * radius:
         return ax + 0.5 * ux, ay + 0.5 * uy
     s = ((x - ax) * ux + (y - ay) * uy) / width
@@ -59,21 +62,10 @@ def nearest_on_exit(
 
 
 @inner_kernel
-def through_exit(
-    ax: float,
-    ay: float,
-    ux: float,
-    uy: float,
-    width: float,
-    nx: float,
-    ny: float,
-    x: float,
-    y: float,
-    radius: float,
-    margin: float,
-) -> tuple[float, float]:
+def through_exit(frame: Frame, x: float, y: float, radius: float, margin: float) -> tuple[float, float]:
     """Return the unit vector that leads a disc at (x, y) out through an exit (walkable area to its left)."""
-    tx, ty = nearest_on_exit(ax, ay, ux, uy, width, x, y, margin)
+    ax, ay, _, _, _, nx, ny = frame
+    tx, ty = nearest_on_exit(frame, x, y, margin)
     depth = (ax - x) * nx + (ay - y) * ny  # in front of the line; negative beyond it
     beyond = max(_DOORSTEP * radius - depth, 0.0)
     dx, dy = tx - x + beyond * nx, ty - y + beyond * ny
@@ -210,9 +202,9 @@ def way_at(
     if k >= 0:
         margin = field.margin[f]
         margin = margin if margin >= 0.0 else radius
-        ax, ay, ux, uy, width, nx, ny = exit_frame(boundary.exit, k)
-        ex, ey = through_exit(ax, ay, ux, uy, width, nx, ny, x, y, radius, margin)
-        tx, ty = nearest_on_exit(ax, ay, ux, uy, width, x, y, margin)
+        frame = exit_frame(boundary.exit, k)
+        ex, ey = through_exit(frame, x, y, radius, margin)
+        tx, ty = nearest_on_exit(frame, x, y, margin)
         return ex, ey, np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
     if k == BLEND:
         plain, ex, ey = blended_direction(field.direction, first, cols, u, v)

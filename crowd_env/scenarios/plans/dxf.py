@@ -12,8 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import counted
-from crowd_env.core.files.foreign import foreign_kind
-from crowd_env.scenarios.plans.floor_plan import Drawing
+from crowd_env.scenarios.plans.floor_plan import Drawing, listed
 from crowd_env.scenarios.plans.lines import GAP, open_line, outlines
 from crowd_env.scenarios.plans.roles import LAYERS, role_of_layer
 from crowd_env.scenarios.plans.units import judge_unit, unit_in_meters
@@ -67,23 +66,13 @@ def _open(path: Path) -> "Document":
             "reading a DXF drawing needs ezdxf, which is not installed: pip install ezdxf", name="ezdxf"
         ) from None
     try:
-        with path.open("rb") as file:
-            size = path.stat().st_size
-            head = file.read(4096)
-            file.seek(max(0, size - 200))
-            tail = file.read()
+        return readfile(path)
     except OSError as error:
         raise ValueError(f"cannot read the floor plan {path}: {error.strerror or error}") from None
-    if foreign_kind(head) != "a DXF drawing":
+    except (DXFError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
         raise ValueError(
-            f"it is {foreign_kind(head) or 'no DXF drawing'}; a floor plan in this file must be a DXF drawing"
-        )
-    if b"EOF" not in tail:
-        raise ValueError("the DXF drawing ends in the middle: it is not whole; save it anew")
-    try:
-        return readfile(path)
-    except (DXFError, OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
-        raise ValueError(f"the DXF drawing is damaged ({error}); open it in a CAD program and save it anew") from None
+            f"the DXF drawing is damaged or not whole ({error}); open it in a CAD program and save it anew"
+        ) from None
 
 
 def _unit(document: "Document") -> tuple[str | None, float | None]:
@@ -95,9 +84,7 @@ def _unit(document: "Document") -> tuple[str | None, float | None]:
 
 
 def _layers(document: "Document") -> str:
-    names = [layer.dxf.name for layer in document.layers if layer.dxf.name.lower() != "defpoints"]
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return ", ".join(names[:_SHOWN]) + more
+    return listed((layer.dxf.name for layer in document.layers if layer.dxf.name.lower() != "defpoints"), _SHOWN)
 
 
 class _Layer(NamedTuple):
@@ -138,14 +125,11 @@ def _layers_with_a_role(document: "Document", notes: list[str]) -> dict[str, _La
             continue
         found.setdefault(layer.lower(), _Layer(layer, *role, [])).curves.extend(curves)
     if others:
-        names = [name for name, _ in others.most_common(_SHOWN)]
-        more = f" and {len(others) - _SHOWN} more" if len(others) > _SHOWN else ""
-        things = counted(sum(others.values()), "thing", "things")
-        notes.append(f"left out: {things} on layers of other names, {', '.join(names)}{more}")
+        things, names = counted(sum(others.values()), "thing", "things"), (name for name, _ in others.most_common())
+        notes.append(f"left out: {things} on layers of other names, {listed(names, _SHOWN)}")
     if unread:
-        notes.append(
-            f"left out, being no line or area: {', '.join(f'{n} {kind}' for kind, n in unread.most_common(_SHOWN))}"
-        )
+        kinds = (f"{count} {kind}" for kind, count in unread.most_common())
+        notes.append(f"left out, being no line or area: {listed(kinds, _SHOWN)}")
     return found
 
 

@@ -1,6 +1,6 @@
 """What a reader finds in a file of a floor plan, in the file's units, and what becomes of it: a plan in meters."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -88,3 +88,9 @@ def _numbered(word: str, taken: Mapping[str, object]) -> str:
     while f"{word}-{number}" in taken:
         number += 1
     return f"{word}-{number}"
+
+
+def listed(names: Iterable[str], most: int = 4) -> str:
+    """Return names for a message: the first ones, and how many more there are."""
+    names = list(names)
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")

@@ -1,6 +1,6 @@
 """Floor plans in GeoJSON (RFC 7946): what each feature is, its properties or its name say."""
 
-import re
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,15 +10,31 @@ import shapely
 from shapely.geometry import shape as shape_of
 
 from crowd_env.core.checks import counted
+from crowd_env.core.files.foreign import read_text
+from crowd_env.geometry.parsing import require_meters
 from crowd_env.scenarios.plans.floor_plan import Drawing
-from crowd_env.scenarios.plans.json_text import read_json_text
 from crowd_env.scenarios.plans.roles import WORDS, role_of_layer, role_of_word
 
 _KEYS = ("role", "kind", "type", "layer", "class", "category", "usage", "function", "name")
 _NAMES = ("name", "id", "label", "title")
 _GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
-_DEGREES = re.compile(r"\b(4326|4258|CRS84)\b")
-_MERCATOR = re.compile(r"\b(3857|3785|900913)\b")
+
+
+def read_json_text(path: Path) -> Any:
+    """Return the content of a JSON file.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read or is no JSON; the message says where.
+    """
+    text = read_text(path, "the floor plan", "a floor plan in this file must be JSON", ("JSON", "GeoJSON"))
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+    except ValueError as error:
+        raise ValueError(f"it is no whole JSON: {error}") from None
 
 
 def is_geojson(content: Any) -> bool:
@@ -31,16 +47,9 @@ def read_geojson(path: Path, meters: float | None) -> Drawing:
     content = read_json_text(path)
     if not is_geojson(content):
         raise ValueError("it is JSON, but not GeoJSON: it must be a FeatureCollection, a Feature or a geometry")
-    crs = str(content.get("crs", ""))
-    if _MERCATOR.search(crs):
-        raise ValueError(
-            "its coordinates are those of Web Mercator (crs), in which lengths are stretched, by 1.5 in Central Europe; "
-            "project it to meters on the ground first, such as UTM"
-        )
-    if _DEGREES.search(crs):
-        raise ValueError("its coordinates are degrees (crs); project it to meters first")
+    require_meters("it", str(content.get("crs", "")))
     drawing = Drawing()
-    unmarked: list[tuple[str, Any]] = []
+    unmarked: list[Any] = []
     for number, feature in enumerate(_features(content)):
         properties = feature.get("properties")
         table: Mapping[str, Any] = properties if isinstance(properties, Mapping) else {}
@@ -50,7 +59,7 @@ def read_geojson(path: Path, meters: float | None) -> Drawing:
         role, name = _role(table)
         name = name or _name({**feature, **table})
         if role is None:
-            unmarked.append((name, shape))
+            unmarked.append(shape)
         else:
             drawing.add(role, name if role != "exit" or name not in drawing.exits else "", shape)
     _add_unmarked(drawing, unmarked)
@@ -100,25 +109,17 @@ def _role(table: Mapping[str, Any]) -> tuple[str | None, str]:
 def _name(table: Mapping[str, Any]) -> str:
     for key in _NAMES:
         for own, word in table.items():
-            if (
-                own.lower() == key
-                and isinstance(word, str | int)
-                and str(word).strip()
-                and role_of_word(str(word)) is None
-            ):
-                return str(word).strip()
+            name = str(word).strip() if isinstance(word, str | int) else ""
+            if own.lower() == key and name and role_of_word(name) is None:
+                return name
     return ""
 
 
-def _add_unmarked(drawing: Drawing, unmarked: list[tuple[str, Any]]) -> None:
-    polygons = [
-        shape for _, shape in unmarked if "Polygon" in shape.geom_type or shape.geom_type == "GeometryCollection"
-    ]
+def _add_unmarked(drawing: Drawing, unmarked: list[Any]) -> None:
+    polygons = [shape for shape in unmarked if shape.geom_type.endswith(("Polygon", "Collection"))]
+    left = len(unmarked) if drawing.walkable else len(unmarked) - len(polygons)
     if not drawing.walkable:
         drawing.walkable += polygons
-        left = len(unmarked) - len(polygons)
-    else:
-        left = len(unmarked)
     if left:
         words = ", ".join((*WORDS, "obstacle", "exit"))
         drawing.notes.append(

@@ -50,41 +50,23 @@ def outlines(lines: Sequence[Floats], gap: float) -> Outlines:
 def _meeting(chains: Sequence[Floats], gap: float) -> tuple[list[LineString], float]:
     """Return the lines with ends moved onto each other, or over another line, and how far the furthest was moved."""
     ends = np.array([chain[k] for chain in chains for k in (0, -1)])
-    _, first, of, count = np.unique(
-        np.round(ends / (_PAST * gap)), axis=0, return_index=True, return_inverse=True, return_counts=True
-    )
-    of = of.ravel()
-    targets = ends[first[of]]  # ends that meet already
-    lines = shapely.STRtree([LineString(chain) for chain in chains])
-    loose = np.flatnonzero(count[of] == 1)
-    waiting = {int(k): partner for k, partner in zip(loose, _nearest_pairs(ends[loose], gap), strict=True)}
-    for number, partner in waiting.items():
+    _, of, count = np.unique(np.round(ends / (_PAST * gap)), axis=0, return_inverse=True, return_counts=True)
+    lines, moved = shapely.STRtree([LineString(chain) for chain in chains]), 0.0
+    for number in np.flatnonzero(count[of.ravel()] == 1)[::-1].tolist():  # others meet already
         own, last = divmod(number, 2)
-        if partner is not None and int(loose[partner]) // 2 != own:
-            other_end = int(loose[partner])
-            targets[number] = ends[min(number, other_end)]
+        end, inward = ends[number], chains[own][-2 if last else 1]
+        near = lines.query(shapely.Point(end), predicate="dwithin", distance=gap)
+        others = [chains[k] for k in near if k != own]
+        if not others:
             continue
-        near = lines.query(shapely.Point(ends[number]), predicate="dwithin", distance=gap)
-        other = next((int(k) for k in near if k != own), None)
-        if other is not None:
-            targets[number] = _beyond(ends[number], chains[own][-2 if last else 1], lines.geometries[other], gap)
-    met = [np.concatenate([targets[None, 2 * k], c[1:-1], targets[None, 2 * k + 1]]) for k, c in enumerate(chains)]
-    moved = float(np.hypot(*(targets - ends).T).max())
-    return [LineString(c) for c in met if np.ptp(c, axis=0).any()], moved if moved > 1e-3 * gap else 0.0
-
-
-def _nearest_pairs(points: Floats, gap: float) -> list[int | None]:
-    """Return for each of ``points`` (K, 2) the one that it is paired with: each other's nearest within ``gap``, or None."""
-    if len(points) < 2:
-        return [None] * len(points)
-    at = shapely.points(points)
-    i, j = shapely.STRtree(at).query(at, predicate="dwithin", distance=gap)
-    i, j = i[i != j], j[i != j]
-    away = np.hypot(*(points[i] - points[j]).T)
-    nearest: list[int | None] = [None] * len(points)
-    for k in np.argsort(-away, kind="stable"):  # the nearest is written last
-        nearest[int(i[k])] = int(j[k])
-    return [near if near is not None and nearest[near] == k else None for k, near in enumerate(nearest)]
+        corners = np.concatenate([other[[0, -1]] for other in others])
+        away = np.hypot(*(corners - end).T)
+        to_end = corners[np.argmin(away)] if away.min() <= gap else None
+        target = _beyond(end, inward, LineString(others[0]), gap) if to_end is None else to_end
+        moved = max(moved, float(np.hypot(*(target - end))))
+        chains[own][-last] = target
+    met = [LineString(chain) for chain in chains if np.ptp(chain, axis=0).any()]
+    return met, moved if moved > 1e-3 * gap else 0.0
 
 
 def _beyond(end: Floats, inward: Floats, other: LineString, gap: float) -> Floats:

@@ -14,7 +14,7 @@ from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.foreign import foreign_kind
 from crowd_env.geometry.parsing import parse_exit, read_area
 from crowd_env.scenarios.plans.dxf import read_dxf
-from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan
+from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, listed
 from crowd_env.scenarios.plans.geojson import is_geojson, read_geojson
 from crowd_env.scenarios.plans.tidying import regions_in, simplified, tidied, without_obstacles
 from crowd_env.scenarios.plans.units import judge_unit, unit_in_meters
@@ -41,7 +41,6 @@ _BY_CONTENT: dict[str, Reader] = {
 # What is asked of the content of a .json file -> what reads it; all others are scenario files of crowd_env.
 _JSON: tuple[tuple[Callable[[object], bool], Reader], ...] = ((is_vadere, read_vadere), (is_geojson, read_geojson))
 
-_SHOWN = 4  # names in a note
 _LARGEST = 60_000_000  # bytes; a plan of a million corners has 40 million of them
 
 PLANS = "WKT (.wkt), GeoJSON, DXF, JuPedSim (.sqlite) or Vadere (.scenario)"
@@ -83,7 +82,7 @@ def read_plan(path: str | Path, exits: Sequence[str] = (), *, unit: str | None =
         if exits:
             if drawing.exits:
                 drawing.notes.append(
-                    f"the exits of the file are left out for those that are given: {_listed(drawing.exits)}"
+                    f"the exits of the file are left out for those that are given: {listed(drawing.exits)}"
                 )
             drawing.exits = {f"exit-{number}": parse_exit(text) for number, text in enumerate(exits)}
         return _plan(path, drawing, meters)
@@ -199,8 +198,3 @@ def _nested(areas: Sequence[BaseGeometry]) -> bool:
         return False
     outer, inner = shapely.STRtree(areas).query(areas, predicate="contains_properly")
     return bool((outer != inner).any())
-
-
-def _listed(names: Iterable[str]) -> str:
-    names = list(names)
-    return ", ".join(names[:_SHOWN]) + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")

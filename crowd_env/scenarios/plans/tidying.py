@@ -9,16 +9,12 @@ from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.checks import counted
 from crowd_env.geometry.parsing import Area, flat_parts, place, read_area
+from crowd_env.scenarios.plans.floor_plan import listed
 
 _THIN = 0.01  # m; what is narrower than this nobody walks on
 _WALL = 0.02  # m; the thickness of an obstacle that is drawn as a line
 _NOTHING = 1e-6  # m^2; an obstacle smaller than this is none
 _SAME = 1e-9  # share of the area
-_TIDIED = {
-    "left out": ("sliver", "slivers"),
-    "mended": ("outline that runs along itself", "outlines that run along themselves"),
-}
-_SHOWN = 4  # names in a note
 _MANY = 5_000  # corners; more of them are drawn finer than people can tell ...
 _AWAY = 0.005  # m; ... and those that lie nearer than this to the line of their neighbors are left out
 _MOST = 20_000  # corners; the ways out take seconds to find for every ten thousand, and more in large plans
@@ -40,13 +36,13 @@ def tidied(shapes: Sequence[BaseGeometry], what: str, notes: list[str], thinnest
             kept.append(part)
         else:
             valid = _mended(part)
-            kept += [part] if valid is None else valid
-            mended += [] if valid is None else [part]
-    for found, said in ((slivers, "left out"), (mended, "mended")):
+            kept += valid or [part]
+            mended += [part] if valid else []
+    themselves = ("outline that runs along itself", "outlines that run along themselves")
+    for found, said, words in ((slivers, "left out", ("sliver", "slivers")), (mended, "mended", themselves)):
         if found:
-            one, many = _TIDIED[said]
             at = place(shapely.get_coordinates(found[0])[0])
-            notes.append(f"{what}: {said} {counted(len(found), one, many)}, such as at {at}")
+            notes.append(f"{what}: {said} {counted(len(found), *words)}, such as at {at}")
     return kept
 
 
@@ -139,7 +135,7 @@ def regions_in(walkable: Area, regions: Mapping[str, BaseGeometry], notes: list[
             found[name] = area
     if lost:
         found_none = counted(len(lost), "region", "regions")
-        notes.append(f"left out: {found_none} with nothing of the walkable area, {', '.join(lost[:_SHOWN])}")
+        notes.append(f"left out: {found_none} with nothing of the walkable area, {listed(lost)}")
     return found
 
 
@@ -154,8 +150,8 @@ def _is_area(part: BaseGeometry) -> bool:
     return part.geom_type == "Polygon" and not part.is_empty and not (part.is_valid and part.area <= _NOTHING)
 
 
-def _mended(part: Polygon) -> list[Polygon] | None:
-    """Return a polygon whose outline touches or runs back along itself as valid ones; None = it crosses itself."""
+def _mended(part: Polygon) -> list[Polygon]:
+    """Return a polygon whose outline touches or runs back along itself as valid ones; none if it crosses itself."""
     valid = [one for one in flat_parts(shapely.make_valid(part)) if one.geom_type == "Polygon"]
     total = sum(one.area for one in valid)
-    return valid if abs(total - part.area) <= _SAME * total else None
+    return valid if abs(total - part.area) <= _SAME * total else []

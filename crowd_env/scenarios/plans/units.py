@@ -52,12 +52,13 @@ def judge_unit(
             return meters, f"taken as {said}, as the file says: the plan is {size}; --unit m if it is in meters"
     seen = f"taken as meters, the plan is {width:.4g} m x {height:.4g} m"
     seen += f" and an exit {widest:.4g} m wide" if widest > _WIDE_EXIT else ""
+    ask = ""
     if across > _LARGEST or widest > _WIDEST_EXIT:
-        ask = "is it in mm or cm? Then say --unit mm or --unit cm; --unit m if it is in meters"
-        raise ValueError(f"{seen}{file_says}: {ask}")
-    if across < _SMALL:
-        ask = "is it in km or degrees? It must be in m, cm, mm, ft or in; --unit m if it is in meters"
-        raise ValueError(f"{seen}{file_says}: {ask}")
+        ask = "is it in mm or cm? Then say --unit mm or --unit cm"
+    elif across < _SMALL:
+        ask = "is it in km or degrees? It must be in m, cm, mm, ft or in"
+    if ask:
+        raise ValueError(f"{seen}{file_says}: {ask}; --unit m if it is in meters")
     if across > _LARGE or widest > _WIDE_EXIT:
         return 1.0, f"{seen}{file_says}: is it in cm? Then say --unit cm; --unit m if it is in meters"
     if file_says:

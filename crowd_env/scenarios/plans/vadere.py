@@ -7,10 +7,11 @@ from typing import Any
 import shapely
 from shapely.geometry import Point, Polygon, box
 
-from crowd_env.core.checks import FINITE, NOT_NEGATIVE, POSITIVE, number
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, number
 from crowd_env.scenarios.plans.floor_plan import Drawing
-from crowd_env.scenarios.plans.json_text import read_json_text
+from crowd_env.scenarios.plans.geojson import read_json_text
 
+_BOX = ("x", "y", "width", "height")
 _LEFT_OUT = ("stairs", "targetChangers", "absorbingAreas", "teleporter")  # what changes how people walk, beside targets
 
 
@@ -29,15 +30,14 @@ def read_vadere(path: Path, meters: float | None) -> Drawing:
     try:
         drawing = Drawing(unit="m", meters=1.0)
         _add_bounds(drawing, places["attributes"])
-        obstacles, targets, sources = (
-            [_plain(one) for one in places.get(kind, ())] for kind in ("obstacles", "targets", "sources")
-        )
-        drawing.obstacles = [_shape(one, f"obstacle {_id(one)}") for one in obstacles]
+        kinds = ("obstacles", "targets", "sources")
+        obstacles, targets, sources = ([_plain(one) for one in places.get(kind, ())] for kind in kinds)
+        drawing.obstacles = [_shape(one, f"obstacle {one['id']}") for one in obstacles]
         for target in targets:
             role = "exit" if _absorbs(target) else "region"
-            drawing.add(role, f"target-{_id(target)}", _shape(target, f"target {_id(target)}"))
+            drawing.add(role, f"target-{target['id']}", _shape(target, f"target {target['id']}"))
         for source in sources:
-            drawing.add("start", f"source-{_id(source)}", _shape(source, f"source {_id(source)}"), _people(source))
+            drawing.add("start", f"source-{source['id']}", _shape(source, f"source {source['id']}"), _people(source))
         if any(not _leave_by_all(source, targets) for source in sources):
             drawing.notes.append("left out: to which targets the people of a source walk; they choose among all exits")
         if not all(map(_at_once, sources)):
@@ -56,11 +56,10 @@ def read_vadere(path: Path, meters: float | None) -> Drawing:
 
 def _add_bounds(drawing: Drawing, attributes: Mapping[str, Any]) -> None:
     """Add the bounds; the frame along them is a wall unless the scenario says otherwise."""
-    bounds = {key: number(f"bounds.{key}", attributes["bounds"][key]) for key in ("x", "y", "width", "height")}
+    left, low, width, height = _numbers("bounds", attributes["bounds"], *_BOX)
     frame = number("boundingBoxWidth", attributes.get("boundingBoxWidth", 0.5), NOT_NEGATIVE)
     frame = frame if attributes.get("bounded", True) else 0.0
-    x, y = bounds["x"] + frame, bounds["y"] + frame
-    width, height = bounds["width"] - 2 * frame, bounds["height"] - 2 * frame
+    x, y, width, height = left + frame, low + frame, width - 2 * frame, height - 2 * frame
     if not (width > 0 and height > 0):
         raise ValueError("its bounds leave no place inside their frame")
     drawing.walkable.append(box(x, y, x + width, y + height))
@@ -68,45 +67,39 @@ def _add_bounds(drawing: Drawing, attributes: Mapping[str, Any]) -> None:
 
 def _plain(thing: Mapping[str, Any]) -> dict[str, Any]:
     """Return what is said of a thing, of itself or in a table of its attributes."""
-    return {**thing.get("attributes", {}), **thing}
+    return {"id": "?", **thing.get("attributes", {}), **thing}
+
+
+def _numbers(what: str, table: Mapping[str, Any], *keys: str) -> list[float]:
+    return [number(f"{what}: {key}", table[key]) for key in keys]
 
 
 def _shape(thing: Mapping[str, Any], what: str) -> Any:
     shape = thing["shape"]
     match shape["type"]:
         case "RECTANGLE":
-            x, y = number(f"{what}: x", shape["x"]), number(f"{what}: y", shape["y"])
-            width, height = number(f"{what}: width", shape["width"]), number(f"{what}: height", shape["height"])
+            x, y, width, height = _numbers(what, shape, *_BOX)
             return box(x, y, x + width, y + height)
         case "POLYGON":
-            points = [
-                tuple(number(f"{what}: {key}", point[key], FINITE) for key in ("x", "y")) for point in shape["points"]
-            ]
+            points = [_numbers(what, point, "x", "y") for point in shape["points"]]
             if len(points) < 3:
                 raise ValueError(f"{what} has {len(points)} corners; a polygon needs at least 3")
             return Polygon(points)
         case "CIRCLE":
-            center = shape["center"]
-            at = Point(number(f"{what}: x", center["x"]), number(f"{what}: y", center["y"]))
+            at = Point(_numbers(what, shape["center"], "x", "y"))
             return shapely.buffer(at, number(f"{what}: radius", shape["radius"], POSITIVE))
     raise ValueError(f"{what} has the shape {shape['type']!r}; known: RECTANGLE, POLYGON, CIRCLE")
 
 
-def _id(thing: Mapping[str, Any]) -> Any:
-    return thing.get("id", "?")
-
-
 def _absorbs(target: Mapping[str, Any]) -> bool:
-    absorber = target.get("absorber")
-    if isinstance(absorber, Mapping):
-        return bool(absorber.get("enabled", True))
-    return bool(target.get("absorbing", True))
+    absorber = target.get("absorber", {"enabled": target.get("absorbing", True)})
+    return bool(absorber.get("enabled", True))
 
 
 def _leave_by_all(source: Mapping[str, Any], targets: Iterable[Mapping[str, Any]]) -> bool:
     """Return whether people of a source may walk to every target that people leave by, as far as the file says."""
     chosen = source.get("targetIds")
-    return not chosen or {_id(target) for target in targets if _absorbs(target)} <= set(chosen)
+    return not chosen or {target["id"] for target in targets if _absorbs(target)} <= set(chosen)
 
 
 def _at_once(source: Mapping[str, Any]) -> bool:

@@ -40,12 +40,10 @@ def read_jupedsim_sqlite(path: Path, meters: float | None) -> Drawing:
                     f"{', '.join(sorted(tables)) or 'none'}"
                 )
             texts = [text for (text,) in base.execute("SELECT wkt FROM geometry ORDER BY rowid")]
-            if len(texts) > 1 and "frame_data" in tables:
+            changes = len(texts) > 1
+            if changes and "frame_data" in tables:
                 first = "SELECT geometry_hash FROM frame_data ORDER BY frame LIMIT 1"
                 texts = [row[0] for row in base.execute(f"SELECT wkt FROM geometry WHERE hash = ({first})")] or texts
-                changes = True
-            else:
-                changes = len(texts) > 1
     except sqlite3.Error as error:
         raise ValueError(f"it cannot be read as a recording of JuPedSim: {error}") from None
     if not texts or not isinstance(texts[0], str):

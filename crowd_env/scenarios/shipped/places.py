@@ -80,22 +80,12 @@ def lin_room(
     out = side + exit_depth
     passage = [box(side, low, out, high)] if out > side else []
     geometry = Geometry.from_polygon([box(0.0, 0.0, side, side), *passage], exits={"door": [(out, low), (out, high)]})
-    return Scenario(
-        "lin-room-v0",
-        geometry,
-        Population(
-            200,
-            radius=Uniform(0.25, 0.35),
-            mass=Uniform(60.0, 80.0),
-            desired_speed=Uniform(desired_speed, desired_speed),
-            relaxation_time=Uniform(0.5, 0.5),
-        ),
-        1000.0,
-        f"square room of {side:g} m, one exit of {door_width:g} m",
-        "Lin, Ma, Lo: Discrete element crowd model for pedestrian evacuation through an exit, section 3 and Table 1",
-        target="centre",
-        blocked_after=120.0,
-    )
+    speed, tau = Uniform(desired_speed, desired_speed), Uniform(0.5, 0.5)
+    people = Population(200, Uniform(0.25, 0.35), Uniform(60.0, 80.0), desired_speed=speed, relaxation_time=tau)
+    title = f"square room of {side:g} m, one exit of {door_width:g} m"
+    paper = "Lin, Ma, Lo: Discrete element crowd model for pedestrian evacuation through an exit"
+    others: dict[str, Any] = {"target": "centre", "blocked_after": 120.0}
+    return Scenario("lin-room-v0", geometry, people, 1000.0, title, f"{paper}, section 3 and Table 1", **others)
 
 
 def _door(name: str, side: float, width: float) -> tuple[float, float]:
@@ -113,11 +103,10 @@ def two_exit_hall(*, length: float = 20.0, depth: float = 12.0, door_width: floa
         exits={"west": [(0.0, low), (0.0, high)], "east": [(length, low), (length, high)]},
         regions={"start": _box(0.0, 0.0, length / 2, depth)},
     )
-    title = (
-        f"hall of {length:.10g} x {depth:.10g} m, an exit of {door_width:.10g} m in each short wall, the crowd in the"
-    )
+    size = f"hall of {length:.10g} x {depth:.10g} m"
+    title = f"{size}, an exit of {door_width:.10g} m in each short wall, the crowd in the western half"
     people = Population(150, start_region="start")
-    return Scenario("two-exit-hall-v0", geometry, people, 120.0, f"{title} western half", "drawn for this project")
+    return Scenario("two-exit-hall-v0", geometry, people, 120.0, title, "drawn for this project")
 
 
 @_place(width=Range(0.5, 6.0), length=Range(0.2, 20.0))
@@ -128,39 +117,30 @@ def bottleneck(*, width: float = 1.0, length: float = 2.8) -> Scenario:
         exits={"end": [(length, -width / 2), (length, width / 2)]},
         regions={"waiting": _box(-10.0, -3.5, -2.0, 3.5)},
     )
-    return Scenario(
-        "bottleneck-v0",
-        geometry,
-        Population(60, _SLIM, desired_speed=_WALKING, start_region="waiting"),
-        180.0,
-        f"bottleneck of {width:.10g} m, {length:.10g} m long, behind a waiting area",
-        "after Seyfried et al., Transportation Science 43 (2009), experiment on bottlenecks of 0.8 to 1.2 m; the waiting "
-        "area is drawn for this project",
-    )
+    people = Population(60, _SLIM, desired_speed=_WALKING, start_region="waiting")
+    title = f"bottleneck of {width:.10g} m, {length:.10g} m long, behind a waiting area"
+    source = "after Seyfried et al., Transportation Science 43 (2009), experiment on bottlenecks of 0.8 to 1.2 m; the waiting "
+    return Scenario("bottleneck-v0", geometry, people, 180.0, title, f"{source}area is drawn for this project")
 
 
 @_place(door_width=Range(0.6, 4.0), radius=Range(0.1, 1.0), distance=Range(0.5, 4.0), shift=Range(-2.0, 2.0))
 def pillar(*, door_width: float = 1.0, radius: float = 0.3, distance: float = 0.9, shift: float = 0.15) -> Scenario:
     """Return a room with a round pillar at ``distance`` from the wall of the exit, ``shift`` aside of its middle [m]."""
     angle = 2.0 * np.pi * np.arange(32) / 32
-    column = [8 - distance - radius + radius * np.cos(angle), 4 + shift + radius * np.sin(angle)]
+    outline = [8 - distance - radius + radius * np.cos(angle), 4 + shift + radius * np.sin(angle)]
     geometry = Geometry.from_polygon(
         _box(0.0, 0.0, 8.0, 8.0),
-        obstacles=[np.column_stack(column)],
+        obstacles=[np.column_stack(outline)],
         exits={"door": [(8.0, 4 - door_width / 2), (8.0, 4 + door_width / 2)]},
         regions={"back": _box(0.0, 0.0, 5.5, 8.0)},
     )
-    return Scenario(
-        "pillar-v0",
-        geometry,
-        Population(80, start_region="back"),
-        120.0,
-        f"room of 8 x 8 m, exit of {door_width:.10g} m, a round pillar of {2 * radius:.10g} m stands {distance:.10g} m "
-        "before it",
-        "drawn for this project, after the column before an exit of Helbing, Buzna, Johansson, Werner, Transportation "
-        "Science 39 (2005)",
-        blocked_after=30.0,  # some schemes build arches that hold
-    )
+    people = Population(80, start_region="back")
+    column = f"a round pillar of {2 * radius:.10g} m stands {distance:.10g} m before it"
+    title = f"room of 8 x 8 m, exit of {door_width:.10g} m, {column}"
+    paper = "Helbing, Buzna, Johansson, Werner, Transportation Science 39 (2005)"
+    source = f"drawn for this project, after the column before an exit of {paper}"
+    blocked_after = 30.0  # some schemes build arches that hold
+    return Scenario("pillar-v0", geometry, people, 120.0, title, source, blocked_after=blocked_after)
 
 
 @_place(width=Range(0.8, 6.0))
@@ -171,14 +151,10 @@ def l_corridor(*, width: float = 2.0) -> Scenario:
         exits={"end": [(12 - width, 12.0), (12.0, 12.0)]},
         regions={"start": _box(0.0, 0.0, 6.0, width)},
     )
-    return Scenario(
-        "l-corridor-v0",
-        geometry,
-        Population(20, desired_speed=_WALKING, start_region="start"),
-        60.0,
-        f"corridor of {width:.10g} m with a corner of 90 degrees",
-        "the corner of RiMEA test 6 (persons walking around a corner, corridor of 2 m), with arms of 12 m",
-    )
+    people = Population(20, desired_speed=_WALKING, start_region="start")
+    title = f"corridor of {width:.10g} m with a corner of 90 degrees"
+    source = "the corner of RiMEA test 6 (persons walking around a corner, corridor of 2 m), with arms of 12 m"
+    return Scenario("l-corridor-v0", geometry, people, 60.0, title, source)
 
 
 @_place(width=Range(1.0, 6.0))
@@ -189,20 +165,12 @@ def t_junction(*, width: float = 2.4) -> Scenario:
         exits={"end": [(-width / 2, width + 8), (width / 2, width + 8)]},
         regions={"left": _box(-9.0, 0.0, -3.5, width), "right": _box(3.5, 0.0, 9.0, width)},
     )
-    return Scenario(
-        "t-junction-v0",
-        geometry,
-        _groups(
-            {"name": "from the left", "start_region": "left"},
-            {"name": "from the right", "start_region": "right"},
-            people=30,
-            desired_speed=_WALKING,
-        ),
-        90.0,
-        f"two streams merge where corridors of {width:.10g} m meet",
-        "after the T-junction of Zhang, Klingsch, Schadschneider, Seyfried, J. Stat. Mech. P06004 (2011), corridors of "
-        "2.4 m; lengths drawn for this project",
-    )
+    left, right = ({"name": f"from the {side}", "start_region": side} for side in ("left", "right"))
+    people = _groups(left, right, people=30, desired_speed=_WALKING)
+    title = f"two streams merge where corridors of {width:.10g} m meet"
+    paper = "Zhang, Klingsch, Schadschneider, Seyfried, J. Stat. Mech. P06004 (2011)"
+    source = f"after the T-junction of {paper}, corridors of 2.4 m; lengths drawn for this project"
+    return Scenario("t-junction-v0", geometry, people, 90.0, title, source)
 
 
 @_place(width=Range(1.5, 10.0), length=Range(12.0, 60.0))
@@ -213,20 +181,12 @@ def counter_flow(*, width: float = 4.0, length: float = 20.0) -> Scenario:
         exits={"west": [(0.0, 0.0), (0.0, width)], "east": [(length, 0.0), (length, width)]},
         regions={"left": _box(0.5, 0.0, 5.5, width), "right": _box(length - 5.5, 0.0, length - 0.5, width)},
     )
-    return Scenario(
-        "counter-flow-v0",
-        geometry,
-        _groups(
-            {"name": "eastwards", "start_region": "left", "route": "east"},
-            {"name": "westwards", "start_region": "right", "route": "west"},
-            people=15,
-            radius=_SLIM,
-            desired_speed=_WALKING,
-        ),
-        120.0,
-        f"two groups walk towards each other in a corridor of {length:.10g} x {width:.10g} m",
-        "drawn for this project; counterflow in a corridor is also test 8 of IMO MSC.1/Circ.1533, with other dimensions",
-    )
+    one = {"name": "eastwards", "start_region": "left", "route": "east"}
+    other = {"name": "westwards", "start_region": "right", "route": "west"}
+    people = _groups(one, other, people=15, radius=_SLIM, desired_speed=_WALKING)
+    title = f"two groups walk towards each other in a corridor of {length:.10g} x {width:.10g} m"
+    test = "counterflow in a corridor is also test 8 of IMO MSC.1/Circ.1533, with other dimensions"
+    return Scenario("counter-flow-v0", geometry, people, 120.0, title, f"drawn for this project; {test}")
 
 
 @_place(width=Range(1.5, 10.0))
@@ -238,21 +198,13 @@ def crossing(*, width: float = 4.0) -> Scenario:
         exits={"east": [(10.0, low), (10.0, high)], "north": [(low, 10.0), (high, 10.0)]},
         regions={"west": _box(-10.0, low, -5.5, high), "south": _box(low, -10.0, high, -5.5)},
     )
-    return Scenario(
-        "crossing-v0",
-        geometry,
-        _groups(
-            {"name": "eastwards", "start_region": "west", "route": "east"},
-            {"name": "northwards", "start_region": "south", "route": "north"},
-            people=20,
-            radius=_SLIM,
-            desired_speed=_WALKING,
-        ),
-        90.0,
-        f"two streams cross at right angles where corridors of {width:.10g} m meet",
-        "after the crossing of 90 degrees of Cao, Seyfried, Zhang, Holl, Song, J. Stat. Mech. 033404 (2017), corridors of "
-        "4 m; lengths drawn for this project",
-    )
+    one = {"name": "eastwards", "start_region": "west", "route": "east"}
+    other = {"name": "northwards", "start_region": "south", "route": "north"}
+    people = _groups(one, other, people=20, radius=_SLIM, desired_speed=_WALKING)
+    title = f"two streams cross at right angles where corridors of {width:.10g} m meet"
+    paper = "Cao, Seyfried, Zhang, Holl, Song, J. Stat. Mech. 033404 (2017)"
+    source = f"after the crossing of 90 degrees of {paper}, corridors of 4 m; lengths drawn for this project"
+    return Scenario("crossing-v0", geometry, people, 90.0, title, source)
 
 
 @_place(door_width=Range(0.6, 2.0), rows=Range(1, 12))
@@ -264,13 +216,9 @@ def classroom(*, door_width: float = 0.9, rows: int = 6) -> Scenario:
         obstacles=[*left, *right, _box(2.6, 0.7, 3.9, 1.3)],
         exits={"door": [(6.5, 0.8), (6.5, 0.8 + door_width)]},
     )
-    people = Population(
-        4 * rows,
-        _SLIM,
-        desired_speed=Uniform(1.0, 1.6),
-        response_time=LogNormal(3.0, 0.5, 12.0),
-        starts=np.array([seat for x in (1.4, 4.3) for seat in _grid((x, 3.65), 2, rows, (0.8, 1.2))]),
-    )
+    seats = np.array([seat for x in (1.4, 4.3) for seat in _grid((x, 3.65), 2, rows, (0.8, 1.2))])
+    speed, late = Uniform(1.0, 1.6), LogNormal(3.0, 0.5, 12.0)
+    people = Population(4 * rows, _SLIM, desired_speed=speed, response_time=late, starts=seats)
     title = f"classroom with {4 * rows} seats at desks, one door of {door_width:.10g} m"
     drawn = "drawn for this project: desks of 1.6 x 0.4 m for two, 0.8 m between the rows, a middle aisle of 1.3 m"
     return Scenario("classroom-v0", geometry, people, 90.0, title, drawn)
@@ -314,23 +262,14 @@ def stadium_sector(*, rows: int = 10, vomitory: float = 1.8) -> Scenario:
         },
         regions={"steps": _grid(_box(0.0, 2.0, 1.2, top), 3, 1, (9.2, 0.0))},
     )
-    people = Population(
-        28 * rows,
-        _SLIM,
-        desired_speed=Uniform(0.9, 1.5),
-        response_time=LogNormal(6.0, 0.6, 40.0),
-        starts=np.array([seat for x in (1.625, 10.825) for seat in _grid((x, 2.4), 14, rows, (0.55, 0.8))]),
-    )
-    return Scenario(
-        "stadium-sector-v0",
-        geometry,
-        people,
-        300.0,
-        f"stadium sector: {rows} rows of 28 seats, stepped aisles, two vomitories in front and one at the back",
-        "drawn for this project: seats 0.55 m apart, rows 0.8 m deep, aisles of 1.2 m; on steps 0.6 of the speed on the "
-        "flat, about what Fruin, Pedestrian Planning and Design (1971), gives for stairs",
-        zones=(SpeedZone("steps", factor=0.6),),
-    )
+    seats = np.array([seat for x in (1.625, 10.825) for seat in _grid((x, 2.4), 14, rows, (0.55, 0.8))])
+    speed, late = Uniform(0.9, 1.5), LogNormal(6.0, 0.6, 40.0)
+    people = Population(28 * rows, _SLIM, desired_speed=speed, response_time=late, starts=seats)
+    title = f"stadium sector: {rows} rows of 28 seats, stepped aisles, two vomitories in front and one at the back"
+    steps = "on steps 0.6 of the speed on the flat, about what Fruin, Pedestrian Planning and Design (1971), gives for stairs"
+    source = f"drawn for this project: seats 0.55 m apart, rows 0.8 m deep, aisles of 1.2 m; {steps}"
+    zones = (SpeedZone("steps", factor=0.6),)
+    return Scenario("stadium-sector-v0", geometry, people, 300.0, title, source, zones=zones)
 
 
 @_place(door_width=Range(0.6, 2.0), exit_width=Range(0.8, 2.0))

@@ -86,26 +86,14 @@ def theatre(
     most = [whole(f"theatre: crowded[{k}]", many) for k, many in enumerate(crowded)]
     hold, commits = number("theatre: hold", hold, NOT_NEGATIVE, "s"), flag("theatre: commits", commits)
     stair_speed = number("theatre: stair_speed", stair_speed, POSITIVE, "m/s")
-    crowd = as_people(population) or Population(
-        people,
-        radius=Uniform(0.2, 0.25),
-        mass=Uniform(60.0, 100.0),
-        desired_speed=Uniform(1.2, 2.0),
-        relaxation_time=Uniform(0.1, 0.5),
-        response_time=Uniform(0.0, 4.0),
-        starts=seats()[taken_seats(people)],
-    )
-    route_set = zip(("1", "2", "3"), most, ("B", "B", "A"), strict=True)
-    return Scenario(
-        "theatre-v0",
-        plan(),
-        crowd,
-        time_limit,
-        f"movie theatre (synthetic), {len(seats())} seats, {crowd.people} people, routes A and B",
-        REFERENCE,
-        zones=tuple(SpeedZone(stairs, stair_speed) for stairs in ("upper aisle", "lower aisle", "flight")),
-        rules=tuple(ControlRule(where, many, way, hold=hold, commits=commits) for where, many, way in route_set),
-    )
+    # Body parameters are the defaults: Table 6 has those of Table 4.
+    late = Uniform(0.0, 4.0)
+    crowd = as_people(population) or Population(people, response_time=late, starts=seats()[taken_seats(people)])
+    turned = zip(("1", "2", "3"), most, ("B", "B", "A"), strict=True)
+    rules = tuple(ControlRule(where, many, way, hold=hold, commits=commits) for where, many, way in turned)
+    zones = tuple(SpeedZone(stairs, stair_speed) for stairs in ("upper aisle", "lower aisle", "flight"))
+    title = f"movie theatre (synthetic), {len(seats())} seats, {crowd.people} people, routes A and B"
+    return Scenario("theatre-v0", plan(), crowd, time_limit, title, REFERENCE, zones=zones, rules=rules)
 
 
 def seats() -> Floats:
@@ -147,10 +135,7 @@ def plan() -> Geometry:
     return Geometry.from_polygon(
         area,
         obstacles=[box(end - _DEPTH, _AISLE, end, _AISLE + width) for end, width in backs],
-        exits={
-            "A": [(_FOYER, outer), (_FOYER, outer + _PASSAGE)],
-            "B": [(_FLIGHT[1], below), (_FLIGHT[1], -_WALL)],
-        },
+        exits={"A": [(_FOYER, outer), (_FOYER, outer + _PASSAGE)], "B": [(_FLIGHT[1], below), (_FLIGHT[1], -_WALL)]},
         regions={
             "1": box(_REAR - 2 * _PITCH, _WIDTH - _AISLE, _REAR, _WIDTH),
             "2": box(_REAR - 2 * _PITCH, 0.0, _REAR, _AISLE),

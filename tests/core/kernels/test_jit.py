@@ -18,7 +18,7 @@ pytestmark = pytest.mark.more
 STAMP = "0123456789abcdef"
 PROGRAM = """
 import numpy as np
-from crowd_env.scenarios.starts import closest_pair
+from crowd_env.geometry.placement import closest_pair
 position, radius = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0]]), np.array([0.1, 0.2, 0.3])
 assert closest_pair(position, radius)[:2] == (1, 2)
 """

@@ -71,8 +71,8 @@ def test_only_that_environment_and_only_what_is_given_until_it_restarts():
     [
         (0, {"push": 1.5}, ("push of pedestrian 0 is 1.5", "[0, 1]")),
         (0, {"push": [0.5] * 19 + [-1.0]}, ("push of pedestrian 19 is -1", "[0, 1]")),
-        (0, {"push": [0.5] * 3}, ("push is [0.5, 0.5, 0.5]", "one number, or an array of 20")),
-        (0, {"push": "much"}, ("push is 'much'", "one number")),
+        (0, {"push": [0.5] * 3}, ("push has the shape (3,)", "(20,)")),
+        (0, {"push": "much"}, ("push is 'much'", "a real number")),
         (0, {"time_gap": 0.0}, ("time_gap of pedestrian 0 is 0", "> 0")),
         (0, {"push": 0.5, "time_gap": np.inf}, ("time_gap of pedestrian 0 is inf", "finite")),
         (3, {"push": 0.5}, ("no environment 3",)),

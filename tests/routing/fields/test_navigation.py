@@ -222,8 +222,7 @@ def test_direct_nodes_are_exact():
 
 @numba.njit
 def aim(exits, x, y, radius):
-    ax, ay, ux, uy, width, _, _ = exit_frame(exits, 0)
-    return nearest_on_exit(ax, ay, ux, uy, width, x, y, radius)
+    return nearest_on_exit(exit_frame(exits, 0), x, y, radius)
 
 
 def test_own_radius_decides_where_to_pass_the_door():

@@ -73,7 +73,6 @@ def test_spacing_is_fine_in_a_room_and_bounded_in_a_hall():
     assert plan("room")[1].spacing == 0.05
     hall = Geometry.from_polygon(box(0, 0, 120, 90), exits=[[[0, 10], [0, 12]]])
     assert travel_time_field(hall, RADIUS, min_radius=0.2).spacing == pytest.approx(0.1)
-    assert travel_time_field(plan("room")[0], RADIUS, spacing=0.1).travel_time.shape == (51, 51)
 
 
 @looped(
@@ -99,7 +98,6 @@ def test_spacing_is_fine_in_a_room_and_bounded_in_a_hall():
         ),
         (lambda: travel_time_field(Geometry.from_polygon(ROOM), RADIUS), "the geometry has no exit"),
         (lambda: travel_time_field(plan("room")[0], RADIUS, exits=["door"]), r"\['door'\].*choose from \['exit-0'\]"),
-        (lambda: travel_time_field(plan("room")[0], RADIUS, spacing=0.2), "spacing is 0.2 m; .*0.125 m"),
         (lambda: travel_time_field(plan("room")[0], 0.2, min_radius=0.3), "0 < min_radius <= radius"),
         (lambda: travel_time_field(plan("room")[0], float("nan")), "0 < min_radius <= radius"),
         (

@@ -95,11 +95,11 @@ HOLE = {"type": "RECTANGLE", "x": 1, "y": 1}
 
 # name: (what writes it, options of the command, words that must be said)
 BAD = {
-    "empty.dxf": (written(""), DOOR, "no DXF drawing"),
-    "noise.dxf": (written(bytes(range(256)) * 20), DOOR, "no DXF drawing"),
-    "half.dxf": (truncated(lambda path: room_drawing(path), 0.5), DOOR, "DXF ends in the middle"),
-    "text.dxf": (written(ROOM.wkt), DOOR, "no DXF drawing"),
-    "image.dxf": (written(b"\x89PNG\r\n\x1a\n" + bytes(9)), DOOR, "PNG DXF drawing"),
+    "empty.dxf": (written(""), DOOR, "not a DXF file"),
+    "noise.dxf": (written(bytes(range(256)) * 20), DOOR, "not a DXF file"),
+    "half.dxf": (truncated(lambda path: room_drawing(path), 0.5), DOOR, "DXF not whole save"),
+    "text.dxf": (written(ROOM.wkt), DOOR, "not a DXF file"),
+    "image.dxf": (written(b"\x89PNG\r\n\x1a\n" + bytes(9)), DOOR, "not a DXF file"),
     "drawing.dwg": (written(b"AC1027" + bytes(99)), DOOR, "DWG WKT GeoJSON DXF"),
     "broken.dxf": (written("0\nSECTION\n2\nENTITIES\n0\nLINE\n8\nwalls\n10\nhere\n0\nENDSEC\n0\nEOF\n"), DOOR, "damaged save"),
     "nothing.dxf": (drawn(), DOOR, "where people walk jps-walkablearea"),

@@ -1,11 +1,13 @@
 """Random starting positions: discs that overlap neither walls nor each other."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import known
 from crowd_env.core.kernels.jit import inner_kernel, kernel
-from crowd_env.geometry.geometry import Boundary, Geometry
+from crowd_env.geometry.geometry import Geometry
 
 # Equal discs cannot cover more of the plane than a hexagonal packing does.
 CLOSEST_PACKING = np.pi / np.sqrt(12.0)
@@ -16,6 +18,19 @@ _MOST_CELLS = 4e6
 
 Standing = tuple[Floats, Floats]
 """Positions (K, 2) and radii (K,) [m] of people who stand already."""
+Walls = tuple[Floats, Bools, Floats]
+"""`Boundary.wall`, `Boundary.two_sided` and `Boundary.exit`."""
+
+
+class Cells(NamedTuple):
+    """Square cells over a place, and who has been placed in each."""
+
+    last: Ints  # (columns * rows + N,)  last person placed in each cell, then the one placed before each person; -1 = none
+    columns: int
+    rows: int
+    low_x: float  # m
+    low_y: float  # m
+    size: float  # m
 
 
 def sample_positions(
@@ -39,34 +54,24 @@ def sample_positions(
         known("start region", region, geometry.regions)
     area = geometry.area_of(region)
     cover = float((np.pi * radius**2).sum())
-    if cover > CLOSEST_PACKING * area:
-        most = int(CLOSEST_PACKING * area / (np.pi * float((radius**2).mean())))
-        raise ValueError(_too_many(radius, area, f"even the closest packing leaves room for at most {most}"))
     if cover < _RANDOM_LIMIT * area:
         placed = _place_randomly(geometry, radius, rng, region, standing)
         if placed is not None:
             return placed
-    return _place_on_lattice(geometry, radius, rng, region, area, standing)
-
-
-def _too_many(radius: Floats, area: float, room: str) -> str:
-    return (
-        f"{len(radius)} people do not fit without overlap into {area:.1f} m2: "
-        f"with bodies of radius {radius.min():.2f} to {radius.max():.2f} m {room}"
-    )
+    return _place_on_lattice(geometry, radius, rng, region, standing)
 
 
 @kernel
-def _clearances(points: Floats, boundary: Boundary, clearance: Floats) -> None:
+def _clearances(points: Floats, walls: Walls, clearance: Floats) -> None:
     """Write the distance (K,) of points to the nearest wall, -1 outside (even-odd rule over walls and exits)."""
     for k in range(len(points)):
-        x, y = points[k, 0], points[k, 1]
-        clearance[k] = _clearance(x, y, boundary.wall, boundary.two_sided, boundary.exit)
+        clearance[k] = _clearance(points[k, 0], points[k, 1], walls)
 
 
 @inner_kernel
-def _clearance(x: float, y: float, wall: Floats, two_sided: Bools, exit_line: Floats) -> float:
+def _clearance(x: float, y: float, walls: Walls) -> float:
     """Return the distance of (x, y) to the nearest wall, -1 outside."""
+    wall, two_sided, exit_line = walls
     nearest, inside = np.inf, False
     for w in range(len(wall)):
         ax, ay, bx, by = wall[w, 0, 0], wall[w, 0, 1], wall[w, 1, 0], wall[w, 1, 1]
@@ -86,12 +91,16 @@ def _clearance(x: float, y: float, wall: Floats, two_sided: Bools, exit_line: Fl
 def _usable(geometry: Geometry, points: Floats, region: str | None, standing: Standing | None) -> Floats:
     """Distance (K,) of points to walls and to people who stand already; -1 outside of the area or region."""
     clearance = np.empty(len(points))
-    _clearances(points, geometry.boundary, clearance)
+    _clearances(points, _walls_of(geometry), clearance)
     if region is not None:
         clearance[~geometry.contains(points, region)] = -1.0
     if standing is not None:
         _keep_off(points, *standing, clearance)
     return clearance
+
+
+def _walls_of(geometry: Geometry) -> Walls:
+    return geometry.boundary.wall, geometry.boundary.two_sided, geometry.boundary.exit
 
 
 @kernel
@@ -109,9 +118,8 @@ def _place_randomly(
     # Cells a body wide, or wider in places so large that there would be many more of them than people.
     size = max(2.0 * float(radius.max()), float(np.sqrt((high_x - low_x) * (high_y - low_y) / _MOST_CELLS)))
     columns, rows = int((high_x - low_x) / size) + 1, int((high_y - low_y) / size) + 1
-    boundary, count = geometry.boundary, len(radius)
-    walls = boundary.wall, boundary.two_sided, boundary.exit
-    cells = np.empty(columns * rows + count, dtype=np.int64)
+    count = len(radius)
+    cells = Cells(np.full(columns * rows + count, -1, dtype=np.int64), columns, rows, low_x, low_y, size)
     placed = np.zeros((count, 2))
     anywhere = region is None and standing is None
     done = 0
@@ -120,7 +128,7 @@ def _place_randomly(
         points *= (high_x - low_x, high_y - low_y)
         points += (low_x, low_y)
         clearance = _NOT_KNOWN if anywhere else _usable(geometry, points, region, standing)
-        done = _accept(points, clearance, *walls, radius, placed, done, cells, columns, rows, low_x, low_y, size)
+        done = _accept(points, clearance, _walls_of(geometry), radius, placed, done, cells)
         if done == count:
             return placed
     return None
@@ -131,20 +139,7 @@ _NOT_KNOWN = np.empty(0)
 
 @kernel
 def _accept(
-    points: Floats,
-    clearance: Floats,
-    wall: Floats,
-    two_sided: Bools,
-    exit_line: Floats,
-    radius: Floats,
-    placed: Floats,
-    done: int,
-    cells: Ints,
-    columns: int,
-    rows: int,
-    low_x: float,
-    low_y: float,
-    size: float,
+    points: Floats, clearance: Floats, walls: Walls, radius: Floats, placed: Floats, done: int, cells: Cells
 ) -> int:
     """Give each next person the first candidate point where it fits; returns how many stand.
 
@@ -152,16 +147,10 @@ def _accept(
     ----------
     points, clearance : (K, 2) m, (K,) m to walls and people who stand already, -1 = not usable; empty = only walls matter,
         found here for as many points as are looked at.
-    wall, two_sided, exit_line : as in `Boundary`.
     radius, placed, done : (N,) m, (N, 2) m and how many stand by now.
-    cells : (columns * rows + N,) index of the last person placed in each cell, then for each person the index of the one
-        placed before; -1 = none.
-    columns, rows, low_x, low_y, size : cells of ``size`` [m].
     """
+    last, columns, rows, low_x, low_y, size = cells
     table = columns * rows
-    if done == 0:
-        for c in range(table):
-            cells[c] = -1
     for k in range(len(points)):
         if done == len(radius):
             break
@@ -172,28 +161,23 @@ def _accept(
         free = True
         for r in range(max(row - 1, 0), min(row + 2, rows)):
             for c in range(max(column - 1, 0), min(column + 2, columns)):
-                j = cells[r * columns + c]
+                j = last[r * columns + c]
                 while j >= 0 and free:
                     limit = radius[j] + radius[done]
                     free = (x - placed[j, 0]) ** 2 + (y - placed[j, 1]) ** 2 >= limit * limit
-                    j = cells[table + j]
+                    j = last[table + j]
         if free and len(clearance) == 0:
-            free = _clearance(x, y, wall, two_sided, exit_line) >= radius[done]
+            free = _clearance(x, y, walls) >= radius[done]
         if free:
             placed[done, 0], placed[done, 1] = x, y
-            cells[table + done] = cells[row * columns + column]
-            cells[row * columns + column] = done
+            last[table + done] = last[row * columns + column]
+            last[row * columns + column] = done
             done += 1
     return done
 
 
 def _place_on_lattice(
-    geometry: Geometry,
-    radius: Floats,
-    rng: np.random.Generator,
-    region: str | None,
-    area: float,
-    standing: Standing | None,
+    geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None, standing: Standing | None
 ) -> Floats:
     low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
     step = 2.0 * float(radius.max()) * (1.0 + 1e-9)
@@ -212,4 +196,30 @@ def _place_on_lattice(
         if len(points) >= len(radius):
             return points[rng.permutation(len(points))[: len(radius)]]
     beside = "" if standing is None else f" beside the {len(standing[1])} who stand already"
-    raise ValueError(_too_many(radius, area, f"a regular lattice holds {most} there{beside}"))
+    raise ValueError(
+        f"{len(radius)} people do not fit without overlap into {geometry.area_of(region):.1f} m2: with bodies of radius "
+        f"{radius.min():.2f} to {radius.max():.2f} m a regular lattice holds {most} there{beside}"
+    )
+
+
+def closest_pair(position: Floats, radius: Floats) -> tuple[int, int, float]:
+    """Return the two discs with the smallest gap, and that gap [m]; (0, 0, inf) for fewer than two."""
+    order = np.argsort(position[:, 0], kind="stable")
+    return _closest_pair(position, radius, order, 2.0 * float(np.max(radius, initial=0.0)))
+
+
+@kernel
+def _closest_pair(position: Floats, radius: Floats, order: Ints, widest: float) -> tuple[int, int, float]:
+    """Look from each disc, from left to right, only as far as a smaller gap can be."""
+    best_i, best_j, best = 0, 0, np.inf
+    for m in range(len(order)):
+        i = order[m]
+        for n in range(m + 1, len(order)):
+            j = order[n]
+            if position[j, 0] - position[i, 0] - widest > best:
+                break
+            distance = np.hypot(position[i, 0] - position[j, 0], position[i, 1] - position[j, 1])
+            gap = distance - radius[i] - radius[j]
+            if gap < best:
+                best_i, best_j, best = min(i, j), max(i, j), gap
+    return best_i, best_j, best

@@ -1,0 +1,38 @@
+"""Arrays from a table: a NamedTuple says of each how large it is and what needs it, and gets them all at once.
+
+An array says how large it is beside its type, in letters and numbers: P people, E environments, M entries of the neighbor
+list, R control rules, D doors, N discs of all bodies, S places of those whom a decision looks at, C heads of cells, B bodies of
+a solver (people and a wall an environment), L slabs of all crowds, T forces carried between slabs.  A name behind that says
+what needs it: it is empty unless a scheme (`SchemeInfo.uses`), its social force, a manner or an outline does.
+"""
+
+from collections.abc import Collection, Mapping
+from functools import cache
+from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+Arrays = TypeVar("Arrays", bound=tuple[Any, ...])
+Sizes = Mapping[str, int]
+
+
+@cache
+def _arrays_of(kind: type[Any]) -> dict[str, tuple[Any, list[str], str]]:
+    """Return the arrays of a NamedTuple that say how large they are: name -> type of a number, shape, what needs it."""
+    found = {}
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        if get_origin(hint) is Annotated:
+            array, shape, *needs = get_args(hint)
+            found[name] = get_args(get_args(array)[1])[0], shape.split(), "".join(needs)
+    return found
+
+
+def allocate(kind: type[Arrays], sizes: Sizes, uses: Collection[str] | None = None, **given: Any) -> Arrays:
+    """Return a NamedTuple whose arrays are zero, but for those that are ``given``; ``uses`` says what is in use, None = all."""
+    for name, (number, letters, needs) in _arrays_of(kind).items():
+        if name not in given:
+            shape = [sizes[one] if one.isalpha() else int(one) for one in letters]
+            if uses is not None and needs and needs not in uses:
+                shape[0] = 0
+            given[name] = np.zeros(shape, dtype=number)
+    return kind(**given)
