@@ -26,7 +26,9 @@ class EnvCheckpoint(NamedTuple):
     interrupted: bool
 
 
-def init_transition(simulation: Simulation, potential: Floats, time_limit: Floats, blocked_after: Floats) -> StructRef:
+def init_transition(
+    simulation: "Simulation", potential: Floats, time_limit: Floats, blocked_after: Floats
+) -> StructRef:
     """Return a reference to a `Transition` before the first episode; ``potential`` (P,) [s] is that of now."""
     of_people, of_environments = np.zeros(len(potential)), np.zeros(len(time_limit))
     nobody, none = np.zeros(len(potential), dtype=np.bool_), np.zeros(len(time_limit), dtype=np.bool_)
