@@ -292,9 +292,9 @@ WRONG = [
     ("other number", lambda: hall(action={"name": "speeds-exits", "routes": 3}), ("'speeds-exits'", "3", "2: west, east")),
     ("negative", lambda: SpeedExitTable(routes=-1), ("routes", "-1", "at least 0")),
     ("dwell", lambda: SpeedExitTable(dwell=-1.0), ("dwell", "-1", ">= 0")),
-    ("no pair", lambda: ActionKind("one", ONE, no_pair, 0.0, routes=2), ("'one'", "(commands, choices)", "routes")),
-    ("third way", lambda: acted(ActionKind("one", ONE, third, 0.0, routes=2)), ("'one'", "way 2", "0 to 1")),
-    ("layout", lambda: hall(observation=ObservationLayout(("routes",), routes=3)), ("routes is 3", "2 exits", "west, east")),
+    ("no pair", lambda: ActionKind("one", ONE, no_pair, 0.0, routes=2), ("'one'", "(commands, choices)")),
+    ("third way", lambda: acted(ActionKind("one", ONE, third, 0.0, routes=2)), ("'one'", "choice is 2", "below 2")),
+    ("layout", lambda: hall(observation=ObservationLayout(("routes",), routes=3)), ("routes is 3", "has 2", "west, east")),
     ("places", lambda: CrowdEnv(["two-exit-hall-v0", "room-v0"], action="speeds-exits"), ("2 in", "1 in", "to choose among")),
 ]  # fmt: skip
 
