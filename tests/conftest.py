@@ -4,6 +4,7 @@ The workers of pytest-xdist and the programs that tests start inherit these sett
 """
 
 import os
+import sys
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
@@ -13,3 +14,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # torch's own threads; numba's ar
 os.environ.setdefault(
     "CROWD_ENV_QUIET", "1"
 )  # no note that kernels are being compiled; tests/core/kernels/test_jit.py is about it
+
+# Rewriting the assertions of all tests takes each process ten seconds: what it makes is kept, also where a container says that
+# nothing is to be.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False

@@ -184,11 +184,10 @@ def touches(geometry: Geometry, bodies: Bodies, state: CrowdState, below: float)
     x, r, inside = state.position, bodies.radius, np.flatnonzero(state.active)
     found = []
     for a, i in enumerate(inside):
-        for j in inside[a + 1 :]:
-            d = x[i] - x[j]
-            gap = np.hypot(*d) - r[i] - r[j]
-            if gap < below:
-                found.append(Touch(int(i), int(j), gap, tuple(d / np.hypot(*d))))
+        d = x[i] - x[inside[a + 1 :]]
+        gap = np.hypot(*d.T) - r[i] - r[inside[a + 1 :]]
+        for k in np.flatnonzero(gap < below):
+            found.append(Touch(int(i), int(inside[a + 1 + k]), gap[k], tuple(d[k] / np.hypot(*d[k]))))
     lines = shapely.linestrings(geometry.walls)
     for i in inside:
         center = shapely.Point(x[i])

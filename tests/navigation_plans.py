@@ -4,11 +4,13 @@ import functools
 
 import numpy as np
 import shapely
-from scipy.sparse.csgraph import dijkstra
+from late import late
 from shapely.geometry import Point, Polygon, box
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields.field import join_fields, travel_time_field
+
+dijkstra = late("scipy.sparse.csgraph", "dijkstra")
 
 RADIUS = 0.25
 ROOM = box(0, 0, 5, 5)

@@ -2,12 +2,13 @@
 
 import csv
 
-import torch
+from late import late
 from typer import Typer
 from typer.testing import CliRunner
 
 from crowd_env.cli.agents import learn
 
+torch = late("torch")
 app = Typer(pretty_exceptions_enable=False)
 app.command()(learn.main)
 

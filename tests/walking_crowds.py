@@ -7,7 +7,7 @@ from crowd_env import Geometry, Simulation
 from crowd_env.core.arrays.headway import Headway
 from crowd_env.core.arrays.state import Bodies, make_bodies, make_state
 
-OPEN = Geometry.from_polygon(box(-100, -100, 100, 100))
+OPEN = Geometry.from_polygon(box(-12, -12, 40, 12))
 
 # No test of a law depends on what a named manner is tuned to.
 NUMBERS = {

@@ -2,18 +2,19 @@
 
 import numpy as np
 import pytest
-import scipy.stats
-import torch
 from cases import looped
+from late import late
 
 from crowd_env import CrowdEnv
-from crowd_env.agents.learned import PPOSettings, make_ppo
-from crowd_env.agents.learned.beta import BetaActions, bias_at
-from crowd_env.agents.learned.export import network_of
-from crowd_env.agents.learned.training import env_options_of
 from crowd_env.agents.networks import BetaMLP
 from crowd_env.agents.networks.network import LEAST
 from crowd_env.agents.trained import LearnedPolicy
+
+stats, torch = late("scipy.stats"), late("torch")
+PPOSettings, make_ppo = late("crowd_env.agents.learned", "PPOSettings", "make_ppo")
+BetaActions, bias_at = late("crowd_env.agents.learned.beta", "BetaActions", "bias_at")
+network_of = late("crowd_env.agents.learned.export", "network_of")
+env_options_of = late("crowd_env.agents.learned.training", "env_options_of")
 
 RNG = np.random.default_rng(0)
 
@@ -31,7 +32,7 @@ def test_density_and_entropy_are_those_of_scipy():
     actions = RNG.uniform(-0.99, 0.99, (50, 2))
     taken = BetaActions().proba_distribution(torch.tensor(raw))
     alpha, beta = np.split(parameters(raw), 2, axis=1)
-    other = scipy.stats.beta(alpha, beta, loc=-1.0, scale=2.0)
+    other = stats.beta(alpha, beta, loc=-1.0, scale=2.0)
     np.testing.assert_allclose(taken.log_prob(torch.tensor(actions)), other.logpdf(actions).sum(axis=1), rtol=1e-6)
     np.testing.assert_allclose(taken.entropy(), other.entropy().sum(axis=1), rtol=1e-6, atol=1e-6)
 
@@ -76,6 +77,7 @@ def test_at_the_bound_there_is_something_to_learn_where_a_clipped_gaussian_learn
     assert pressed > 2.0 * gaussian  # as far towards the bound as it goes
 
 
+@pytest.mark.more
 def test_ppo_with_a_beta_distribution_starts_at_the_rule_learns_and_is_saved_as_it_acts(tmp_path):
     env = CrowdEnv("room-v0", num_envs=2, autoreset=True)
     settings = PPOSettings(distribution="beta", n_steps=16, batch_size=128, n_epochs=1, hidden=16)

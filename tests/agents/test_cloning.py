@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 from cases import looped
-
-pytest.importorskip("stable_baselines3")
-
+from late import late
 from training_runs import call
 
 from crowd_env import CrowdEnv
 from crowd_env.agents import make_policy
-from crowd_env.agents.learned import PPOSettings, cloning, make_ppo
-from crowd_env.agents.learned.export import network_of
-from crowd_env.agents.learned.training import env_options_of
 from crowd_env.agents.trained import LearnedPolicy
 from crowd_env.agents.training_config import make_env, task_config
+
+PPOSettings, make_ppo = late("crowd_env.agents.learned", "PPOSettings", "make_ppo")
+cloning = late("crowd_env.agents.learned.cloning")
+network_of = late("crowd_env.agents.learned.export", "network_of")
+env_options_of = late("crowd_env.agents.learned.training", "env_options_of")
 
 SPEEDS = {"name": "speeds", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]}
 
@@ -46,6 +46,7 @@ def test_a_rule_that_is_cloned_into_choices_of_exits_keeps_to_the_own_way():
     assert (ways == -1).all() and (labels[:, len(choices) :] == 0.0).all()
 
 
+@pytest.mark.more
 @looped("action", [SPEEDS, "continuous"])
 def test_a_clone_acts_as_its_rule_where_it_was_never_trained(action, monkeypatch):
     for name, value in (("ROUNDS", 4), ("DECISIONS", 120), ("EPOCHS", 12), ("_BATCH", 256)):
@@ -74,6 +75,7 @@ def disagreement(model, env, rule):
     return float(np.concatenate(found).mean())
 
 
+@pytest.mark.more
 def test_the_same_seed_clones_the_same_network(monkeypatch):
     monkeypatch.setattr(cloning, "ROUNDS", 1)
     monkeypatch.setattr(cloning, "DECISIONS", 20)

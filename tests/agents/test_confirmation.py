@@ -5,15 +5,13 @@ import json
 import numpy as np
 import pytest
 from cases import looped
-
-pytest.importorskip("stable_baselines3")
-
+from late import late
 from training_runs import curve
 
-from crowd_env.agents.learned import confirmation
-from crowd_env.agents.learned.confirmation import confirm, kept_row
-from crowd_env.agents.learned.training import CURVE_COLUMNS, write_curve
 from crowd_env.cli.agents import learn
+
+confirmation, training = late("crowd_env.agents.learned.confirmation"), late("crowd_env.agents.learned.training")
+confirm, kept_row = late("crowd_env.agents.learned.confirmation", "confirm", "kept_row")
 
 ROOM = {"task": "room"}
 
@@ -21,8 +19,10 @@ ROOM = {"task": "room"}
 @pytest.fixture
 def run(tmp_path):
     """Return a folder of a training whose second row did best, with files in the place of networks."""
-    rows = [dict.fromkeys(CURVE_COLUMNS, 0.0) | {"steps": k, "evacuation_time": t} for k, t in ((0, 9.0), (5, 8.0))]
-    write_curve(tmp_path / "learning_curve.csv", rows)
+    rows = [
+        dict.fromkeys(training.CURVE_COLUMNS, 0.0) | {"steps": k, "evacuation_time": t} for k, t in ((0, 9.0), (5, 8.0))
+    ]
+    training.write_curve(tmp_path / "learning_curve.csv", rows)
     (tmp_path / "start.safetensors").write_bytes(b"start")
     (tmp_path / "best.safetensors").write_bytes(b"trained")
     return tmp_path
@@ -83,6 +83,7 @@ def test_of_two_that_are_out_as_soon_the_one_that_plainly_touches_less_is_kept(r
     assert (told["seconds_later"] < 0.0) == (mean < 0.0)
 
 
+@pytest.mark.more
 def test_a_network_that_is_no_better_is_kept_in_few_of_many_trainings(run, monkeypatch):
     """The size of the test: 2.5 % on the side of "better"; 21 of 400 has a probability below 0.1 % then."""
     rng = np.random.default_rng(3)
@@ -112,8 +113,8 @@ def test_a_refused_network_is_asked_about_again_unless_a_better_one_came(run, mo
     assert "unconfirmed.safetensors" not in held(run)
     answer(monkeypatch, 0.0, 1.0)
     confirm(run, ROOM)
-    rows = [*curve(run), dict.fromkeys(CURVE_COLUMNS, 0.0) | {"steps": 9.0, "evacuation_time": 7.0}]
-    write_curve(run / "learning_curve.csv", rows)
+    rows = [*curve(run), dict.fromkeys(training.CURVE_COLUMNS, 0.0) | {"steps": 9.0, "evacuation_time": 7.0}]
+    training.write_curve(run / "learning_curve.csv", rows)
     (run / "best.safetensors").write_bytes(b"newer")  # as a training that went on leaves it
     asked.clear()
     answer(monkeypatch, -5.0, 1.0, asked)
@@ -123,11 +124,12 @@ def test_a_refused_network_is_asked_about_again_unless_a_better_one_came(run, mo
 
 def test_a_run_whose_start_did_best_is_asked_nothing(run, monkeypatch):
     monkeypatch.setattr(confirmation, "_minus_start", None)
-    write_curve(run / "learning_curve.csv", curve(run)[:1])
+    training.write_curve(run / "learning_curve.csv", curve(run)[:1])
     confirm(run, ROOM)
     assert held(run)["best.safetensors"] == b"trained" and not (run / "confirmation.json").exists()
 
 
+@pytest.mark.more
 def test_both_lead_the_crowd_of_the_task_on_draws_that_nobody_has_seen(tmp_path, monkeypatch):
     """A start that stands still loses against walking; the draws begin at 3,000,000, not at those of validation."""
     from crowd_env.agents.evaluation import evaluation
@@ -144,7 +146,7 @@ def test_both_lead_the_crowd_of_the_task_on_draws_that_nobody_has_seen(tmp_path,
     config["ppo"] |= {"n_steps": 32, "batch_size": 256, "n_epochs": 1}
     assert learn.train(tmp_path, config)
     rows = curve(tmp_path)
-    write_curve(tmp_path / "learning_curve.csv", [rows[0] | {"evacuation_time": 99.0}, rows[-1]])
+    training.write_curve(tmp_path / "learning_curve.csv", [rows[0] | {"evacuation_time": 99.0}, rows[-1]])
     confirm(tmp_path, config)
     told = json.loads((tmp_path / "confirmation.json").read_text())
     assert seeds == [(3_000_000 + 2 * look, 2) for look in range(told["draws"] // 2)]

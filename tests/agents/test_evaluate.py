@@ -86,6 +86,7 @@ class Balancing:
         return np.repeat(choice[:, None], len(batch.choices), axis=1)
 
 
+@pytest.mark.more
 @looped("kind", [FixedSplit, RandomController, lambda options: Balancing()])
 def test_a_controller_sampled_between_its_decisions_is_the_controller(kind):
     options = {"grid": (4, 1), "interval": 1.0}
@@ -180,6 +181,7 @@ def test_who_is_found_outside_of_the_walls_makes_a_run_void():
         assert ("VOID: 6 people were outside" in printed(crowding_table(results))) == told
 
 
+@pytest.mark.more
 def test_a_law_of_ones_own_is_judged_and_trained_with(tmp_path):
     """Of a user's file, named as for ``crowd-env run``."""
     (tmp_path / "law_of_ones_own.py").write_text(
@@ -208,6 +210,7 @@ class Soft(Hertz):
         default_config("room-v0", law.replace("Soft", "Hard"), seed=0, envs=1, steps=1, minutes=1.0)
 
 
+@pytest.mark.more
 def test_tables_fit_into_a_hundred_columns():
     results = [run(name, scheme=scheme, runs=2) for scheme in ("nsm2", "nsm1") for name in NAMES]
     text = printed(times_table(results, "title"), left_table(results), exits_table(results), crowding_table(results))

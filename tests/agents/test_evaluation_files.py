@@ -35,6 +35,7 @@ def everything(folder):
 ASKED = ("--scenario", "hall", "--policies", "shortest", "east", "--physics", "nsm2", "dem", "--runs", 2)
 
 
+@pytest.mark.more
 def test_the_folder_holds_rows_runs_curves_and_maps(small, tmp_path):
     code, _, _ = call(*ASKED, "--out", tmp_path / "out")
     assert code == 0
@@ -50,6 +51,7 @@ def test_the_folder_holds_rows_runs_curves_and_maps(small, tmp_path):
     assert {rows[2]["out by east"], rows[2]["out by west"]} == {"14", "0"}
 
 
+@pytest.mark.more
 def test_an_interrupted_evaluation_goes_on_and_ends_as_if_it_had_not_been(small, tmp_path, monkeypatch):
     monkeypatch.setattr(EvaluationFolder, "draw", lambda *a: [])  # pictures are another matter
     assert call(*ASKED, "--out", tmp_path / "whole")[0] == 0

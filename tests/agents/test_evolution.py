@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 from evaluations import hall
+from late import late
 
 from crowd_env import CrowdEnv
 from crowd_env.agents import Evolved
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
-from crowd_env.agents.learned import evolution
-from crowd_env.agents.learned.evolution import SEARCHED, EvolutionSettings, clearing_times, decisions, evolve
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.envs.settings import arguments_of
 
+evolution = late("crowd_env.agents.learned.evolution")
 OPTIONS = {"scheme": "nsm2", "dt": 0.01, "decision_dt": 0.1}
 
 
@@ -48,8 +48,8 @@ def test_the_rule_of_all_is_its_law_for_each():
 
 def test_every_constant_is_searched_and_the_ones_that_ship_lie_within_the_bounds():
     shipped = {name: getattr(Evolved(), name) for name in Evolved.__dataclass_fields__}
-    assert list(SEARCHED) == list(shipped)
-    for name, one in SEARCHED.items():
+    assert list(evolution.SEARCHED) == list(shipped)
+    for name, one in evolution.SEARCHED.items():
         assert one.low <= one.start <= one.high and one.low <= shipped[name] <= one.high
 
 
@@ -85,11 +85,11 @@ def test_a_search_begins_at_follow_takes_training_draws_and_can_be_repeated(draw
     found = []
     for seed in (5, 5, 6):
         watch = Generations(2)
-        evolve(hall(6), OPTIONS, seed, watch, EvolutionSettings(population=4, draws=2))
+        evolution.evolve(hall(6), OPTIONS, seed, watch, evolution.EvolutionSettings(population=4, draws=2))
         found.append(watch)
     first, again, other = found
     assert first.policies == again.policies and first.steps == again.steps and first.policies != other.policies
-    assert first.policies[0] == Evolved(**{name: one.start for name, one in SEARCHED.items()})
+    assert first.policies[0] == Evolved(**{name: one.start for name, one in evolution.SEARCHED.items()})
     assert all(seed + runs <= HELD_OUT_SEED for seed, runs in draws)
     assert len({seed for seed, _ in draws[:8]}) == 2  # one set of draws a generation
     assert first.steps[0] == 0 < first.steps[1] < first.steps[2]
@@ -98,23 +98,24 @@ def test_a_search_begins_at_follow_takes_training_draws_and_can_be_repeated(draw
 def test_a_search_finds_what_is_asked_for(monkeypatch):
     """With a made-up cost: the nearer to a spacing of 0.9 m the better."""
 
+    (episode,) = run_episodes(hall(1), 1)
+
     def made_up(place, runs, *, seed, driver):
-        (episode,) = run_episodes(hall(1), 1)
         last = 10.0 + (driver.policy.spacing - 0.9) ** 2
         return [episode._replace(metrics=episode.metrics._replace(evacuation_time=last))]
 
     monkeypatch.setattr(evolution, "run_episodes", made_up)
     watch = Generations(40)
-    evolve(hall(1), OPTIONS, 0, watch)
+    evolution.evolve(hall(1), OPTIONS, 0, watch)
     assert watch.policies[-1].spacing == pytest.approx(0.9, abs=0.05)
 
 
 def test_who_does_not_get_out_counts_until_the_limit_and_decides_until_the_end():
     (episode,) = run_episodes(hall(3), 1)
-    assert clearing_times([episode])[0] == episode.metrics.evacuation_time
+    assert evolution.clearing_times([episode])[0] == episode.metrics.evacuation_time
     out = np.array([1.0, 2.05, np.nan])
     stuck = episode._replace(
         exit_time=out, end=5.0, time_limit=60.0, metrics=episode.metrics._replace(evacuation_time=np.nan)
     )
-    assert clearing_times([stuck])[0] == 60.0
-    assert decisions(stuck, 0.1) == 10 + 21 + 50
+    assert evolution.clearing_times([stuck])[0] == 60.0
+    assert evolution.decisions(stuck, 0.1) == 10 + 21 + 50

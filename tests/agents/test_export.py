@@ -102,6 +102,7 @@ def test_the_file_says_what_goes_in_and_what_comes_out(tmp_path):
     assert (tmp_path / "net.onnx").stat().st_size == told["bytes"]
 
 
+@pytest.mark.more
 def test_exporting_needs_no_torch(tmp_path):
     pytest.importorskip("onnx", reason="the test writes ONNX files: pip install onnx")
     import subprocess

@@ -20,6 +20,7 @@ def small(monkeypatch):
     monkeypatch.setitem(TASKS, "small", SMALL)
 
 
+@pytest.mark.more
 @looped("name", TASKS)
 def test_every_variation_of_a_task_can_be_drawn_and_is_another_place(name):
     task = TASKS[name]
@@ -48,6 +49,7 @@ def test_variations_change_no_task():
     assert TASKS["narrow-door"].digest() == TASKS["narrow-door"].frozen
 
 
+@pytest.mark.more
 def test_rows_carry_the_variation_and_the_first_are_those_of_the_task(small):
     code, out, _ = call(
         "--task", "small", "--policies", "rule", "follow", "headway", "--robustness", "--runs", 2, "--json"
@@ -69,6 +71,7 @@ def test_rows_carry_the_variation_and_the_first_are_those_of_the_task(small):
         assert row == {**expected, "variation": "task"}
 
 
+@pytest.mark.more
 def test_an_interrupted_one_goes_on_in_its_folder_and_says_what_it_left_out(small, tmp_path):
     asked = ("--task", "small", "--policies", "rule", "headway", "--robustness", "--runs", 2, "--out", tmp_path)
     code, out, _ = call(*asked)

@@ -102,6 +102,7 @@ def test_there_is_a_card_beside_every_network_and_no_other_file():
     assert files == {path.with_suffix(suffix) for path in PRETRAINED.values() for suffix in (".safetensors", ".json")}
 
 
+@pytest.mark.more
 def test_shipped_names_stand_beside_those_of_rules(tmp_path, monkeypatch):
     path = tmp_path / "room/mine.safetensors"
     policy().save(path)
@@ -196,6 +197,7 @@ def test_what_cannot_be_shipped_is_refused_in_one_sentence(run, folder, name, ha
     assert not folder.exists()
 
 
+@pytest.mark.more
 def test_a_run_of_train_py_can_be_shipped(tmp_path, folder, monkeypatch):
     pytest.importorskip("stable_baselines3")
     from crowd_env.agents.evaluation import trained_run

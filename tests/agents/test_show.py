@@ -9,6 +9,7 @@ PIL_Image = pytest.importorskip("PIL.Image")
 SMALL = "--film-width 320 --film-fps 1"
 
 
+@pytest.mark.more
 def test_by_default_the_rule_blocks_the_door_and_the_learned_crowd_walks_out(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("crowd_env.rendering.libraries.film_suffix", lambda: ".gif")

@@ -35,6 +35,7 @@ def without_times(result):
     return {name: value for name, value in result.row().items() if "second" not in name}
 
 
+@pytest.mark.more
 def test_results_do_not_depend_on_who_simulates(tmp_path):
     names = ("shortest", "random", "rule-best-speed")  # the second draws numbers, the third looks for its best constant
     entries, executor = make_entries(names, SMALL), Elsewhere()

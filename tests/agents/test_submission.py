@@ -52,6 +52,7 @@ def files(tmp_path_factory):
     return folder / "out/small/follow.json", folder / "out/small/mine.json", folder / "mine.safetensors"
 
 
+@pytest.mark.more
 def test_a_file_holds_every_run_of_a_policy_beside_the_rule(files):
     rule, mine, network = files
     content = read_submission(rule)

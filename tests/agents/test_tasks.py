@@ -110,6 +110,7 @@ def test_everyone_walks_along_the_ways_of_the_rule_and_decides_as_often_as_the_t
     assert strategies == {"rule": "fastest", "fastest": "fastest", "follow": "fastest", "shortest": "shortest"}
 
 
+@pytest.mark.more
 def test_learned_networks_walk_and_route_under_the_steps_of_a_task(tmp_path):
     task = replace(TASKS["two-exit-hall"], dt=0.005, decision_dt=0.2)
     place, options = task.place(6), {"grid": (2, 1), "interval": 1.0}

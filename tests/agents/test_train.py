@@ -9,26 +9,25 @@ import gymnasium
 import numpy as np
 import pytest
 from cases import looped
-
-pytest.importorskip("stable_baselines3")
-
+from late import late
 from repository import ROOT
-from stable_baselines3 import PPO
-from stable_baselines3.common.logger import Logger
 from training_runs import call, checkpoint, curve, tiny
 
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
 from crowd_env.agents import make_policy
 from crowd_env.agents.evaluation.comparison import last_times, minus_first
 from crowd_env.agents.evaluation.evaluation import evaluate
-from crowd_env.agents.learned.rate import FallingRate
-from crowd_env.agents.learned.training import CURVE_COLUMNS, Keeper, TrainingCallback, saturation
 from crowd_env.agents.networks import read_network
 from crowd_env.agents.tasks import PRESETS, TASKS
 from crowd_env.agents.training_config import make_env
 from crowd_env.cli.agents import learn
 from crowd_env.envs.action import make_action
-from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
+
+PPO = late("stable_baselines3", "PPO")
+Logger = late("stable_baselines3.common.logger", "Logger")
+FallingRate = late("crowd_env.agents.learned.rate", "FallingRate")
+training = late("crowd_env.agents.learned.training")
+CrowdVecEnv, MaskedRolloutBuffer = late("crowd_env.envs.adapters.sb3", "CrowdVecEnv", "MaskedRolloutBuffer")
 
 # ------------------------------------------------------------------------------------------------------ the whole job
 
@@ -84,11 +83,12 @@ def test_the_results_compare_all_policies_on_the_same_held_out_draws(job):
 
 def test_the_learning_curve_has_a_row_before_and_after(job):
     rows = curve(job[0] / "tiny")
-    assert tuple(rows[0]) == CURVE_COLUMNS
+    assert tuple(rows[0]) == training.CURVE_COLUMNS
     assert rows[0]["steps"] == 0 and rows[-1]["steps"] >= 3000
     assert (np.diff([row["steps"] for row in rows]) > 0).all()
 
 
+@pytest.mark.more
 def test_the_learning_curve_says_how_sure_it_is(job):
     row = curve(job[0] / "tiny")[0]
     best = make_policy(str(job[0] / "tiny" / "best.safetensors"))
@@ -99,6 +99,7 @@ def test_the_learning_curve_says_how_sure_it_is(job):
     assert row["standard_error"] == pytest.approx(times.std(ddof=1) / np.sqrt(500), rel=0.5)
 
 
+@pytest.mark.more
 def test_the_same_name_twice_overwrites_nothing(job, monkeypatch):
     root, _ = job
     monkeypatch.setitem(learn.BACKENDS, "native", lambda *args: False)  # as if interrupted at once
@@ -115,6 +116,7 @@ def test_the_physics_step_is_that_of_the_scheme(scheme):
     assert learn.default_config("room-v0", scheme, 0, 2, 100, 1.0, dt=0.005)["dt"] == 0.005
 
 
+@pytest.mark.more
 @looped(("asked", "dt"), [(("--physics", "dem", "--set", "dt=0.005"), 0.005), (("--physics", "hertz"), 0.001)])
 def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monkeypatch, asked, dt):
     seen, init = set(), Simulation.__init__
@@ -139,6 +141,7 @@ def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monke
     assert seen == {dt}
 
 
+@pytest.mark.more
 def test_the_reward_of_the_curve_is_the_mean_return_of_all_episodes(tmp_path, monkeypatch):
     returns, step = [], CrowdVecEnv.step_wait
 
@@ -155,6 +158,7 @@ def test_the_reward_of_the_curve_is_the_mean_return_of_all_episodes(tmp_path, mo
     assert rows[-1]["reward"] == pytest.approx(np.mean(returns))
 
 
+@pytest.mark.more
 def test_the_log_says_how_far_actions_run_into_their_bounds(tmp_path, monkeypatch):
     """Against the actions that were drawn for people inside, and clipped for the environment."""
     logged, drawn, record, add = [], [], Logger.record, MaskedRolloutBuffer.add
@@ -183,9 +187,10 @@ def test_the_log_says_how_far_actions_run_into_their_bounds(tmp_path, monkeypatc
 
 
 def test_choices_have_no_bounds_to_run_into():
-    assert saturation(None, gymnasium.spaces.Discrete(5)) == {}
+    assert training.saturation(None, gymnasium.spaces.Discrete(5)) == {}
 
 
+@pytest.mark.more
 def test_a_finished_run_can_be_judged_again(job):
     root, _ = job
     before = (root / "tiny" / "learning_curve.csv").read_bytes()
@@ -195,6 +200,7 @@ def test_a_finished_run_can_be_judged_again(job):
     assert json.loads((root / "tiny" / "results.json").read_text())["rows"][0]["runs"] == 1
 
 
+@pytest.mark.more
 def test_training_stops_when_its_time_is_up(tmp_path):
     folder = tmp_path / "run"
     config = tiny(folder, minutes=0.02, steps=10**9, eval_every=10**9)
@@ -204,12 +210,14 @@ def test_training_stops_when_its_time_is_up(tmp_path):
     assert 0 < curve(folder)[-1]["steps"] < 10**9
 
 
+@pytest.mark.more
 def test_no_point_of_the_curve_is_measured_twice(tmp_path):
     folder = tmp_path / "run"
     assert learn.train(folder, tiny(folder, eval_every=1280))  # a point at every rollout, and one at the end
     assert [row["steps"] for row in curve(folder)] == [0, 1280, 2560, 3840, 5120]
 
 
+@pytest.mark.more
 def test_the_same_seed_trains_the_same_policy(tmp_path):
     for name in ("one", "two"):
         learn.train(tmp_path / name, tiny(tmp_path / name))
@@ -261,6 +269,7 @@ def test_a_mistake_is_answered_plainly_before_anything_is_written(tmp_path, args
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.more
 def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monkeypatch):
     """Trained with other people and another physics step than it is judged with."""
     seen, init = [], Simulation.__init__
@@ -291,6 +300,7 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
     assert "literal-room, version 1" in result.stdout
 
 
+@pytest.mark.more
 @looped("task", PRESETS)
 def test_presets_train_in_the_place_of_their_task(task):
     config = learn.task_config(task)
@@ -308,6 +318,7 @@ def test_a_place_that_cannot_hold_folders_is_named(tmp_path):
     assert result.exit_code == 2 and "cannot make the folder" in result.stderr and "Traceback" not in result.stderr
 
 
+@pytest.mark.more
 @looped("library", ["stable_baselines3", "torch", "matplotlib"])
 def test_a_library_that_is_missing_is_named_before_anything_is_written(tmp_path, library):
     program = f"import sys; sys.modules['{library}'] = None; sys.argv[1:] = ['--out', {str(tmp_path / 'runs/one')!r}]; "
@@ -338,6 +349,7 @@ def test_the_learning_rate_never_falls_below_zero_and_follows_the_larger_spent_s
     assert rate(0.9) == 0.0
 
 
+@pytest.mark.more
 def test_the_learning_rate_falls_with_the_time_where_that_runs_out_first(tmp_path, monkeypatch):
     rates, update, steps = [], PPO._update_learning_rate, [0]
 
@@ -346,9 +358,9 @@ def test_the_learning_rate_falls_with_the_time_where_that_runs_out_first(tmp_pat
         rates.append(optimizers.param_groups[0]["lr"])
 
     monkeypatch.setattr(PPO, "_update_learning_rate", watched)
-    monkeypatch.setattr(Keeper, "seconds", property(lambda self: steps[-1] / 100.0))
+    monkeypatch.setattr(training.Keeper, "seconds", property(lambda self: steps[-1] / 100.0))
     monkeypatch.setattr(
-        TrainingCallback, "_on_step", lambda self: steps.append(self.num_timesteps) or steps[-1] <= 6000
+        training.TrainingCallback, "_on_step", lambda self: steps.append(self.num_timesteps) or steps[-1] <= 6000
     )
     folder = tmp_path / "run"
     config = tiny(folder, steps=10**6, minutes=1.0, eval_every=10**9)  # 60 s are over after 6000 of the steps

@@ -13,10 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cases import looped
-
-pytest.importorskip("stable_baselines3")
-
-import torch
+from late import late
 from repository import ROOT
 from training_runs import call, checkpoint, curve, tiny
 
@@ -25,7 +22,10 @@ from crowd_env.agents import make_policy
 from crowd_env.cli.agents import learn
 from crowd_env.core.files.json_file import write_json
 
+torch = late("torch")
 
+
+@pytest.mark.more
 def test_training_goes_on_from_the_checkpoint_with_other_draws(tmp_path, monkeypatch):
     folder = tmp_path / "run"
     config = tiny(folder)

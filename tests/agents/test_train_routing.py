@@ -4,15 +4,14 @@ import json
 
 import numpy as np
 import pytest
-
-pytest.importorskip("stable_baselines3")
-
+from late import late
 from training_runs import call, curve
 
-from crowd_env.agents.learned import PPOSettings, make_ppo
 from crowd_env.agents.trained import LearnedController
 from crowd_env.agents.training_config import ROUTING_PPO, default_config, make_env, task_config
 from crowd_env.cli.agents import learn
+
+PPOSettings, make_ppo = late("crowd_env.agents.learned", "PPOSettings", "make_ppo")
 
 ROUTING = {"interval": 2.0, "grid": [4, 2]}
 

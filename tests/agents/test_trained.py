@@ -273,6 +273,7 @@ def test_the_numbers_act_as_the_model_does(action, tmp_path):
         assert 0.05 < (np.abs(found) == 1.0).mean() < 0.95
 
 
+@pytest.mark.more
 def test_acting_needs_no_torch(tmp_path):
     import subprocess
 

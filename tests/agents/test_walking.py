@@ -226,6 +226,7 @@ def test_the_best_share_is_the_one_after_which_slower_takes_longer(monkeypatch):
     assert tried == [1.0, 0.9, 0.8, 0.7, 0.6]
 
 
+@pytest.mark.more
 def test_the_command_takes_the_rules_by_name_and_tells_their_constants(small):
     names = ["rule-best-speed", "density-cap", "headway", "follow", "zipper"]
     assert set(names) <= set(POLICIES)

@@ -4,6 +4,7 @@ import errno
 import subprocess
 import sys
 
+import pytest
 from cases import looped
 from commands import call
 
@@ -22,6 +23,7 @@ with claimed(Path(sys.argv[1])) as ours:
 """
 
 
+@pytest.mark.more
 def test_a_claim_falls_with_a_process_that_is_killed(tmp_path):
     lock = tmp_path / "out" / ".lock"
     with subprocess.Popen([sys.executable, "-c", HOLDS, str(lock)], stdout=subprocess.PIPE, text=True) as other:

@@ -71,6 +71,7 @@ def test_without_a_finished_run_there_are_no_figures(monkeypatch):
         assert result.stderr == "interrupted: 0 of 2 runs were finished\n"
 
 
+@pytest.mark.more
 def test_reproduce_keeps_its_runs_and_the_figures_before(stop_after, tmp_path):
     stop_after(8)
     result = call(f"reproduce pecol --runs 2 --set people=5 --workers 1 --out {tmp_path}")

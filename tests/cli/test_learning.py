@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import pytest
 from cases import looped
 from commands import call
 from repository import ROOT
@@ -29,6 +30,7 @@ def test_a_mistake_is_told_as_everywhere():
     assert result.exit_code == 2 and "'no-such-task'; known: " in result.stderr
 
 
+@pytest.mark.more
 def test_other_commands_do_not_load_them():
     program = "import sys; from crowd_env.cli.main import app; app(['schema'], standalone_mode=False); "
     program += "print([name for name in sys.modules if name.startswith('crowd_env.agents')], file=sys.stderr)"

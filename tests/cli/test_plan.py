@@ -2,15 +2,17 @@
 
 import sys
 
-import matplotlib.image
 import numpy as np
 import pytest
 import shapely
 from cases import looped
 from commands import call, figures
+from late import late
 from shapely.geometry import box
 
 from crowd_env.scenarios import SCENARIOS
+
+image = late("matplotlib.image")
 
 FOYER = "examples/foyer.wkt"
 DOOR = "--exit 14,4.5,14,6"
@@ -69,6 +71,7 @@ def test_it_answers_for_the_people_of_the_run(tmp_path):
         assert result.exit_code == 2 and words in result.stderr and result.stderr.count("\n") == 1
 
 
+@pytest.mark.more
 def test_a_plan_without_exits_is_drawn_so_that_they_can_be_read_off(tmp_path):
     head = of(FOYER, tmp_path / "foyer.png")
     assert head["exits"] == [] and head["not_reached"] == []
@@ -76,6 +79,7 @@ def test_a_plan_without_exits_is_drawn_so_that_they_can_be_read_off(tmp_path):
     assert call(f"run {FOYER}").exit_code == 2  # to run, it needs one
 
 
+@pytest.mark.more
 def test_what_no_exit_reaches_is_told_with_its_area_and_place(tmp_path):
     shaft = written(tmp_path / "shaft.wkt", shapely.union_all([box(0, 0, 6, 4), box(8, 1, 10, 3)]))
     head = of(f"{shaft} --exit 6,1,6,2", tmp_path / "shaft.png")
@@ -88,6 +92,7 @@ def test_what_no_exit_reaches_is_told_with_its_area_and_place(tmp_path):
     assert part["area"] == pytest.approx(1.9 * 4, rel=0.05) and 4.1 < part["at"][0] < 6
 
 
+@pytest.mark.more
 @looped(
     ("exit", "words"),
     [
@@ -133,7 +138,7 @@ def test_several_make_a_sheet_and_the_picture_grows_with_them(tmp_path):
     told = call(f"plan {' '.join(SCENARIOS)} {FOYER} --out {sheet}")
     assert told.exit_code == 0, told.stderr
     assert all(name in told.stdout for name in SCENARIOS)
-    height, width = matplotlib.image.imread(sheet).shape[:2]
+    height, width = image.imread(sheet).shape[:2]
     assert height > 1.5 * width
 
 

@@ -45,6 +45,7 @@ def test_clogging_reads_the_exits(whole):
     assert (told["name"], told["runs"], told["exits"]) == (whole.name, 4, 24)
 
 
+@pytest.mark.more
 def test_an_interrupted_command_goes_on_where_it_was(whole, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
 
@@ -70,6 +71,7 @@ def test_an_interrupted_command_goes_on_where_it_was(whole, tmp_path, monkeypatc
     assert (tmp_path / "summary.json").read_text() == (whole / "summary.json").read_text()
 
 
+@pytest.mark.more
 def test_what_is_whole_is_computed_again_only_to_be_recorded(whole, monkeypatch):
     made = []
     monkeypatch.setattr(
@@ -96,6 +98,7 @@ def test_a_mistake_makes_no_folder(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.more
 def test_an_error_loses_no_run_that_was_finished(monkeypatch, tmp_path):
     def fails(*_, only, keep=None, **options):
         found = run_episodes(*_, only=only[:2], keep=keep, **options)

@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 from client_examples import client_example
+from late import Late, late
 
-example = client_example("cleanrl", "torch")
+from crowd_env import CrowdEnv
 
-import torch  # noqa: E402
+torch = late("torch")
+example = Late(lambda: client_example("cleanrl", "torch"))
 
-from crowd_env import CrowdEnv  # noqa: E402
 
-SETTINGS = example.Settings(rooms=3, rollout=64)
+def settings():
+    return example.Settings(rooms=3, rollout=64)
 
 
 @pytest.fixture(autouse=True)
@@ -22,14 +24,14 @@ def small(monkeypatch):
 def rollout(value=None):
     """Return a new agent and its first rollout; with a ``value`` its critic says that number of every state."""
     torch.manual_seed(0)
-    env = CrowdEnv(**example.ROOM, num_envs=SETTINGS.rooms, autoreset=True)
+    env = CrowdEnv(**example.ROOM, num_envs=settings().rooms, autoreset=True)
     agent = example.Agent(env)
     if value is not None:
         with torch.no_grad():
             agent.critic[-1].weight.zero_()
             agent.critic[-1].bias.fill_(value)
     observation, _ = env.reset(seed=0)
-    return agent, example.collect(env, agent, observation, SETTINGS)[0]
+    return agent, example.collect(env, agent, observation, settings())[0]
 
 
 def parameters(agent):
@@ -75,7 +77,7 @@ def test_an_update_takes_the_samples_of_those_inside():
     agent, walked = rollout()
     before = parameters(agent)
     optimizer = torch.optim.Adam(agent.parameters(), lr=1e-3)
-    assert example.update(agent, optimizer, walked, SETTINGS) == walked.acted.sum() < walked.acted.size
+    assert example.update(agent, optimizer, walked, settings()) == walked.acted.sum() < walked.acted.size
     assert np.isfinite(parameters(agent)).all() and not np.array_equal(parameters(agent), before)
 
 
@@ -87,11 +89,12 @@ def test_what_those_who_are_out_would_have_said_changes_nothing():
         walked.observation[out] += noise
         walked.log_prob[out] -= noise
         torch.manual_seed(1)
-        example.update(agent, torch.optim.Adam(agent.parameters(), lr=1e-3), walked, SETTINGS)
+        example.update(agent, torch.optim.Adam(agent.parameters(), lr=1e-3), walked, settings())
         results.append(parameters(agent))
     np.testing.assert_array_equal(*results)
 
 
+@pytest.mark.more
 def test_the_same_seed_learns_the_same(capsys):
     first, same, other = (parameters(example.main(steps=1, seed=seed)) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first, same)

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 from client_examples import client_example
+from late import Late, late
 
-example = client_example("sb3", "torch", "stable_baselines3")
+from crowd_env import CrowdEnv
 
-from stable_baselines3 import DQN  # noqa: E402
-from stable_baselines3.common.callbacks import BaseCallback  # noqa: E402
-
-from crowd_env import CrowdEnv  # noqa: E402
-from crowd_env.envs.adapters.sb3 import CrowdVecEnv  # noqa: E402
+DQN = late("stable_baselines3", "DQN")
+BaseCallback = late("stable_baselines3.common.callbacks", "BaseCallback")
+CrowdVecEnv = late("crowd_env.envs.adapters.sb3", "CrowdVecEnv")
+example = Late(lambda: client_example("sb3", "torch", "stable_baselines3"))
 
 
 @pytest.fixture(autouse=True)
@@ -19,21 +19,24 @@ def small(monkeypatch):
     monkeypatch.setitem(example.ROOM, "time_limit", 6.0)
 
 
-class Watch(BaseCallback):
-    """Counts who was inside, and what was said of those whose room has ended."""
+def make_watch():
+    """Return a callback that counts who was inside, and keeps what was said of those whose room has ended."""
 
-    def __init__(self):
-        super().__init__()
-        self.inside, self.told = [], []
+    class Watch(BaseCallback):
+        def __init__(self):
+            super().__init__()
+            self.inside, self.told = [], []
 
-    def _on_step(self):
-        self.inside.append(int(self.training_env.venv.acted.sum()))
-        self.told += [info for info in self.locals["infos"] if "episode" in info]
-        return True
+        def _on_step(self):
+            self.inside.append(int(self.training_env.venv.acted.sum()))
+            self.told += [info for info in self.locals["infos"] if "episode" in info]
+            return True
+
+    return Watch()
 
 
 def learned(seed, steps=64 * 2 * 6 * 2):
-    model, watch = example.make_model(rooms=2, seed=seed), Watch()
+    model, watch = example.make_model(rooms=2, seed=seed), make_watch()
     return model.learn(steps, callback=watch), watch
 
 
@@ -58,6 +61,7 @@ def test_everyone_has_one_end_of_each_episode():
     assert len({info["steps_inside"] for info in watch.told[:6]}) > 2  # and yet each got out in a step of its own
 
 
+@pytest.mark.more
 def test_the_same_seed_learns_the_same():
     first = parameters(learned(seed=1)[0])
     np.testing.assert_array_equal(first, parameters(learned(seed=1)[0]))

@@ -109,6 +109,7 @@ def test_environments_of_different_places_and_sizes_are_the_same_alone_and_side_
     assert play(env, [1, 1, 2]) == [play(CrowdEnv(places[k]), [seed])[0] for k, seed in ((0, 1), (1, 1), (0, 2))]
 
 
+@pytest.mark.more
 def test_another_process_gets_the_same_bytes():
     code = "from test_env import alone; print(alone(3))"
     where = {"PYTHONPATH": os.pathsep.join(str(path) for path in (Path(__file__).parent, ROOT / "tests", ROOT))}

@@ -102,6 +102,7 @@ def test_it_is_registered():
     np.testing.assert_array_equal(env.reset(seed=0)[0], CrowdGymEnv("room-v0", people=4).reset(seed=0)[0])
 
 
+@pytest.mark.more
 def test_gymnasium_finds_it_by_itself_from_the_name_of_the_package():
     code = "import gymnasium; print(gymnasium.make('crowd_env:crowd_env/room-v0').reset(seed=0)[0].shape)"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)

@@ -41,6 +41,7 @@ def walked(env, steps=30, **reset):
     return env.simulation.state.position.copy()
 
 
+@pytest.mark.more
 @through_every_door
 def test_every_door_takes_a_manner(make):
     assert make().simulation.manner is None

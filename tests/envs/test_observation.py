@@ -43,8 +43,9 @@ def axes(env, observation):
 
 
 def turned(vectors, axis):
-    """Return the components along and to the left of the axis, by complex division."""
-    z = (vectors[..., 0] + 1j * vectors[..., 1]) / (axis[..., 0] + 1j * axis[..., 1])
+    """Return the components along and to the left of the axis, by complex division; nan for those outside, who have none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = (vectors[..., 0] + 1j * vectors[..., 1]) / (axis[..., 0] + 1j * axis[..., 1])
     return np.stack([z.real, z.imag], axis=-1)
 
 

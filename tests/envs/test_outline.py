@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import gymnasium
 import numpy as np
+import pytest
 from cases import looped
 from refusals import refuses
 from shapely.geometry import box
@@ -37,6 +38,7 @@ DOORS = {
 }
 
 
+@pytest.mark.more
 @looped("make", DOORS.values(), ids=DOORS)
 def test_every_door_takes_an_outline(make):
     assert make(physics="hertz").simulation.outline is None

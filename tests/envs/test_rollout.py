@@ -122,6 +122,7 @@ def test_a_film_has_every_moment_of_the_evacuation_of_its_seed():
     assert film.end == episode.metrics.evacuation_time
 
 
+@pytest.mark.more
 def test_an_executor_makes_the_same_evacuations():
     expected, counts = run_episodes(room(), 7, scheme="dem", seed=2, recorder=Counts()), []
     found = run_episodes(

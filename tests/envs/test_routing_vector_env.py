@@ -50,6 +50,7 @@ def test_episodes_go_on_after_a_restart_with_other_draws():
     assert not np.array_equal(env.batch.env.simulation.state.position, first)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 @pytest.mark.parametrize(
     "make",

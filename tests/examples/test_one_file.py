@@ -1,7 +1,7 @@
 """`examples/one_file.py` computes what the package computes: steps, the first second, observations, rewards, exit times."""
 
 import ast
-from functools import partial
+from functools import cache, partial
 
 import numba
 import numpy as np
@@ -15,9 +15,14 @@ with pytest.MonkeyPatch.context() as patch:
     patch.setattr(numba, "njit", partial(numba.njit, cache=True))
     from examples import one_file
 
-ROOM = one_file.make_room(5.0, 0.82)  # that of `room-v0`
 SCHEMES = {one_file.DEM: DEM(), one_file.NSM1: NSM1(tolerance=1e-12, max_iterations=100_000)}
 LAWS = pytest.mark.parametrize("law", SCHEMES, ids=["dem", "nsm1"])
+
+
+@cache
+def square():
+    """Return the room of `room-v0` as the one file has it."""
+    return one_file.make_room(5.0, 0.82)
 
 
 def room(law, decision_dt=one_file.H, **options):
@@ -43,7 +48,7 @@ def test_single_steps_from_recorded_states(law):
             for _ in range(45):
                 env.step()
             crowd, state = copy_of(env.simulation), env.simulation.state
-            one_file.step(ROOM, crowd, np.ones(20), law, tolerance=1e-13)
+            one_file.step(square(), crowd, np.ones(20), law, tolerance=1e-13)
             env.step()
             touched += np.count_nonzero(crowd.impulse)
             inside = crowd.inside
@@ -60,7 +65,7 @@ def test_the_first_second_of_soft_discs():
         env.reset(seed=draw)
         crowd, state = copy_of(env.simulation), env.simulation.state
         for _ in range(100):
-            one_file.step(ROOM, crowd, np.ones(20), one_file.DEM)
+            one_file.step(square(), crowd, np.ones(20), one_file.DEM)
         for _ in range(10):
             env.step()
         np.testing.assert_array_equal(crowd.inside, state.active)
@@ -74,11 +79,11 @@ def test_what_people_see_and_are_paid():
     env, rng = room(one_file.DEM, decision_dt=0.1, observation=layout, reward=weights), np.random.default_rng(0)
     expected, _ = env.reset(seed=0)
     crowd, seen = copy_of(env.simulation), np.zeros((20, one_file.SEEN), np.float32)
-    to_go = one_file.look(ROOM, crowd, seen)
+    to_go = one_file.look(square(), crowd, seen)
     np.testing.assert_allclose(seen, expected, rtol=0, atol=1e-6)
     for _ in range(15):
         share = rng.choice(one_file.SPEEDS, 20)
-        to_go, reward = one_file.decide(ROOM, crowd, share, one_file.DEM, to_go, seen)
+        to_go, reward = one_file.decide(square(), crowd, share, one_file.DEM, to_go, seen)
         step = env.step(np.column_stack([share, np.zeros(20)]))
         inside = crowd.inside
         np.testing.assert_allclose(seen[inside], step.observation[inside], rtol=0, atol=1e-6)
@@ -96,9 +101,9 @@ def test_exit_times_have_the_same_distribution(law, draws=60):
     theirs = np.nan_to_num(env.simulation.state.exit_time.reshape(draws, 20), nan=60.0)
     ours = np.full((draws, 20), 60.0)
     for draw in range(draws):
-        crowd = one_file.draw_crowd(ROOM, 20, np.random.default_rng(draw))
+        crowd = one_file.draw_crowd(square(), 20, np.random.default_rng(draw))
         while crowd.inside.any() and crowd.clock[0] < 60.0:
-            one_file.step(ROOM, crowd, np.ones(20), law, tolerance=1e-2)
+            one_file.step(square(), crowd, np.ones(20), law, tolerance=1e-2)
         ours[draw, ~crowd.inside] = crowd.exit_time[~crowd.inside]
     for a, b in (
         (np.median(times, axis=1) for times in (ours, theirs)),
@@ -112,11 +117,11 @@ def test_exit_times_have_the_same_distribution(law, draws=60):
 @pytest.mark.more
 def test_a_few_rollouts_and_a_picture():
     pytest.importorskip("torch")
-    act = one_file.learn(ROOM, 6, seed=0, rollouts=2, rooms=2, decisions=8)
-    crowd = one_file.evacuate(ROOM, 6, 0, act, until=1.0)
+    act = one_file.learn(square(), 6, seed=0, rollouts=2, rooms=2, decisions=8)
+    crowd = one_file.evacuate(square(), 6, 0, act, until=1.0)
     assert crowd.clock[0] == pytest.approx(1.0)
     assert set(act(np.zeros((50, one_file.SEEN), np.float32), np.random.default_rng(0))) <= set(one_file.SPEEDS)
-    assert "".join(one_file.picture(ROOM, crowd)).count("o") == 6
+    assert "".join(one_file.picture(square(), crowd)).count("o") == 6
 
 
 @pytest.mark.nightly

@@ -46,7 +46,7 @@ def hidden(grid, boundary, g, here, there, door_open=()):
 
 @pytest.fixture(scope="module")
 def plans():
-    return [PARK, HALL, Geometry.from_polygon(box(-1e3, -1e3, 1e3, 1e3)), *(make() for make in PLANS.values())]
+    return [PARK, HALL, Geometry.from_polygon(box(-40, -40, 40, 40)), *(make() for make in PLANS.values())]
 
 
 @pytest.mark.more

@@ -269,7 +269,7 @@ def run_out(env, decisions):
 @pytest.mark.parametrize("name", [name for name in SCHEMES if name != "nsm2-printed"])
 def test_nobody_leaves_a_crowded_hall_but_by_the_door(name):
     small = {"radius": Uniform(0.1, 0.12), "mass": Uniform(30.0, 40.0)}
-    for people, density, door, options in ((600, 3.0, 1.2, {}), (500, 11.0, 0.8, small)):
+    for people, density, door, options in ((300, 3.0, 1.2, {}), (250, 11.0, 0.8, small)):
         dt = 0.001 if "hertz" in name else 0.005
         env = CrowdEnv(hall(people, density, door, **options), physics=Physics(name, dt=dt))
         env.reset(seed=3)

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from cases import looped
 from crowds import converging, crowd_in, half_plane, l_shape, plain
-from scipy.integrate import solve_ivp
+from late import late
 
 from crowd_env import DEM, SCHEMES, Hertz, Simulation, SocialForce, make_bodies, make_scheme, make_state
 from crowd_env.envs.metrics import flow_slope
 from crowd_env.scenarios import make_scenario
+
+solve_ivp = late("scipy.integrate", "solve_ivp")
 
 ELASTIC = Hertz(normal_damping=0.0, tangential_damping=0.0, friction=0.0, wall_friction=0.0)
 BARE = replace(Hertz(), social=None)

@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 from cases import looped
 from crowds import copied, people, scatter, tight, touches
-from scipy import sparse
+from late import late
 from shapely.geometry import box
 
 from crowd_env.core.arrays.state import make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import NSM1, NSM2, SCHEMES
 from crowd_env.physics.simulation.simulation import Simulation
+
+sparse = late("scipy.sparse")
 
 DT = 0.01
 SIDE = {20: 5.0, 100: 9.0, 1000: 24.0}
@@ -204,6 +206,7 @@ def test_velocities_in_a_jam_agree_with_an_interior_point_solver(problem, place,
     np.testing.assert_allclose(state.velocity[inside], expected[inside], rtol=0, atol=1e-6)
 
 
+@pytest.mark.more
 @looped("trial", ["spontaneous", "inertial"])
 def test_a_jam_of_1000_overlaps_by_less_than_a_fifth_of_a_millimeter_with_the_defaults(trial):
     side = SIDE[1000]

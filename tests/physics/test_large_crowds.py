@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cases import looped
 from crowds import every_scheme
-from scipy.spatial import cKDTree
+from late import late
 from shapely.geometry import box
 
 import crowd_env.physics.spatial_order
@@ -22,6 +22,8 @@ from crowd_env.physics.workspace import allocate_workspace
 from crowd_env.routing.fields.lookup import direction_at
 from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import Route
+
+cKDTree = late("scipy.spatial", "cKDTree")
 
 
 def crowd(name, count, *, density=None, environments=1, seed=0, **options):

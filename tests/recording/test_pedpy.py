@@ -6,25 +6,30 @@ PedPy is installed by `make test`.
 import numpy as np
 import pytest
 from cases import looped
+from late import late
 from recordings import two_doors
 
 from crowd_env import make_scenario
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.recording import RunRecorder, load
 
-pedpy = pytest.importorskip("pedpy")
+pedpy = late("pedpy")
 
-READERS = {
-    ".sqlite": (pedpy.load_trajectory_from_jupedsim_sqlite, pedpy.load_walkable_area_from_jupedsim_sqlite),
-    ".h5": (pedpy.load_trajectory_from_ped_data_archive_hdf5, pedpy.load_walkable_area_from_ped_data_archive_hdf5),
-}
-# Everybody has a speed in every frame, also in the first and the last.
-ONE_SIDED = pedpy.SpeedCalculation.BORDER_SINGLE_SIDED
+
+READERS = {".sqlite": "jupedsim_sqlite", ".h5": "ped_data_archive_hdf5"}
+
+
+def speeds(trajectory, frame_step):
+    """Return everybody's speed in every frame, also in the first and the last."""
+    sides = pedpy.SpeedCalculation.BORDER_SINGLE_SIDED
+    return pedpy.compute_individual_speed(traj_data=trajectory, frame_step=frame_step, speed_calculation=sides)
 
 
 def opened(path):
     """Return what PedPy reads of a recording."""
-    trajectory, area = READERS[path.suffix]
+    trajectory, area = (
+        getattr(pedpy, f"load_{what}_from_{READERS[path.suffix]}") for what in ("trajectory", "walkable_area")
+    )
     return trajectory(trajectory_file=path), area(trajectory_file=path)
 
 
@@ -83,7 +88,7 @@ def test_the_flow_is_the_one_of_our_report(door):
     episode, kept, trajectory, _ = door
     ((_, line),) = kept.exits
     n_t, crossings = pedpy.compute_n_t(traj_data=trajectory, measurement_line=pedpy.MeasurementLine(line))
-    speed = pedpy.compute_individual_speed(traj_data=trajectory, frame_step=5, speed_calculation=ONE_SIDED)
+    speed = speeds(trajectory, 5)
     options = {"nt": n_t, "crossing_frames": crossings, "individual_speed": speed, "frame_rate": 10.0}
     flow = pedpy.compute_flow(**options, delta_frame=20)
     times = np.sort(episode.exit_time)
@@ -111,7 +116,7 @@ def test_the_speed_is_the_one_that_people_have(tmp_path):
     scenario = make_scenario("room-v0", people=4, door_width=1.2, side=10.0)
     (episode,) = run_episodes(scenario, 1, seed=4, recorder=RunRecorder(tmp_path / "run.h5"))
     kept, (trajectory, _) = load(episode.record), opened(episode.record)
-    found = pedpy.compute_individual_speed(traj_data=trajectory, frame_step=1, speed_calculation=ONE_SIDED)
+    found = speeds(trajectory, 1)
     speed = found.sort_values(["frame", "id"]).speed.to_numpy()
     inside = ~kept.beyond & (kept.frame > 20)
     ours = np.hypot(*kept.velocity.T)[inside]

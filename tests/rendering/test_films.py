@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from cases import looped
 from drawn_rooms import recording
+from late import late
 from recordings import two_doors
 
 from crowd_env.recording import record
@@ -22,9 +23,10 @@ from crowd_env.rendering.curves import EgressStrip
 from crowd_env.rendering.encoding import write_gif
 from crowd_env.rendering.palette import BACKGROUND, EXIT_MAT, FLOOR, WALL, group_color
 
+matplotlib = late("matplotlib")
+
 PIL_Image = pytest.importorskip("PIL.Image")
 imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
-matplotlib = pytest.importorskip("matplotlib")
 
 # ---------------------------------------------------------------------------------------------------------- recordings
 

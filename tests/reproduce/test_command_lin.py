@@ -29,6 +29,7 @@ def test_json_files_and_figure(folder, computed):
         assert computed and {seed for _, seed in computed} == ({2} if name == "lin-fig6" else {2, 3, 4, 5}), name
 
 
+@pytest.mark.more
 def test_all_figures_are_made_and_fresh_runs_are_made_once(folder, monkeypatch, computed, undrawn):
     object = reported("lin --runs 2 --workers 1")
     assert list(dict.fromkeys(row["of"] for row in object["rows"])) == list(LIN)
@@ -44,6 +45,7 @@ def test_all_figures_are_made_and_fresh_runs_are_made_once(folder, monkeypatch, 
     assert len(again) == len(set(again)) > 50  # what figures share is computed once
 
 
+@pytest.mark.more
 def test_table_is_readable_and_fits(folder, computed, undrawn):
     result = call("lin --runs 4 --workers 1 --set no_rotation=true --set preset=literal")
     assert result.exit_code == 0, result.output
@@ -79,6 +81,7 @@ def test_nobody_out_is_drawn_too(folder, monkeypatch):
     assert times and all(row["here"] is None for row in times)
 
 
+@pytest.mark.more
 def test_settings_that_differ_are_reported(folder, computed, undrawn):
     changed = {
         "preset": "literal", "dt": 0.002, "wall_friction": 0.2, "wall_social": 50.0, "anisotropy": 0.2, "no_rotation": True,

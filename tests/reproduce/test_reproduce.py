@@ -107,6 +107,7 @@ def test_figure_1_recoil_converges_to_the_closed_form():
         assert speed == pytest.approx(fig1.SPEED, abs=2 * fig1.SPEED * dt / 0.4)
 
 
+@pytest.mark.more
 def test_figure_1_rows_are_close_to_their_closed_forms(results):
     rows = results("fig1").rows
     assert sum(row.quantity.startswith("recoil") for row in rows) == 2 * len(fig1.TAUS)

@@ -66,6 +66,7 @@ def test_every_reading_reaches_the_run():
     assert settings.changed() == given
 
 
+@pytest.mark.more
 def test_a_blocked_run_has_no_clearance_time(tmp_path):
     case = LinSettings(1).case(6, 1.0)
     (whole,) = run(case, tmp_path)
@@ -84,12 +85,14 @@ def test_a_blocked_run_has_no_clearance_time(tmp_path):
             assert found.blocked_since == [0.0 if out == 0 else exits[out - 1]], patience
 
 
+@pytest.mark.more
 def test_a_run_at_the_end_of_its_time_is_neither_cleared_nor_blocked(tmp_path):
     case = LinSettings(1).case(6, 1.0)
     found = Sample(case, run(replace(case, place=replace(case.place, time_limit=1.0)), tmp_path))
     assert (found.blocked, found.median, found.count_blocked()) == (0, None, "none of 1 blocked, 1 unfinished")
 
 
+@pytest.mark.more
 def test_moments_of_figure_6_show_everybody_inside(tmp_path, monkeypatch):
     monkeypatch.setattr(room, "MOMENTS", (0.0, 1.2, 4.0, 60.0))
     case = LinSettings(1).case(6, 1.0)
@@ -122,6 +125,7 @@ def batches(monkeypatch):
     return seeds
 
 
+@pytest.mark.more
 def test_a_run_is_computed_once_and_read_back_to_the_last_bit(uninterrupted, tmp_path, batches):
     counts = []
     assert same(evacuate(small(), Store(tmp_path), Serial(), progress=counts.append), uninterrupted)
@@ -133,6 +137,7 @@ def test_a_run_is_computed_once_and_read_back_to_the_last_bit(uninterrupted, tmp
     assert sum(map(len, batches)) == 10
 
 
+@pytest.mark.more
 def test_interrupted_and_resumed_is_uninterrupted(uninterrupted, tmp_path, monkeypatch, batches):
     with monkeypatch.context() as patch:
         patch.setattr(evacuations, "_MANY", 1)  # one run at a time
@@ -175,6 +180,7 @@ def test_another_case_is_another_file():
         names.add(case.name(0))
 
 
+@pytest.mark.more
 def test_a_change_of_the_physics_never_serves_old_runs(tmp_path, monkeypatch, batches):
     run(LinSettings(1).case(6, 1.0), tmp_path)
     monkeypatch.setattr(jit, "STAMP", "0123456789abcdef")

@@ -71,6 +71,7 @@ def test_the_implied_split_follows_from_the_printed_means():
         assert (by_a * a + by_b * b) / 101 == pytest.approx(everyone, abs=0.06)
 
 
+@pytest.mark.more
 def test_table_7_stands_beside_the_paper_and_says_what_rules_change(scripted, folder):
     object = reported("table7 --runs 4")
     rows = {row["quantity"]: row for row in object["rows"]}
@@ -111,6 +112,7 @@ def test_a_hundred_runs_are_the_default(scripted, folder):
     assert PAPERS["pecol"].settings_of("table5", {}).runs == 50
 
 
+@pytest.mark.more
 def test_both_rest_on_the_same_draws_which_are_those_of_the_run_command(tmp_path):
     settings, counts = PecolSettings(runs=1, seed=3), []
     cases = table7.table7_cases(settings)

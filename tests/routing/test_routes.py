@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import shapely
 from cases import looped
+from late import late
 from navigation_plans import RADIUS, exit_targets, shortest
-from scipy.optimize import minimize_scalar
 from shapely.geometry import LineString, Point, box
 
 from crowd_env.geometry.geometry import Geometry
@@ -24,6 +24,8 @@ from crowd_env.routing.spec import ControlRule, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone, jutting_corners
 from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.scenario import Scenario
+
+minimize_scalar = late("scipy.optimize", "minimize_scalar")
 
 WEST_EAST = {"west": [(0, 1), (0, 3)], "east": [(12, 1), (12, 3)]}
 
@@ -102,7 +104,7 @@ def shortest_way(geometry, points, goal):
 @pytest.mark.parametrize("name", PLANS)
 def test_times_and_paths_are_the_shortest_to_exits_and_into_regions(name, goal):
     geometry, field, arrays = plan(name, goal)
-    points = starts(geometry, 60, seed=3)
+    points = starts(geometry, 40, seed=3)
     if goal:
         points = points[~geometry.contains(points, goal)]
     exact = shortest_way(geometry, points, goal)

@@ -379,6 +379,7 @@ simulation.advance(n_substeps=3)
 """
 
 
+@pytest.mark.more
 def test_a_route_out_of_range_does_not_end_the_process():
     done = subprocess.run(
         [sys.executable, "-c", BAD_ROUTE], capture_output=True, text=True, cwd=Path(__file__).parent,

@@ -7,6 +7,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 from cases import looped
+from late import late
 from repository import ROOT
 from typer.testing import CliRunner
 
@@ -16,7 +17,8 @@ from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios.file import tomllib
-from crowd_env.scenarios.schema import json_schema
+
+json_schema = late("crowd_env.scenarios.schema", "json_schema")
 
 FULL = """
 name = "everything"

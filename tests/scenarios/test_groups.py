@@ -120,7 +120,6 @@ def hall(*parts, **options):
         ("comfortable", [["east"], ["loop"], ["comfortable to east or north"], ["comfortable"]]),
         ("nearest", [["east"], ["loop"], ["north"], ["west"]]),
         ("west", [["east"], ["loop"], ["east or north"], ["west"]]),
-        ("north", [["east"], ["loop"], ["north"], ["north"]]),
         ("loop", [["east"], ["loop"], ["east or north"], ["loop"]]),
     ],
 )

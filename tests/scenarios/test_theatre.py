@@ -1,5 +1,6 @@
 """The synthetic movie theatre: its plan, who sits where, stairs and control rules."""
 
+from functools import cache
 from itertools import combinations
 
 import numpy as np
@@ -15,13 +16,15 @@ from crowd_env.scenarios.population import Population, Uniform
 from crowd_env.scenarios.shipped.theatre import SEATS_A_ROW, plan, seats, taken_seats
 
 THEATRE = make_scenario("theatre-v0")
-ROUTES = THEATRE.route_set()
 STAND_STILL = Uniform(1e3, 1e3)
+
+
+routes = cache(THEATRE.route_set)
 
 
 def node(name, at):
     """Return the field of the route of this name, and its node nearest to each of the places (K, 2)."""
-    field = ROUTES.routes[ROUTES.number(name)].field
+    field = routes().routes[routes().number(name)].field
     j, i = np.rint((np.atleast_2d(at) - field.origin) / field.spacing).astype(int).T
     return field, (i, j)
 

@@ -179,6 +179,7 @@ def test_equal_tuples_have_one_type_and_others_have_others():
     assert len(read.signatures) <= before + 1
 
 
+@pytest.mark.more
 @compiled
 def test_kernels_of_references_come_from_the_cache_in_another_process(tmp_path):
     program = (

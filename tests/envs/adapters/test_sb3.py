@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
-
-pytest.importorskip("stable_baselines3")
-
-import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecMonitor
+from late import late
 
 from crowd_env import CrowdEnv, RewardWeights, make_scenario
-from crowd_env.agents.learned import PPOSettings, make_ppo
-from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer, vec_env
+
+torch = late("torch")
+PPO = late("stable_baselines3", "PPO")
+VecMonitor = late("stable_baselines3.common.vec_env", "VecMonitor")
+PPOSettings, make_ppo = late("crowd_env.agents.learned", "PPOSettings", "make_ppo")
+CrowdVecEnv, MaskedRolloutBuffer, vec_env = late(
+    "crowd_env.envs.adapters.sb3", "CrowdVecEnv", "MaskedRolloutBuffer", "vec_env"
+)
 
 SMALL = {"people": 6, "time_limit": 4.0}
 
@@ -141,6 +142,7 @@ def parameters(model):
     return np.concatenate([value.detach().numpy().ravel() for value in model.policy.parameters()])
 
 
+@pytest.mark.more
 def test_the_same_seed_learns_the_same_and_another_something_else():
     first = parameters(learned(1))
     assert np.isfinite(first).all()
@@ -174,6 +176,7 @@ def test_plain_ppo_with_discrete_actions_runs_on_it():
     PPO("MlpPolicy", make(action="discrete"), seed=0, device="cpu", **kwargs).learn(600)
 
 
+@pytest.mark.more
 def test_it_learns_not_to_stand_still():
     """A policy that starts at standing still finds the way within seconds: signs and masks are right."""
     env = CrowdEnv("room-v0", num_envs=8, autoreset=True, people=4, time_limit=5.0)

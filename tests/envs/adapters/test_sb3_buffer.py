@@ -4,17 +4,20 @@ import warnings
 
 import numpy as np
 import pytest
-
-pytest.importorskip("stable_baselines3")
-
-import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecEnvWrapper, VecMonitor, VecNormalize
+from late import late
 
 from crowd_env import CrowdEnv, Physics, RewardWeights
-from crowd_env.agents.learned import PPOSettings, make_ppo
-from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer, SlotRewards, Slots
+
+torch = late("torch")
+PPO = late("stable_baselines3", "PPO")
+BaseCallback = late("stable_baselines3.common.callbacks", "BaseCallback")
+VecEnvWrapper, VecMonitor, VecNormalize = late(
+    "stable_baselines3.common.vec_env", "VecEnvWrapper", "VecMonitor", "VecNormalize"
+)
+PPOSettings, make_ppo = late("crowd_env.agents.learned", "PPOSettings", "make_ppo")
+CrowdVecEnv, MaskedRolloutBuffer, SlotRewards, Slots = late(
+    "crowd_env.envs.adapters.sb3", "CrowdVecEnv", "MaskedRolloutBuffer", "SlotRewards", "Slots"
+)
 
 SMALL = {"people": 6, "time_limit": 4.0}
 
@@ -119,36 +122,39 @@ def test_without_a_share_having_left_is_worth_nothing():
     np.testing.assert_array_equal(buffer.values[0], [2.0, 3.0, 0.0])
 
 
-class Witness(BaseCallback):
-    """Keeps every rollout as it was before the gradient steps take it to pieces."""
+def make_witness():
+    """Return a callback that keeps every rollout as it was before the gradient steps take it to pieces."""
 
-    def __init__(self):
-        super().__init__()
-        self.rollouts, self.told = [], []
+    class Witness(BaseCallback):
+        def __init__(self):
+            super().__init__()
+            self.rollouts, self.told = [], []
 
-    def _on_rollout_start(self):
-        self.told = []
+        def _on_rollout_start(self):
+            self.told = []
 
-    def _on_step(self):
-        names = ("rewards", "dones", "infos", "new_obs")
-        told = {name: np.array(self.locals[name], copy=True) for name in names}
-        self.told.append({**told, "slots": self.locals["rewards"].slots})
-        return True
+        def _on_step(self):
+            names = ("rewards", "dones", "infos", "new_obs")
+            told = {name: np.array(self.locals[name], copy=True) for name in names}
+            self.told.append({**told, "slots": self.locals["rewards"].slots})
+            return True
 
-    def _on_rollout_end(self):
-        buffer = self.model.rollout_buffer
-        kept = {name: getattr(buffer, name).copy() for name in ("observations", "advantages", "returns", "mask")}
-        predict = self.model.policy.predict_values
-        with torch.no_grad():
-            kept["values"] = np.array([predict(torch.as_tensor(row))[:, 0].numpy() for row in buffer.observations])
-            kept["last"] = predict(torch.as_tensor(self.told[-1]["new_obs"]))[:, 0].numpy()
-            kept["terminal"] = np.zeros_like(kept["values"])
-            for t, told in enumerate(self.told):
-                for i, info in enumerate(told["infos"]):
-                    if "terminal_observation" in info:
-                        row = torch.as_tensor(info["terminal_observation"])[None]
-                        kept["terminal"][t, i] = predict(row)[0, 0]
-        self.rollouts.append((kept, self.told))
+        def _on_rollout_end(self):
+            buffer = self.model.rollout_buffer
+            kept = {name: getattr(buffer, name).copy() for name in ("observations", "advantages", "returns", "mask")}
+            predict = self.model.policy.predict_values
+            with torch.no_grad():
+                kept["values"] = np.array([predict(torch.as_tensor(row))[:, 0].numpy() for row in buffer.observations])
+                kept["last"] = predict(torch.as_tensor(self.told[-1]["new_obs"]))[:, 0].numpy()
+                kept["terminal"] = np.zeros_like(kept["values"])
+                for t, told in enumerate(self.told):
+                    for i, info in enumerate(told["infos"]):
+                        if "terminal_observation" in info:
+                            row = torch.as_tensor(info["terminal_observation"])[None]
+                            kept["terminal"][t, i] = predict(row)[0, 0]
+            self.rollouts.append((kept, self.told))
+
+    return Witness()
 
 
 def test_advantages_are_those_of_hand_made_gae():
@@ -159,7 +165,7 @@ def test_advantages_are_those_of_hand_made_gae():
     model = make_ppo(env, settings, seed=0)
     with torch.no_grad():
         model.policy.value_net.bias += 3.0  # so that every bootstrap counts
-    witness = Witness()
+    witness = make_witness()
     model.learn(40 * 18 * 4, callback=witness)
     out, cut, masked = 0, 0, 0
     assert len(witness.rollouts) == 4
@@ -194,7 +200,7 @@ def test_who_has_left_still_gets_what_the_team_earns_later():
     model = make_ppo(env, settings, seed=0)
     with torch.no_grad():
         model.policy.value_net.bias -= 3.0
-    witness = Witness()
+    witness = make_witness()
     model.learn(60 * 18, callback=witness)
     (kept, told), room = witness.rollouts[0], env.env_of_person
 
@@ -227,22 +233,28 @@ def test_who_has_left_still_gets_what_the_team_earns_later():
 # --------------------------------------------------------------------------------------------------- whose rewards they are
 
 
-class Stepping(BaseCallback):
-    """Steps another environment after every step of the one that is learned in, and compares the mask with what was true."""
+def stepping(env, other=None):
+    """Return a callback that steps another environment after every step of the one that is learned in.
 
-    def __init__(self, env, other=None):
-        super().__init__()
-        self.env, self.other, self.acted = env, other, []
+    It compares the mask with what was true.
+    """
 
-    def _on_step(self):
-        self.acted.append(self.env.acted.copy())
-        if self.other is not None:
-            self.other.step(np.zeros((self.other.num_envs, 2)))
-        return True
+    class Stepping(BaseCallback):
+        def __init__(self, env, other=None):
+            super().__init__()
+            self.env, self.other, self.acted = env, other, []
 
-    def _on_rollout_end(self):
-        np.testing.assert_array_equal(self.model.rollout_buffer.mask, self.acted)
-        self.acted = []
+        def _on_step(self):
+            self.acted.append(self.env.acted.copy())
+            if self.other is not None:
+                self.other.step(np.zeros((self.other.num_envs, 2)))
+            return True
+
+        def _on_rollout_end(self):
+            np.testing.assert_array_equal(self.model.rollout_buffer.mask, self.acted)
+            self.acted = []
+
+    return Stepping(env, other)
 
 
 def test_a_model_saved_and_loaded_masks_by_the_environment_it_is_given(tmp_path):
@@ -252,13 +264,13 @@ def test_a_model_saved_and_loaded_masks_by_the_environment_it_is_given(tmp_path)
     venv, other = make(2), make(2)
     other.reset()
     loaded = PPO.load(tmp_path / "model.zip", env=venv, device="cpu")
-    loaded.learn(12 * 16 * 5, callback=Stepping(venv, other))
+    loaded.learn(12 * 16 * 5, callback=stepping(venv, other))
     assert not loaded.rollout_buffer.mask.all()
     moved = make(2)
     loaded.set_env(moved)
-    loaded.learn(12 * 16 * 5, callback=Stepping(moved, other))
+    loaded.learn(12 * 16 * 5, callback=stepping(moved, other))
     larger = make(5)
-    PPO.load(tmp_path / "model.zip", env=larger, device="cpu").learn(30 * 16 * 5, callback=Stepping(larger))
+    PPO.load(tmp_path / "model.zip", env=larger, device="cpu").learn(30 * 16 * 5, callback=stepping(larger))
 
 
 def test_a_model_in_an_environment_of_many_threads_can_be_saved(tmp_path):
@@ -272,7 +284,7 @@ def test_whose_rewards_they_are_is_known_through_wrappers(wrap):
     venv = make(3, reward=RewardWeights(team_share=0.3))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        make_model(wrap(venv)).learn(18 * 16 * 3, callback=Stepping(venv))
+        make_model(wrap(venv)).learn(18 * 16 * 3, callback=stepping(venv))
 
 
 def test_rewards_of_nobody_are_refused():

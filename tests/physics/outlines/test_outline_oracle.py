@@ -32,18 +32,20 @@ def nearest_points(walls, center):
 def touches(walls, outline, bodies, state):
     """Yield (i, j, disc of i, disc of j, overlap, normal) of all pairs of discs; of discs and walls with None for j."""
     center, radius = discs_of(outline, bodies, state)
-    for i, j in itertools.combinations(np.flatnonzero(state.active), 2):
-        for a, b in itertools.product(range(radius.shape[1]), repeat=2):
-            away = center[i, a] - center[j, b]
-            distance = np.hypot(*away)
-            if distance < radius[i, a] + radius[j, b]:
-                yield int(i), int(j), a, b, radius[i, a] + radius[j, b] - distance, away / distance
-    for i, a in itertools.product(np.flatnonzero(state.active), range(radius.shape[1])):
+    away = center[:, None, :, None] - center[None, :, None]  # (P, P, K, K, 2)
+    distance = np.hypot(away[..., 0], away[..., 1])
+    overlap = radius[:, None, :, None] + radius[None, :, None] - distance
+    once = np.triu(np.outer(state.active, state.active), 1)[..., None, None]
+    for i, j, a, b in np.argwhere(once & (overlap > 0.0)).tolist():
+        yield i, j, a, b, overlap[i, j, a, b], away[i, j, a, b] / distance[i, j, a, b]
+    lines = shapely.multilinestrings(shapely.linestrings(walls))
+    near = shapely.distance(shapely.points(center), lines) < radius
+    for i, a in np.argwhere(near & state.active[:, None]).tolist():
         for which, point in nearest_points(walls, center[i, a]):
             away = center[i, a] - point
             distance = np.hypot(*away)
             if distance < radius[i, a]:
-                yield int(i), None, a, which, radius[i, a] - distance, away / distance
+                yield i, None, a, which, radius[i, a] - distance, away / distance
 
 
 class PlainHertz:
@@ -72,14 +74,15 @@ class PlainHertz:
         torque = bodies.inertia * (off / outline.turning_time**2 - 2.0 * state.spin / outline.turning_time)
         torque = np.clip(torque, -outline.max_torque, outline.max_torque)
         before, self.springs = self.springs, {}
+        discs = discs_of(outline, bodies, state)
         for touch in touches(self.walls, outline, bodies, state):
-            self.add(touch, elapsed, before, force, torque)
+            self.add(touch, discs, elapsed, before, force, torque)
         return force, torque
 
-    def add(self, touch, elapsed, before, force, torque):
+    def add(self, touch, discs, elapsed, before, force, torque):
         """Add what one contact does to two bodies, or to one and a wall."""
         i, j, a, b, overlap, normal = touch
-        scheme, (center, radius) = self.scheme, discs_of(self.outline, self.bodies, self.state)
+        scheme, (center, radius) = self.scheme, discs
         left = np.array([-normal[1], normal[0]])
         arms = {i: center[i, a] - radius[i, a] * normal - self.state.position[i]}
         size, mass, friction = radius[i, a], self.bodies.mass[i], scheme.wall_friction
@@ -120,8 +123,7 @@ def crowd(seed, count, side, spread=0.0):
 
 
 @pytest.mark.kernels
-@looped("seed", [0, 2, 4])
-def test_whole_runs_with_walls_friction_and_ways(seed):
+def test_whole_runs_with_walls_friction_and_ways():
     # In a room of 2.2 m whose pillar has four corners: pressed together, and turning.
     place = Geometry.from_polygon(box(0, 0, 2.2, 2.2), obstacles=[box(1.0, 1.0, 1.2, 1.2)])
     scheme = Hertz(social=None, wall_friction=0.3, youngs_modulus=5e5)
@@ -129,10 +131,10 @@ def test_whole_runs_with_walls_friction_and_ways(seed):
     around = np.array(
         [[0.5, 0.4], [1.1, 0.45], [1.7, 0.5], [0.45, 1.1], [1.75, 1.15], [0.5, 1.75], [1.1, 1.7], [1.7, 1.75]]
     )
-    bodies, state = crowd(seed, len(around), 2.2)
+    bodies, state = crowd(0, len(around), 2.2)
     state.position[:] = around
-    target = np.array([1.1, 1.1]) if seed % 2 else np.array([0.2, 1.9])
-    ways = (target - around) / np.hypot(*(target - around).T)[:, None]
+    ahead = np.array([0.2, 1.9]) - around
+    ways = ahead / np.hypot(*ahead.T)[:, None]
     own = state.copy()
     simulation = Simulation(place, bodies, state, scheme=scheme, dt=5e-4, fields=[None], outline=outline)
     plain = PlainHertz(place.walls, outline, scheme, bodies, own, ways, 5e-4)

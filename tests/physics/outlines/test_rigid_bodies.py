@@ -116,8 +116,7 @@ def test_with_friction_angular_momentum_changes_only_by_the_offset_of_the_contac
 def test_a_push_at_the_shoulder_turns_a_body_away_from_it(side):
     # Facing +x, the left shoulder at +y; somebody comes from the front.
     simulation = grains([[0, 0], [0.6, 0.2 * side]], [0.0, np.pi], LIMP, velocity=[[0, 0], [-1.0, 0.0]], dt=1e-4)
-    for _ in range(8000):
-        simulation.advance()
+    simulation.advance(n_substeps=8000)
     assert side * simulation.state.spin[0] > 0.5
     assert simulation.state.velocity[0, 0] < -0.1
 

@@ -88,7 +88,7 @@ def test_a_run_goes_on_as_if_nothing_had_been_in_between(scheme):
 
 
 @every_scheme
-@pytest.mark.parametrize("strategy", ["shortest", "fastest"])
+@pytest.mark.parametrize("strategy", [pytest.param("shortest", marks=pytest.mark.more), "fastest"])
 def test_doors_rules_and_fields_too(scheme, strategy):
     place = hall()
     env = goes_on(lambda: CrowdEnv(place, num_envs=2, physics=scheme, routing=strategy))

@@ -184,6 +184,7 @@ for _ in range(100):
 """
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("program", [NAN_IN_A_JAM, FLYING_APART], ids=["nan in a jam", "flying apart"])
 def test_a_hopeless_run_neither_crashes_nor_hangs(program):
     head = "import numpy as np\nfrom shapely.geometry import box\nfrom crowd_env import *\n"

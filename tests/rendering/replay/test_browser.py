@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from late import late
 from replayed_pages import walk_out
 
 from crowd_env.recording import Recording
 from crowd_env.rendering.palette import pressure_color
 from crowd_env.rendering.replay import write_page
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+sync_api = late("playwright.sync_api")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = [
     pytest.mark.more,

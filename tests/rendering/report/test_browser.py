@@ -7,11 +7,12 @@ import shutil
 from pathlib import Path
 
 import pytest
+from late import late
 from typer.testing import CliRunner
 
 from crowd_env.cli.main import app
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+sync_api = late("playwright.sync_api")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = [
     pytest.mark.more,

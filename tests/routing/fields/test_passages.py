@@ -5,14 +5,16 @@ import warnings
 import numpy as np
 import pytest
 from cases import looped
+from late import late
 from navigation_plans import DOOR, RADIUS, ROOM, plan
-from scipy import ndimage
 from shapely.geometry import MultiPolygon, box
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields.field import join_fields, travel_time_field
 from crowd_env.routing.fields.grid import connected_parts
 from crowd_env.routing.fields.lookup import direction_at, travel_time_at
+
+ndimage = late("scipy.ndimage")
 
 
 def gap(width):
