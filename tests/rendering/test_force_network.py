@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cases import looped
+from late import late
 
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.envs.crowd import CrowdEnv
@@ -18,7 +19,7 @@ from crowd_env.rendering.forces import force_network_figure
 from crowd_env.rendering.palette import WALL
 from crowd_env.scenarios import make_scenario
 
-pytest.importorskip("matplotlib")
+late("matplotlib")
 
 HALL = Geometry.from_polygon([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)])
 ROOM = Geometry.from_polygon([(0, 0), (5, 0), (5, 5), (0, 5)], exits={"door": [(5, 2), (5, 3)]})
