@@ -3,7 +3,7 @@
 import importlib
 import importlib.util
 from collections.abc import Callable
-from functools import cached_property
+from functools import cache
 from typing import Any
 
 import pytest
@@ -26,31 +26,32 @@ def late(module: str, *names: str) -> Any:
 class Late:
     """Something that is loaded when it is first called, derived from, asked for its instances, read or patched."""
 
+    __slots__ = ("_thing",)
     _mock_name = "late"  # what a mock has: pytest then does not look for fixtures within
 
     def __init__(self, load: Callable[[], Any]):
-        self.__dict__["_load"] = load
+        object.__setattr__(self, "_thing", cache(load))
 
-    @cached_property
-    def _thing(self) -> Any:
-        return self._load()
+    @property
+    def __dict__(self) -> Any:
+        return vars(self._thing())
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):  # so does pytest ask whether this is a test
             raise AttributeError(name)
-        return getattr(self._thing, name)
+        return getattr(self._thing(), name)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        setattr(self._thing, name, value)
+        setattr(self._thing(), name, value)
 
     def __delattr__(self, name: str) -> None:
-        delattr(self._thing, name)
+        delattr(self._thing(), name)
 
     def __call__(self, *arguments: Any, **options: Any) -> Any:
-        return self._thing(*arguments, **options)
+        return self._thing()(*arguments, **options)
 
     def __instancecheck__(self, instance: Any) -> bool:
-        return isinstance(instance, self._thing)
+        return isinstance(instance, self._thing())
 
     def __mro_entries__(self, bases: tuple[Any, ...]) -> tuple[Any, ...]:
-        return (self._thing,)
+        return (self._thing(),)
