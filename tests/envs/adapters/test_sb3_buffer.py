@@ -15,6 +15,7 @@ VecEnvWrapper, VecMonitor, VecNormalize = late(
     "stable_baselines3.common.vec_env", "VecEnvWrapper", "VecMonitor", "VecNormalize"
 )
 PPOSettings, make_ppo = late("crowd_env.agents.learned", "PPOSettings", "make_ppo")
+sb3 = late("crowd_env.envs.adapters.sb3")
 CrowdVecEnv, MaskedRolloutBuffer, SlotRewards, Slots = late(
     "crowd_env.envs.adapters.sb3", "CrowdVecEnv", "MaskedRolloutBuffer", "SlotRewards", "Slots"
 )
@@ -28,7 +29,8 @@ def make(num_envs=3, **options):
 
 def make_model(venv, **options):
     settings = {"n_steps": 16, "batch_size": 64, "n_epochs": 1, "seed": 0, "device": "cpu", **options}
-    return PPO("MlpPolicy", venv, rollout_buffer_class=MaskedRolloutBuffer, **settings)
+    kept = sb3.MaskedRolloutBuffer  # itself, since it is saved with the model
+    return PPO("MlpPolicy", venv, rollout_buffer_class=kept, **settings)
 
 
 def rewards(reward, acted, inside=None, cut_off=None, environment=None, share=0.0):
