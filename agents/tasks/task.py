@@ -142,8 +142,8 @@ def _plain(value: Any) -> Any:
     kind = type(value).__name__
     said = {"people": "count"} if kind == "Population" else {}  # as digests in files have it
     held = {said.get(name, name): _plain(getattr(value, name)) for name in names}
-    if held.get("solver") == "accelerated":
-        held["solver"] = "auto"  # as they called it
+    if kind in ("NSM1", "NSM2"):
+        held["solver"] = "auto"  # as they called the one that there is
     return {"": kind} | held
 
 

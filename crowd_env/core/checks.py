@@ -250,8 +250,9 @@ def array(what: str, value: Any, shape: tuple[Any, ...], kinds: str = "iuf") -> 
 def require_all(what: str, values: np.ndarray, allowed: Range) -> np.ndarray:
     """Return an array of numbers; raise ValueError, naming the first that is not, unless all are allowed."""
     inside = (values > allowed.low if allowed.above else values >= allowed.low) & (values <= allowed.high)
-    bad = np.argwhere(~(inside & np.isfinite(values)))
-    if len(bad):
+    good = inside & np.isfinite(values)
+    if not good.all():
+        bad = np.argwhere(~good)
         refuse(f"{what}[{', '.join(map(str, bad[0]))}]", values[tuple(bad[0])], str(allowed))
     return values
 

@@ -243,7 +243,7 @@ class CrowdEnv:
         if simulation.times_restored != self._times_restored:
             raise ValueError("the simulation alone was restored, the environment was not; restore or reset that")
         command, relative, gives_way = self._command(action, scripted)
-        transition = self._transition
+        transition = self._transition.fields
         if not self._interrupted:  # else this step goes on with the one before: who got out in between has left
             transition.inside[:], transition.step_start[:] = state.active, state.time
         self._interrupted = True
@@ -251,7 +251,7 @@ class CrowdEnv:
         # Before the end of an episode takes out those who are truncated: they are still seen, by themselves and by others,
         # and what is left of their route is not yet 0, which would pay them as if they had got out.
         observation = self._observer.observe(transition.inside)
-        update_episode(transition, simulation.dt)
+        update_episode(self._transition, simulation.dt)
         self._interrupted = False
         left, truncated, ended = (array.copy() for array in (transition.left, transition.truncated, transition.ended))
         reward, terms = self._reward(self._transition)

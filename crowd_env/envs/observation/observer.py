@@ -33,7 +33,7 @@ class Observer:
         self, simulation: Simulation, layout: ObservationLayout, ways: Ways, *, in_world: bool, threads: int
     ) -> None:
         people, environments = len(simulation.bodies.radius), len(simulation.state.time)
-        self.layout = layout
+        self.layout, self._width = layout, layout.size
         direction = np.zeros((people, 2))
         self._everywhere = np.arange(environments)
         side_by_side = min(threads, environments) if people >= _ENOUGH_FOR_THREADS else 1
@@ -78,8 +78,8 @@ class Observer:
         out : (P, D) float32 to write into instead of a new array.
         """
         view = self.view
-        view.seen[:] = seen
-        rows = np.empty((len(seen), self.layout.size), np.float32) if out is None else out
+        view.fields.seen[:] = seen
+        rows = np.empty((len(seen), self._width), np.float32) if out is None else out
         chosen = self._everywhere if environments is None else environments
         if environments is not None or len(self._plans) == 1:
             perceive(chosen, view, self._plans[0], rows)
