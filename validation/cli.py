@@ -21,14 +21,11 @@ from crowd_env.core.arrays.outline import OUTLINES, Outline, make_outline
 from crowd_env.core.checks import known
 from crowd_env.core.console import check_folder, friendly_errors, notes
 from crowd_env.physics import check_outline
-from validation.bits import chosen, report
-from validation.bits_scenes import scenes
 from validation.cases import CASES
 from validation.cases.case import COMPARED, DISC, Case, Row, Setting
 from validation.cases.case import row as row_of
 from validation.finished import Finished, complete_rows, of_bodies
 from validation.pages import ROOT, fill_pages
-from validation.positions import STORED, write
 from validation.sources import Source, run
 from validation.tables import MAKERS, make
 
@@ -57,7 +54,7 @@ app = typer.Typer(cls=_CasesUnlessNamed, add_completion=False, pretty_exceptions
 
 @app.callback()
 def _about() -> None:
-    """Is it true: simulations beside what is known about crowds, and beside another commit.
+    """Is it true: simulations beside what is known about crowds.
 
     python -m validation [CASE ...] [OPTIONS] is python -m validation cases [CASE ...] [OPTIONS].
     """
@@ -195,77 +192,6 @@ def _case_table(name: str, outline: str, found: list[Row]) -> Table:
         words = (one.figure,) if shared else (one.source, one.figure, one.criterion)
         table.add_row(one.scheme, one.manner, _PASSED[one.passed], *map(escape, words))
     return table
-
-
-@app.command()
-def bits(
-    against: Annotated[str, typer.Option(help="Commit, branch or tag to compare the working tree with.")] = "HEAD",
-    case: Annotated[
-        list[str] | None, typer.Option(help="Scene such as doors/nsm2, or a group such as doors; may be repeated.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")] = False,
-    write_positions: Annotated[
-        bool,
-        typer.Option("--write-positions", help=f"Only store {STORED.relative_to(ROOT)} anew, and compare nothing."),
-    ] = False,
-) -> None:
-    """Does a change of the program change a bit of what it computes?  Exit code 1 if it does.
-
-    Every contact scheme in rooms, crowds, doors and batches, and all interfaces, run in the working tree (with what is not
-    committed) and as another commit has them.  Both run on this machine, since bits differ between processors.  About a minute,
-    and a few more while kernels are compiled.
-
-    What other machines can check are positions after a few steps, to 1e-9 m, against those that --write-positions stores: write
-    them anew where a change of the physics is meant.
-
-    Examples:  python -m validation bits;  python -m validation bits --against main --case room --case doors/nsm2
-    """
-    if write_positions:
-        write(STORED)
-        notes.print(f"positions: {STORED}", markup=False, soft_wrap=True)
-        return
-    with friendly_errors():
-        names = chosen(list(scenes()), case or [])
-        at = {"here": "starting", against: "starting"}
-        with notes.status("compiling kernels ...") as status:
-
-            def show(side: str, count: int, name: str) -> None:
-                at[side] = f"{count} of {len(names)} scenes ({name})"
-                status.update("; ".join(f"{side}: {reached}" for side, reached in at.items()))
-
-            found = report(against, names, show)
-    if as_json:
-        typer.echo(json.dumps(found))
-    else:
-        Console().print(_bits_table(found))
-    raise typer.Exit(0 if found["equal"] else 1)
-
-
-def _bits_table(found: dict[str, Any]) -> Table:
-    count = sum(row["equal"] is False for row in found["rows"])
-    caption = f"{count} of {len(found['rows'])} scenes differ" if count else "no scene differs"
-    table = Table(
-        title=f"working tree and commit {found['against'][:12]}", caption=caption, box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
-    )
-    for name in ("scene", "bits", "digest", ""):
-        table.add_column(name)
-    for row in found["rows"]:
-        result = {True: "equal", False: "DIFFERENT", None: "not compared"}[row["equal"]]
-        table.add_row(row["scene"], result, row["digest"] or "", escape(_bits_note(row)))
-    return table
-
-
-def _bits_note(row: dict[str, Any]) -> str:
-    parts = [row["note"]] if row["note"] else []
-    if row["first_step"] is not None:
-        more = f" and {len(row['fields']) - 3} more" if len(row["fields"]) > 3 else ""
-        parts.append(f"from step {row['first_step']}: {', '.join(row['fields'][:3])}{more}")
-    for text, fields in (("only here", row["only_here"]), ("only there", row["only_there"])):
-        if fields:
-            parts.append(f"{text}: {', '.join(fields)}")
-    if row["renamed"]:
-        parts.append("renamed: " + ", ".join(f"{old} to {new}" for old, new in row["renamed"].items()))
-    return "; ".join(parts)
 
 
 @app.command()
