@@ -69,9 +69,10 @@ def _open(path: Path) -> "Document":
         return readfile(path)
     except OSError as error:
         raise ValueError(f"cannot read the floor plan {path}: {error.strerror or error}") from None
-    except (DXFError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+    except (DXFError, ValueError, TypeError, KeyError, IndexError, AttributeError, StopIteration) as error:
+        why = str(error) or "it ends too soon, or is something else"
         raise ValueError(
-            f"the DXF drawing is damaged or not whole ({error}); open it in a CAD program and save it anew"
+            f"the DXF drawing is damaged or not whole ({why}); open it in a CAD program and save it anew"
         ) from None
 
 
