@@ -6,11 +6,10 @@ in several phases of an evacuation.
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from benchmarks.measuring import NOTHING, Effort, Row, Sample, Stopwatch, in_turn, timed
+from benchmarks.measuring import Contender, Effort, Row, Sample, Stopwatch, in_turn, timed
 from benchmarks.peers import batch_rivals
 from crowd_env import SCHEMES, CrowdEnv, Physics, make_scenario, parallel_env
 
@@ -20,7 +19,7 @@ RATE = "agent-steps per CPU s"
 _SETTLE, _EPISODE = 100, 50  # decision steps, of a batch before it is measured, and of a run over dictionaries
 
 
-class Rooms:
+class Rooms(Contender):
     """A batch of rooms under one scheme."""
 
     whole = 8.0  # s    about an evacuation: shorter blocks see only a phase of it
@@ -34,15 +33,10 @@ class Rooms:
         self._forward = np.tile(np.array([1.0, 0.0], dtype=np.float32), (self.env.num_people, 1))
         for _ in range(settle):
             self.env.step(self._forward)
-        self.physics, self.all = Stopwatch(self.env.simulation, "advance"), NOTHING
+        self.physics = Stopwatch(self.env.simulation, "advance")
 
-    def block(self, effort: Effort) -> Sample:
-        """Make decisions for about ``effort.seconds`` of CPU time."""
-        found = effort.repeat(self._decide)
-        self.all = self.all.plus(found)
-        return found
-
-    def _decide(self) -> Sample:
+    def once(self) -> Sample:
+        """Make a decision."""
         inside = int(self.env.active.sum())
         return Sample(*timed(lambda: self.env.step(self._forward)), self.env.decision_dt, inside)
 
@@ -52,10 +46,8 @@ class Rooms:
         return self.all.steps / (self.all.simulated / self.env.decision_dt * self.env.num_people)
 
 
-class Dictionaries:
+class Dictionaries(Contender):
     """A PettingZoo ParallelEnv in which everyone acts with an array of their own; reset after every 50 steps, uncounted."""
-
-    whole = 0.0
 
     def __init__(self, agents: int) -> None:
         self.name, self._left = f"nsm2, dictionaries of {agents}", 0
@@ -63,11 +55,8 @@ class Dictionaries:
         self._env = parallel_env(place, physics="nsm2")
         self._actions = {agent: np.array([1.0, 0.0], dtype=np.float32) for agent in self._env.possible_agents}
 
-    def block(self, effort: Effort) -> Sample:
-        """Step for about ``effort.seconds`` of CPU time."""
-        return effort.repeat(self._decide)
-
-    def _decide(self) -> Sample:
+    def once(self) -> Sample:
+        """Step once."""
         if self._left == 0 or not self._env.agents:
             self._env.reset(seed=0)
             self._left = _EPISODE
@@ -98,7 +87,7 @@ def rows(
 def dictionaries(effort: Effort, agents: int = 200) -> list[Row]:
     """Return agent-steps of dictionaries, and how many times those of arrays in the same room they are."""
     arrays = Rooms("nsm2", 1, agents, settle=0, side=15.0, door_width=1.0)
-    both: list[Any] = [Dictionaries(agents), arrays]
+    both: list[Contender] = [Dictionaries(agents), arrays]
     samples = in_turn(both, effort)
     found = [Row(one.name, RATE, sample.rate) for one, sample in zip(both, samples, strict=True)]
     return [*found, Row(both[0].name, "times arrays", samples[0].rate / samples[1].rate)]

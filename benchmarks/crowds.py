@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.measuring import Effort, Row, Sample, in_turn, timed
+from benchmarks.measuring import Contender, Effort, Row, Sample, in_turn, timed
 from benchmarks.peers import rivals
 from benchmarks.scenes import Floats, Scene, big, chosen, hall, jam, overlaps, room20
 from crowd_env import SCHEMES, Bodies, Simulation, make_state
@@ -59,7 +59,7 @@ CASES: dict[str, list[tuple[Callable[[int], Scene], tuple[int, ...], list[Way]]]
 _PARTS = 8  # calls of a run
 
 
-class Crowd:
+class Crowd(Contender):
     """A scene under one scheme, from its start or from where it has settled, over and over."""
 
     def __init__(self, scene: Scene, way: Way, field: Any, threads: int = 1) -> None:
@@ -88,11 +88,8 @@ class Crowd:
         if self._scene.settle:
             self._advance(round(self._scene.settle / self.simulation.dt))
 
-    def block(self, effort: Effort) -> Sample:
-        """Go on for about ``effort.seconds`` of CPU time, at least an eighth of a run."""
-        return effort.repeat(self._go_on)
-
-    def _go_on(self) -> Sample:
+    def once(self) -> Sample:
+        """Go on for an eighth of a run, or what is left of it."""
         if not self._left or not self.simulation.inside[0]:
             self._start()
         steps = min(self._left, -(-round(self.whole / self.simulation.dt) // _PARTS))

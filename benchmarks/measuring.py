@@ -1,10 +1,11 @@
 """What every case shares: rows, effort, blocks taken in turn, and figures as a table."""
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from validation.pages import pivoted
 
@@ -81,18 +82,22 @@ class Sample(NamedTuple):
 NOTHING = Sample(0.0, 0.0, 0.0, 0.0)
 
 
-class Contender(Protocol):
-    """One who is measured in turn with others: its name, and the simulated seconds of a whole run."""
+class Contender(ABC):
+    """One who is measured in turn with others."""
 
-    @property
-    def name(self) -> str: ...
+    name: str
+    whole = 0.0  # s    simulated in a whole run
+    all = NOTHING  # of the blocks so far, together
 
-    @property
-    def whole(self) -> float: ...
+    @abstractmethod
+    def once(self) -> Sample:
+        """Go on for as little as can be measured."""
 
     def block(self, effort: Effort) -> Sample:
-        """Go on for about so long."""
-        ...
+        """Go on for about ``effort.seconds`` of CPU time."""
+        found = effort.repeat(self.once)
+        self.all = self.all.plus(found)
+        return found
 
 
 def in_turn(contenders: Sequence[Contender], effort: Effort) -> list[Sample]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks.measuring import NOTHING, Effort, Row, Sample, Stopwatch, in_turn, timed
+from benchmarks.measuring import Contender, Effort, Row, Sample, Stopwatch, in_turn, timed
 from crowd_env import CrowdEnv
 
 if TYPE_CHECKING:
@@ -23,10 +23,8 @@ RATE = "samples that count per CPU s"
 _SETTLE = 4
 
 
-class Training:
+class Training(Contender):
     """PPO, rollout by rollout; with an environment that does nothing if ``inside`` is given."""
-
-    whole = 0.0
 
     def __init__(self, name: str, rooms: int, settings: "PPOSettings", inside: np.ndarray | None = None) -> None:
         from crowd_env.agents.learned import make_ppo
@@ -41,15 +39,10 @@ class Training:
         for _ in range(_SETTLE if inside is None else 1):  # compile, and let the rooms fall out of step
             self.model.learn(self.rollout, reset_num_timesteps=False)
         self.environment, self.learning = Stopwatch(self.venv, "step_wait"), Stopwatch(self.model, "train")
-        self.all, self.slots = NOTHING, 0
+        self.slots = 0
 
-    def block(self, effort: Effort) -> Sample:
-        """Collect rollouts and learn from them for about ``effort.seconds`` of CPU time."""
-        found = effort.repeat(self._learn)
-        self.all = self.all.plus(found)
-        return found
-
-    def _learn(self) -> Sample:
+    def once(self) -> Sample:
+        """Collect a rollout and learn from it."""
         spent = timed(lambda: self.model.learn(self.rollout, reset_num_timesteps=False))
         self.slots += self.rollout
         inside = int(self.model.rollout_buffer.mask.sum())  # type: ignore[attr-defined]

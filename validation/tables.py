@@ -5,7 +5,6 @@ that --from names.  Verdicts of the table ``lin`` are written by hand, beside wh
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
 from typing import Any
 
 from crowd_env import SCHEMES
@@ -208,22 +207,18 @@ def theatre(source: Source) -> Grid:
 
 def variants(source: Source) -> Grid:
     """Return the flows of Table 5 with other readings of the room, and in how many runs people were left inside."""
-    changes = (
-        *(
-            "",
-            "door_width=0.78",
-            "door_width=0.86",
-            "door_width=0.9",
-            "target=centre",
-            "target=nearest",
-            "target=width",
-        ),
-        *("side=8", "dt=0.005", "dt=0.001 --set stiffness=1.2e6", "stiffness=1.2e4", "k_normal=80"),
-    )
-    options = [*(f"--set {change}" if change else "" for change in changes), "--seed 50"]
-    rows = [
-        {"options": f"`{one}`" if one else "(none)", "r": _report(source, f"table5 {one}".strip())} for one in options
+    changes = [
+        "door_width=0.78",
+        "door_width=0.86",
+        "door_width=0.9",
+        "target=centre",
+        "target=nearest",
+        "target=width",
     ]
+    changes += ["side=8", "dt=0.005", "dt=0.001 --set stiffness=1.2e6", "stiffness=1.2e4", "k_normal=80"]
+    rows = [{"options": "(none)", "r": _report(source, "table5")}]
+    for options in (*(f"--set {change}" for change in changes), "--seed 50"):
+        rows.append({"options": f"`{options}`", "r": _report(source, f"table5 {options}")})
     flows = {f"`{scheme}`": f"{{r[flow, {scheme}, per run][here]:.2f}}" for scheme in FLOWS}
     stuck = "/".join(f"{{r[unfinished, {scheme}][here]}}" for scheme in FLOWS)
     order = "{r[draws with nsm1 > dem > nsm2-printed][here]:.2f}"
@@ -249,30 +244,19 @@ def flows(source: Source) -> Grid:
     return pivoted(found, {"desired speed": "{people} people"}, "{speed}", "{here:.2f}; {reading}")
 
 
-def _of_tasks(make: Callable[[], Grid], source: Source) -> Grid:
-    return make()
+def _of_tasks(make: Callable[[], Grid]) -> Callable[[Source], Grid]:
+    return lambda source: make()
 
 
-_OF_RUNS = (
-    schemes,
-    halls,
-    jambs,
-    bodies_gate,
-    bodies_doors,
-    clogging,
-    frozen,
-    strategies,
-    controller,
-    training,
-    scenarios,
-)
-_OF_PAPERS = (bodies, theatre, variants, clearance, flows)
+_OF_CASES = (schemes, halls, jambs, bodies_gate, bodies_doors, clogging, frozen, measured, criteria)
+_OF_POLICIES = (strategies, controller, training)
+_OF_ROOMS = (scenarios, bodies, theatre, variants, clearance, flows)
 # Name of the table -> what makes it; made_by.csv says by which command its figures are measured.
 MAKERS: dict[str, Callable[[Source], Grid]] = {
-    **{one.__name__.replace("_", "-"): one for one in (*_OF_RUNS, *_OF_PAPERS, measured, criteria)},
+    **{one.__name__.replace("_", "-"): one for one in (*_OF_CASES, *_OF_POLICIES, *_OF_ROOMS)},
     "full-speed": lambda source: measured(source, "gate", "doors", manner="competitive"),
     "map": lambda source: passed(read_table("measured")),
-    **{name: partial(_of_tasks, make) for name, make in task_tables.MAKERS.items()},
+    **{name: _of_tasks(make) for name, make in task_tables.MAKERS.items()},
 }
 
 

@@ -107,13 +107,12 @@ class Case:
 FACTS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("cases.toml").read_text(encoding="utf-8"))
 
 
-def said_of(case: str) -> tuple[str, str]:
-    """Return what has to hold in a case, and where that comes from."""
-    return FACTS["cases"][case]["criterion"], FACTS["cases"][case]["source"]
-
-
-def row(case: str, setting: Setting, passed: bool | None, figure: str, criterion: str, source: str, **more: Any) -> Row:
-    """Return a row under the names of scheme, manner and outline."""
+def row(
+    case: str, setting: Setting, passed: bool | None, figure: str, criterion: str = "", source: str = "", **more: Any
+) -> Row:
+    """Return a row under the names of scheme, manner and outline; criterion and source are those of the case unless given."""
+    said = FACTS["cases"].get(case, {})
+    criterion, source = criterion or said.get("criterion", ""), source or said.get("source", "")
     scheme = setting.scheme if isinstance(setting.scheme, str) else setting.scheme.info.name
     manner = setting.manner if isinstance(setting.manner, str) else str(setting.manner)
     outline = setting.outline if isinstance(setting.outline, str) else str(setting.outline)

@@ -12,11 +12,9 @@ import numpy as np
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run
 from crowd_env.core.arrays.headway import make_manner
 from crowd_env.rendering.survival import survival_curves
-from validation.cases.case import COMPARED, Row, Setting, number, row, said_of, share
+from validation.cases.case import COMPARED, Row, Setting, number, row, share
 from validation.cases.crowds import Passages, draw_crowds
 from validation.cases.doors import door
-
-CRITERION, SOURCE = said_of("clogging")
 
 _PEOPLE, _DOOR = 100, 0.7  # m
 _LINE = 0.3  # m, where the neck ends
@@ -27,13 +25,8 @@ def exits(setting: Setting) -> list[RunExits]:
     """Return when people pass the door in each draw; a draw is watched until all have, or until nobody did for 30 s."""
     crowds = draw_crowds([door(_DOOR, _PEOPLE)], setting)
     passages = Passages(crowds, 0, _LINE)
-    ended: dict[int, float] = {}
-    now = None
-    for before, now in crowds.moments(_LIMIT):
-        passages.see(before, now)
-        ended |= dict.fromkeys(passages.stop_the_stuck(now, _PATIENCE), now.time)
-    assert now is not None  # people need more than 0.1 s
-    return [exits_of_run(passages.times(e), ended.get(e, now.time)) for e in range(crowds.count)]
+    *_, (_, last) = passages.moments(_LIMIT, _PATIENCE)
+    return [exits_of_run(passages.times(e), passages.stuck.get(e, last.time)) for e in range(crowds.count)]
 
 
 def told(found: Clogging, runs: int) -> str:
@@ -63,9 +56,7 @@ def run(setting: Setting) -> list[Row]:
     found = clogging(runs, blocked_after=_PATIENCE - 1.0)
     presses = make_manner(setting.manner) is None
     more = found.as_json() | {"exits": [list(one.time) for one in runs], "until": [one.until for one in runs]}
-    return [
-        row("clogging", setting, met(found) if presses else None, told(found, len(runs)), CRITERION, SOURCE, **more)
-    ]
+    return [row("clogging", setting, met(found) if presses else None, told(found, len(runs)), **more)]
 
 
 def draw(folder: Path, rows: Sequence[Row]) -> None:

@@ -7,11 +7,10 @@ import shapely
 
 from crowd_env import Geometry, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, number, row, said_of
+from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
 from validation.cases.voronoi import Look, look, mean_between
 
-CRITERION, SOURCE = said_of("corner")
 RANK, HALVED = -0.8, 0.5
 
 
@@ -30,12 +29,8 @@ RUNS = (
 
 _WIDTH, _LEG = 2.4, 6.0  # m, width of the corridor and length of the first leg
 _FAR, _TOP, _MIDDLE = _WIDTH + _LEG, _WIDTH + 3.0, 0.5 * _WIDTH  # m, the second leg is 3 m long
-_NECK, _HALF, _DENSITY, _BEYOND = (
-    0.2,
-    4.0,
-    3.0,
-    3.0,
-)  # m, m, 1/m2, m: of necks, waiting area, people in it, opening behind
+_NECK, _HALF, _DENSITY = 0.2, 4.0, 3.0  # m, m, 1/m2: length of necks; half width of the waiting area; people in it
+_BEYOND = 3.0  # m, depth of the opening behind
 _FIELD = box(_LEG, 0.0, _FAR, _WIDTH)
 _FLOOR = shapely.union(box(0.0, 0.0, _FAR, _WIDTH), box(_LEG, 0.0, _FAR, _TOP))
 _FIRST, _LAST = 0.5, 0.85  # shares of the people between whose passages everything is steady
@@ -64,11 +59,9 @@ def corner(run: Run) -> Scenario:
 def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, float]]:
     """Return density, speed, flow and the number of stuck draws of each run."""
     crowds = draw_crowds([corner(run) for run in runs], setting)
-    passages, stuck = Passages(crowds, 1, _WIDTH), set()
+    passages = Passages(crowds, 1, _WIDTH)
     looks: list[Look] = []
-    for k, (before, now) in enumerate(crowds.moments(_LIMIT)):
-        passages.see(before, now)
-        stuck |= set(passages.stop_the_stuck(now, _PATIENCE))
+    for k, (before, now) in enumerate(passages.moments(_LIMIT, _PATIENCE)):
         if k % _LOOKS == 0:
             x, y = now.position.T
             looks += look(crowds, before, now, (x > _LEG - 2.0) & (y < _WIDTH + 2.0))
@@ -83,7 +76,8 @@ def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, fl
                 mine = [one for one in looks if one.crowd == e]
                 figures.append((*mean_between(begin, end, mine, _FLOOR, _FIELD), flow))
         density, speed, flow = (mean_of([one[part] for one in figures]) for part in range(3))
-        found.append({"density": density, "speed": speed, "flow": flow, "stuck": len(stuck & set(crowds.of(k)))})
+        stuck = sum(e in passages.stuck for e in crowds.of(k))
+        found.append({"density": density, "speed": speed, "flow": flow, "stuck": stuck})
     return found
 
 
@@ -107,4 +101,4 @@ def run(setting: Setting) -> list[Row]:
     stuck = int(sum(one["stuck"] for one in found))
     pairs = ", ".join(f"{number(d)} /m2 {number(v)} m/s" for d, v in zip(density, speed, strict=True))
     figure = pairs + (f"; {stuck} of {len(RUNS) * setting.draws} stuck" if stuck else "")
-    return [row("corner", setting, falls(density, speed) and not stuck, figure, CRITERION, SOURCE, runs=found)]
+    return [row("corner", setting, falls(density, speed) and not stuck, figure, runs=found)]

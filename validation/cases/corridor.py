@@ -7,12 +7,11 @@ import numpy as np
 
 from crowd_env import Geometry, Normal, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, number, row, said_of
+from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
 from validation.cases.trajectories import Trajectories, read_trajectories
 from validation.cases.voronoi import Look, fundamental_diagram, look, samples_between
 
-CRITERION, SOURCE = said_of("corridor")
 DATA = "corridor_hermes2009_uo"  # folder of the recordings
 DENSITY_WITHIN, FLOW_WITHIN, ENOUGH = 0.25, 0.15, 7
 
@@ -43,12 +42,8 @@ RUNS = (
 )
 
 _LEFT, _RIGHT, _MIDDLE = 0.0, 1.8, 0.9  # m, x of the corridor's walls and middle
-_TOP, _BOTTOM, _PASSAGE, _END = (
-    4.0,
-    -4.0,
-    8.0,
-    -6.5,
-)  # m, y: corridor, passage in front of it, end of the opening behind
+_TOP, _BOTTOM = 4.0, -4.0  # m, y of the corridor's ends
+_PASSAGE, _END = 8.0, -6.5  # m, y where the passage in front of it begins, and the opening behind ends
 _NECK, _HALF, _DENSITY = 0.2, 4.0, 3.0  # m, m, 1/m2: length of entrance and exit; half width of the waiting area; in it
 LINE = 0.0  # m, y of the counting line
 FIELD = box(_LEFT, -2.0, _RIGHT, 0.0)
@@ -77,21 +72,16 @@ def corridor(run: Run) -> Scenario:
         exits={"out": [(_LEFT - 1.0, _END), (_RIGHT + 1.0, _END)]},
         regions={"waiting": box(_MIDDLE - _HALF, front + 0.5, _MIDDLE + _HALF, front + depth)},
     )
-    return Scenario(
-        f"corridor-{run.entrance:g}-{run.exit:g}",
-        place,
-        adults(run.people, start_region="waiting", desired_speed=_SPEED),
-        _LIMIT,
-    )
+    people = adults(run.people, start_region="waiting", desired_speed=_SPEED)
+    return Scenario(f"corridor-{run.entrance:g}-{run.exit:g}", place, people, _LIMIT)
 
 
 def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, Any]]:
     """Return density, speed, flow and the number of stuck draws of each run, and densities and speeds at all looks (K, 2)."""
     crowds = draw_crowds([corridor(run) for run in runs], setting)
-    passages, stuck, looks = Passages(crowds, 1, LINE, sign=-1), set(), []
-    for k, (before, now) in enumerate(crowds.moments(_LIMIT)):
-        passages.see(before, now)
-        stuck |= set(passages.stop_the_stuck(now, _PATIENCE))
+    passages = Passages(crowds, 1, LINE, sign=-1)
+    looks: list[Look] = []
+    for k, (before, now) in enumerate(passages.moments(_LIMIT, _PATIENCE)):
         if k % _LOOKS == 0:
             y = now.position[:, 1]
             looks += look(crowds, before, now, (y > _NEAR[0]) & (y < _NEAR[1]))
@@ -101,8 +91,8 @@ def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, An
         samples = np.concatenate([each for each, _ in figures])
         draws = [(mean_of(each[:, 0]), mean_of(each[:, 1]), flow) for each, flow in figures]
         density, speed, flow = (mean_of([one[part] for one in draws]) for part in range(3))
-        blocked = len(stuck & set(crowds.of(k)))
-        found.append({"density": density, "speed": speed, "flow": flow, "stuck": blocked, "samples": samples})
+        stuck = sum(e in passages.stuck for e in crowds.of(k))
+        found.append({"density": density, "speed": speed, "flow": flow, "stuck": stuck, "samples": samples})
     return found
 
 
@@ -167,9 +157,8 @@ def run(setting: Setting) -> list[Row]:
     figures = ", ".join(
         f"{number(one['density'])} ({r.density:.2f}) {number(one['flow'])} ({r.flow:.2f})" for one, r in pairs
     )
-    figure = f"both in {both} of 9, density in {density}, flow in {flow}; density and flow (recorded): {figures}" + (
-        f"; {stuck} of {len(RUNS) * setting.draws} stuck" if stuck else ""
-    )
+    figure = f"both in {both} of 9, density in {density}, flow in {flow}; density and flow (recorded): {figures}"
+    figure += f"; {stuck} of {len(RUNS) * setting.draws} stuck" if stuck else ""
     more: dict[str, Any] = {"runs": found, "recorded": [one._asdict() for one in RUNS], "both": both}
     more |= {"diagram": diagram, "recorded_diagram": recorded}
-    return [row("corridor", setting, both >= ENOUGH, figure, CRITERION, SOURCE, **more)]
+    return [row("corridor", setting, both >= ENOUGH, figure, **more)]

@@ -4,10 +4,9 @@ import numpy as np
 
 from crowd_env import Geometry, Groups, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, number, row, said_of
+from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Passages, draw_crowds, mean_of
 
-CRITERION, SOURCE = said_of("crossing")
 AGAINST = (0, 10, 50, 100)
 
 _PEOPLE, _DENSITY = 100, 4.0  # 1/m2, at the far end of either room
@@ -52,6 +51,4 @@ def run(setting: Setting) -> list[Row]:
         f"{n}: {number(time, 1)} s" + (f" ({jams} of {setting.draws} deadlocked)" if jams else "")
         for n, time, jams in zip(AGAINST, times, deadlocks, strict=True)
     )
-    return [
-        row("crossing", setting, passed, figure, CRITERION, SOURCE, against=AGAINST, last=times, deadlocks=deadlocks)
-    ]
+    return [row("crossing", setting, passed, figure, against=AGAINST, last=times, deadlocks=deadlocks)]

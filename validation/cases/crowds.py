@@ -1,6 +1,6 @@
 """Crowds of one or several scenarios side by side, looked at every 0.1 s; when people pass a line."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -136,6 +136,7 @@ class Passages:
         self._crowds, self._axis, self._at, self._sign = crowds, axis, at, sign
         self.time = np.full(len(crowds.simulation.state.active), np.nan)  # (P,) s; nan for those who have not
         self.last = np.zeros(crowds.count)  # s, when somebody last passed, by crowd
+        self.stuck: dict[int, float] = {}  # crowd -> s, when it was stopped
 
     def see(self, before: Moment, now: Moment) -> None:
         """Count who has passed between two moments."""
@@ -147,23 +148,26 @@ class Passages:
             start = self._crowds.simulation.bodies.env_start
             self.last[np.searchsorted(start, passed, side="right") - 1] = now.time
 
-    def stop_the_stuck(self, now: Moment, patience: float) -> list[int]:
-        """Stop crowds in which somebody has yet to pass and nobody has for ``patience`` seconds; return which."""
-        found = []
+    def stop_the_stuck(self, now: Moment, patience: float) -> None:
+        """Stop crowds in which somebody has yet to pass and nobody has for ``patience`` seconds."""
         for e in np.flatnonzero(now.time - self.last > patience):
             people = self._crowds.people(int(e))
             if (now.active[people] & np.isnan(self.time[people])).any():
                 self._crowds.stop(int(e))
-                found.append(int(e))
-        return found
+                self.stuck[int(e)] = now.time
 
-    def watch(self, limit: float, patience: float) -> set[int]:
-        """Let all crowds walk for ``limit`` seconds, and stop the stuck; return which these are."""
-        stuck: set[int] = set()
+    def moments(self, limit: float, patience: float) -> Iterator[tuple[Moment, Moment]]:
+        """Yield those of `Crowds.moments`, all that pass seen and the stuck stopped."""
         for before, now in self._crowds.moments(limit):
             self.see(before, now)
-            stuck |= set(self.stop_the_stuck(now, patience))
-        return stuck
+            self.stop_the_stuck(now, patience)
+            yield before, now
+
+    def watch(self, limit: float, patience: float) -> Collection[int]:
+        """Let all crowds walk for ``limit`` seconds, and stop the stuck; return which these are."""
+        for _ in self.moments(limit, patience):
+            pass
+        return self.stuck
 
     def times(self, e: int) -> Floats:
         """Return when the people of crowd ``e`` passed, in order; nan last."""

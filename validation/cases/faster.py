@@ -7,11 +7,10 @@ import numpy as np
 
 from crowd_env import Hertz, Scenario, Uniform, make_scheme
 from crowd_env.core.arrays.headway import make_manner
-from validation.cases.case import Row, Setting, row, said_of
+from validation.cases.case import Row, Setting, row
 from validation.cases.crowds import Passages, draw_crowds
 from validation.cases.doors import door
 
-CRITERION, SOURCE = said_of("faster")
 SLACK = 0.05  # by which a time may be longer than that of the next slower desired speed
 
 SPEEDS = (1.0, 1.5, 2.0, 3.0, 4.0)  # m/s, of everyone
@@ -72,5 +71,5 @@ def run(setting: Setting) -> list[Row]:
         f"{name}: " + " ".join("stuck" if np.isinf(time) else f"{time:.0f}" for time in times)
         for name, times in found.items()
     )
-    more = {"speed": SPEEDS, "time": found}
-    return [row("faster", setting, all(verdicts) if verdicts else None, figure, CRITERION, SOURCE, **more)]
+    passed = all(verdicts) if verdicts else None
+    return [row("faster", setting, passed, figure, speed=SPEEDS, time=found)]

@@ -23,7 +23,7 @@ from crowd_env.core.files.store import Store
 from crowd_env.envs.metrics import share_interval
 from crowd_env.reproduce.evacuations import evacuate
 from crowd_env.reproduce.lin2016.settings import LinSettings
-from validation.cases.case import Row, Setting, row, said_of
+from validation.cases.case import Row, Setting, row
 
 PEOPLE = 200
 SPEEDS = (1.2, 1.4)  # times v*: below and above the onset in the paper's Figure 7, 1.6 to 1.8 m/s
@@ -65,9 +65,6 @@ def onset(speeds: tuple[float, ...], shares: list[float]) -> float | None:
         if shares[k - 1] < 0.5 <= shares[k]:
             return float(np.interp(0.5, shares[k - 1 : k + 1], speeds[k - 1 : k + 1]))
     return speeds[0] if shares[0] == 0.5 else None
-
-
-CRITERION, SOURCE = said_of("frozen")
 
 
 def run(setting: Setting) -> Iterable[Row]:
@@ -116,4 +113,4 @@ def finding(setting: Setting, variant: Variant, speed: float, blocked: Mapping[f
         }
     shares = ", ".join(f"{sum(draws)} of {len(draws)} at {times:g} v*" for times, draws in blocked.items())
     figure = f"friction {variant.friction:g}, A {variant.strength:g} N, phi {variant.anisotropy:g}: blocked {shares}"
-    return row("frozen", setting, half is not None, figure, CRITERION, SOURCE, **more)
+    return row("frozen", setting, half is not None, figure, **more)

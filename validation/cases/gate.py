@@ -11,11 +11,10 @@ from shapely.geometry import Polygon
 from shapely.geometry import box as rectangle
 
 from crowd_env import Geometry, Scenario, Uniform
-from validation.cases.case import Row, Setting, adults, number, row, said_of, share
+from validation.cases.case import Row, Setting, adults, number, row, share
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of, steady_flow
 from validation.cases.trajectories import find_recording, read_trajectories
 
-CRITERION, SOURCE = said_of("gate")
 DATA = "bottleneck_wuppertal2018_040c56h"  # folder of the recording
 
 FLOW = 1.13  # 1/s, slope of the recorded N(t)
@@ -103,7 +102,7 @@ def run(setting: Setting) -> list[Row]:
     figures = counted([each for e, each in enumerate(times) if e not in stuck])
     figures |= {"stuck": len(stuck), "starts": "random" if starts is None else "recorded"}
     more = figures | {"position": began, "passages": times, "recorded": recorded}
-    return [row("gate", setting, met(figures), told(figures, setting.draws), CRITERION, SOURCE, **more)]
+    return [row("gate", setting, met(figures), told(figures, setting.draws), **more)]
 
 
 def counted(runs: list[Floats]) -> dict[str, Any]:

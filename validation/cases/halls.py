@@ -16,9 +16,7 @@ from crowd_env import CrowdEnv, Geometry, Population, Scenario
 from crowd_env.core.arrays.state import MAX_SPEED
 from crowd_env.envs.crowd import Step
 from crowd_env.envs.rollout import rollout
-from validation.cases.case import Row, Setting, row, said_of
-
-CRITERION, SOURCE = said_of("halls")
+from validation.cases.case import Row, Setting, row
 
 _TIME_LIMIT = 3600.0  # s
 
@@ -121,6 +119,6 @@ def run_in(halls: tuple[Hall, ...], name: str) -> Callable[[Setting], Iterator[R
             for draw in range(setting.draws):
                 setting.notify(f"{hall.people} people, {hall.density:g} /m2, door {hall.door:g} m")
                 found = empty(hall, setting, draw)
-                yield row(name, setting, holds(found), told(found), CRITERION, SOURCE, **found)
+                yield row(name, setting, holds(found), told(found), **found)
 
     return run

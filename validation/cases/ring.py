@@ -6,10 +6,9 @@ import numpy as np
 import shapely
 
 from crowd_env import Geometry
-from validation.cases.case import Row, Setting, adults, row, said_of
+from validation.cases.case import Row, Setting, adults, row
 from validation.cases.crowds import Floats, Moment, crowds_at, generator, mean_of
 
-CRITERION, SOURCE = said_of("ring")
 ENOUGH = 9
 
 # Line density [1/m] (middle of a bin of 0.2 /m) -> 10 %, 50 % and 90 % of the recorded speeds [m/s].
@@ -85,4 +84,4 @@ def run(setting: Setting) -> list[Row]:
     )
     figure = f"{len(inside)} of {len(found)} inside" + (f"; outside: {outside}" if outside else "")
     more: dict[str, Any] = {"speed": found, "band": {density: BANDS[density] for density in found}}
-    return [row("ring", setting, len(inside) >= ENOUGH, figure, CRITERION, SOURCE, **more)]
+    return [row("ring", setting, len(inside) >= ENOUGH, figure, **more)]

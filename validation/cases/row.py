@@ -17,10 +17,8 @@ import numpy as np
 from shapely.geometry import box
 
 from crowd_env import Geometry, Simulation, make_bodies, make_state
-from validation.cases.case import Row, Setting, number, row, said_of
+from validation.cases.case import Row, Setting, number, row
 from validation.cases.crowds import Floats
-
-CRITERION, SOURCE = said_of("row")
 
 
 class Push(NamedTuple):
@@ -133,4 +131,4 @@ def run(setting: Setting) -> list[Row]:
         where = "nothing in front" if push.wall is None else "wall in front"
         told.append(f"{where}, by strength: {pushes}; furthest {', '.join(number(one) for one in most)} m")
         more[name] = {"reached": reached, "speed": speed, "furthest": moved.max(axis=1)}
-    return [row("row", setting, all(verdicts), "; ".join(told), CRITERION, SOURCE, **more)]
+    return [row("row", setting, all(verdicts), "; ".join(told), **more)]

@@ -59,8 +59,10 @@ def test_a_crowd_in_which_nobody_passes_any_more_is_stopped():
     passed[second] = 1.0
     here = np.ones(len(still), dtype=bool)
     passages.see(Moment(0.0, still, here), Moment(0.1, passed, here))
-    assert passages.stop_the_stuck(Moment(20.0, passed, here), 20.0) == []
-    assert passages.stop_the_stuck(Moment(20.2, passed, here), 20.0) == [0]  # of the second all have passed
+    passages.stop_the_stuck(Moment(20.0, passed, here), 20.0)
+    assert not passages.stuck
+    passages.stop_the_stuck(Moment(20.2, passed, here), 20.0)
+    assert passages.stuck == {0: 20.2}  # of the second all have passed
     assert not crowds.simulation.state.active[crowds.people(0)].any()
     assert crowds.simulation.state.active[second].all()
 
