@@ -25,21 +25,23 @@ def complete_from(names: Iterable[str]) -> Callable[[str], list[str]]:
 def section(panel: str | None = None) -> Callable[..., Any]:
     """Return what makes an option of a section of the help, from its text and what that says is the default.
 
-    ``names`` are others than that of the argument, ``among`` what a shell completes; the rest is that of `typer.Option`.
+    ``names`` are others than that of the argument, ``among`` the names that a shell completes; the rest is that of
+    `typer.Option`.
     """
 
     def option(
         help: str, default: str | None = None, *, names: Iterable[str] = (), among: Iterable[str] = (), **more: Any
     ) -> Any:
         more |= {"show_default": default} if default else {}
-        more |= {"autocompletion": complete_from(among)} if among else {}
+        if among:
+            more = {"metavar": "NAME", "autocompletion": complete_from(among), **more}
         return typer.Option(*names, help=help, rich_help_panel=panel, **more)
 
     return option
 
 
 of_place, of_people, of_physics = map(section, (OF_PLACE, OF_PEOPLE, OF_PHYSICS))
-of_runs, of_output = map(section, (OF_RUNS, OF_OUTPUT))
+of_runs, of_output, plain = map(section, (OF_RUNS, OF_OUTPUT, None))
 
 # Options that several commands have.
 AsJson = Annotated[bool, of_output("Print one JSON object instead of a table.", names=("--json",))]
@@ -56,11 +58,7 @@ def wide_console() -> Console:
 
 
 def show_table(
-    title: str,
-    columns: Mapping[str, Mapping[str, str]],
-    *,
-    caption: str = "",
-    sections: Sequence[int] = (),
+    title: str, columns: Mapping[str, Mapping[str, str]], *, caption: str = "", sections: Sequence[int] = ()
 ) -> None:
     """Print a table: a row for each label of the first column, a column for each of ``columns``.
 
@@ -71,15 +69,8 @@ def show_table(
     """
     console = wide_console()
     alone = list(columns) == [""]
-    table = Table(
-        title=title or None,
-        caption=caption or None,
-        show_header=not alone,
-        box=SIMPLE_HEAD,
-        pad_edge=False,
-        title_justify="left",
-        caption_justify="left",
-    )
+    look: dict[str, Any] = {"box": SIMPLE_HEAD, "pad_edge": False, "title_justify": "left", "caption_justify": "left"}
+    table = Table(title=title or None, caption=caption or None, show_header=not alone, **look)
     table.add_column("", no_wrap=True)
     for heading in columns:
         table.add_column(heading, justify="left" if alone else "right")

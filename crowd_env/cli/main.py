@@ -11,7 +11,7 @@ import crowd_env
 from crowd_env.cli.agents import WithLearning
 from crowd_env.cli.clogging import EXAMPLES as CLOGGING_EXAMPLES
 from crowd_env.cli.clogging import clog
-from crowd_env.cli.console import AsJson, complete_from, show_table
+from crowd_env.cli.console import AsJson, plain, show_table
 from crowd_env.cli.place import CrowdName
 from crowd_env.cli.plan import plan
 from crowd_env.cli.recorded import film, forces, replay
@@ -24,11 +24,7 @@ from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.physics import SCHEMES, make_scheme
 from crowd_env.scenarios import SCENARIOS, make_scenario
 
-app = typer.Typer(
-    cls=WithLearning,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-)
+app = typer.Typer(cls=WithLearning, no_args_is_help=True, pretty_exceptions_enable=False)
 
 
 def _say_version(asked: bool) -> None:
@@ -62,19 +58,13 @@ def list_names(as_json: AsJson = False) -> None:
         show_table(title, {"": names})
 
 
-app.command()(plan)
-for looking in (film, replay, forces, report):
+for looking in (plan, film, replay, forces, report):
     app.command()(looking)
 
 
 @app.command()
 def warmup(
-    physics: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME", autocompletion=complete_from(SCHEMES), help="Contact scheme; may be repeated; default all."
-        ),
-    ] = None,
+    physics: Annotated[list[str] | None, plain("Contact scheme; may be repeated.", "all", among=SCHEMES)] = None,
     crowd: CrowdName = None,
     as_json: AsJson = False,
 ) -> None:

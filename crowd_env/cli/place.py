@@ -32,62 +32,30 @@ _DRAWN = {"speed": "desired_speed", **{name: name for name in (*DRAWN, *MOTIVATI
 _SWITCHES = {"yes": True, "no": False, "true": True, "false": False}
 
 PlaceName = Annotated[str, typer.Argument(help=PLACES, autocompletion=complete_scenario)]
-Exits = Annotated[
-    list[str] | None,
-    of_place(
-        'Exit of a floor plan, in place of those in the file: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be '
-        "repeated.",
-        names=("--exit",),
-    ),
-]
-Unit = Annotated[
-    str | None,
-    of_place(
-        "Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm, mm, ft or in; default m, unless "
-        "that cannot be and the file says another."
-    ),
-]
-PeopleCount = Annotated[
-    int | None,
-    of_people(f"Number of people; default the scenario's, or {PEOPLE} on a floor plan.", names=("--people",), min=1),
-]
+_EXITS = (
+    'Exit of a floor plan, in place of those in the file: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be '
+    "repeated."
+)
+Exits = Annotated[list[str] | None, of_place(_EXITS, names=("--exit",))]
+_UNIT = (
+    "Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm, mm, ft or in; default m, unless that "
+    "cannot be and the file says another."
+)
+Unit = Annotated[str | None, of_place(_UNIT)]
+_PEOPLE = f"Number of people; default the scenario's, or {PEOPLE} on a floor plan."
+PeopleCount = Annotated[int | None, of_people(_PEOPLE, names=("--people",), min=1)]
 Starts = Annotated[Path | None, of_people("CSV file with columns x,y: recorded starting positions.")]
-CrowdName = Annotated[
-    str | None,
-    of_people(
-        f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's.",
-        names=("--crowd",),
-        among=MANNERS,
-        metavar="NAME",
-    ),
-]
-Changes = Annotated[
-    list[str] | None,
-    of_people(
-        "Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...) or the "
-        "routing (signs); may be repeated. speed=1.5 is the same for all, speed=1.2,2 is drawn from a range.",
-        names=("--set",),
-        metavar="NAME=VALUE",
-    ),
-]
-PhysicsName = Annotated[
-    str,
-    of_physics(
-        f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw.",
-        names=("--physics",),
-        among=SCHEMES,
-        metavar="NAME",
-    ),
-]
-RoutingName = Annotated[
-    str,
-    of_people(
-        "How people choose their route: shortest, nearest, fastest, comfortable, or the name of a route or an exit.",
-        names=("--routing",),
-        among=STRATEGIES,
-        metavar="NAME",
-    ),
-]
+_CROWD = f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's."
+CrowdName = Annotated[str | None, of_people(_CROWD, names=("--crowd",), among=MANNERS)]
+_CHANGES = (
+    "Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...) or the "
+    "routing (signs); may be repeated. speed=1.5 is the same for all, speed=1.2,2 is drawn from a range."
+)
+Changes = Annotated[list[str] | None, of_people(_CHANGES, names=("--set",), metavar="NAME=VALUE")]
+ONE_PHYSICS = f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."
+PhysicsName = Annotated[str, of_physics(ONE_PHYSICS, names=("--physics",), among=SCHEMES)]
+_ROUTING = "How people choose their route: shortest, nearest, fastest, comfortable, or the name of a route or an exit."
+RoutingName = Annotated[str, of_people(_ROUTING, names=("--routing",), among=STRATEGIES)]
 TimeLimit = Annotated[float | None, of_runs("People who are inside after this many seconds are unfinished.")]
 
 

@@ -18,13 +18,10 @@ Sources = Annotated[list[Path], typer.Argument(metavar="DIR...", help=f"{_SOURCE
 Source = Annotated[Path, typer.Argument(metavar="DIR", help=f"{_SOURCE}.")]
 
 FilmWidth = Annotated[int | None, of_output("Width of the film in px; default 480 an evacuation.", min=160, max=3840)]
-FilmFps = Annotated[
-    float | None, of_output("Frames of the film a second; default 20, of long GIFs down to 10.", max=100)
-]
-FilmSpeed = Annotated[
-    float | None,
-    of_output("Seconds that a second of the film shows; default 1, or as many as make a film of 30 s."),
-]
+_FPS = "Frames of the film a second; default 20, of long GIFs down to 10."
+FilmFps = Annotated[float | None, of_output(_FPS, max=100)]
+_SPEED = "Seconds that a second of the film shows; default 1, or as many as make a film of 30 s."
+FilmSpeed = Annotated[float | None, of_output(_SPEED)]
 
 
 class Recorded(NamedTuple):

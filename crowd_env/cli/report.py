@@ -20,16 +20,7 @@ def report(
         list[Path],
         typer.Argument(metavar="DIR...", help="Folders of crowd-env run --out; several are compared, with the first."),
     ],
-    out: Annotated[
-        Path,
-        of_output(
-            "Page to write, .html.",
-            names=(
-                "--out",
-                "-o",
-            ),
-        ),
-    ] = Path("report.html"),
+    out: Annotated[Path, of_output("Page to write, .html.", names=("--out", "-o"))] = Path("report.html"),
     title: Annotated[str | None, of_output("Title of the page; default the place.")] = None,
     maps: Annotated[bool, of_output("Leave out the maps of recorded runs.", names=(" /--no-maps",))] = True,
     as_json: AsJson = False,

@@ -12,7 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from crowd_env.cli.console import AsJson, wide_console
+from crowd_env.cli.console import AsJson, plain, section, wide_console
 from crowd_env.core.console import check_folder, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.core.executors import Executor, all_cores, make_executor
 from crowd_env.core.files.store import Store
@@ -30,44 +30,26 @@ SETTINGS = {
     for one in fields(paper.settings)
 } | {"--n": "--set people=N"}
 
-_KEPT = "Evacuations, which are kept and shared by figures"
+_NAMES = f"{', '.join(FIGURES)}; those of one paper: {', '.join(PAPERS)}; of every paper: all; what they are: list."
+_RUNS = "Number of draws; default 10 (lin), 50 (pecol), 100 (the theatre)."
+_CHANGES = "Change a setting of the paper; list says which there are."
+_OUT = "Folder for the CSV files, the figure and, in its folder runs, the runs that are kept."
+_RAY = "Spread the draws over a Ray cluster, see docs/ray.md. Results do not depend on it."
+_FRESH = "Compute all runs again instead of taking those kept."
+of_kept = section("Evacuations, which are kept and shared by figures")
 
 
 @app.command()
 def reproduce(
-    name: Annotated[
-        str,
-        typer.Argument(
-            metavar="NAME",
-            help=f"{', '.join(FIGURES)}; those of one paper: {', '.join(PAPERS)}; of every paper: all; what they are: list.",
-        ),
-    ],
-    runs: Annotated[
-        int | None, typer.Option(help="Number of draws; default 10 (lin), 50 (pecol), 100 (the theatre).")
-    ] = None,
-    seed: Annotated[int | None, typer.Option(help="Draw k has the seed SEED + k; default 0.")] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="NAME=VALUE", help="Change a setting of the paper; list says which there are."),
-    ] = None,
+    name: Annotated[str, typer.Argument(metavar="NAME", help=_NAMES)],
+    runs: Annotated[int | None, plain(_RUNS)] = None,
+    seed: Annotated[int | None, plain("Draw k has the seed SEED + k; default 0.")] = None,
+    set_: Annotated[list[str] | None, plain(_CHANGES, names=("--set",), metavar="NAME=VALUE")] = None,
     as_json: AsJson = False,
-    out: Annotated[
-        Path, typer.Option(help="Folder for the CSV files, the figure and, in its folder runs, the runs that are kept.")
-    ] = Path("reproduce"),
-    workers: Annotated[
-        int | None,
-        typer.Option(help="Processes; default one a core. Results do not depend on it.", rich_help_panel=_KEPT),
-    ] = None,
-    fresh: Annotated[
-        bool,
-        typer.Option("--fresh", help="Compute all runs again instead of taking those kept.", rich_help_panel=_KEPT),
-    ] = False,
-    ray: Annotated[
-        bool,
-        typer.Option(
-            "--ray", help="Spread the draws over a Ray cluster, see docs/ray.md. Results do not depend on it."
-        ),
-    ] = False,
+    out: Annotated[Path, plain(_OUT)] = Path("reproduce"),
+    workers: Annotated[int | None, of_kept("Processes; default one a core. Results do not depend on it.")] = None,
+    fresh: Annotated[bool, of_kept(_FRESH, names=("--fresh",))] = False,
+    ray: Annotated[bool, plain(_RAY, names=("--ray",))] = False,
 ) -> None:
     """Redo a table or figure of a paper, Pécol et al. 2011 or Lin, Ma, Lo, and print its numbers beside ours.
 

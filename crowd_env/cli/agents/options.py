@@ -6,37 +6,27 @@ from typing import Annotated, Any
 from crowd_env.agents import POLICIES, PRETRAINED
 from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.tasks import TASKS
-from crowd_env.cli.console import OF_OUTPUT, OF_PEOPLE, OF_PHYSICS, OF_PLACE, OF_RUNS, section
+from crowd_env.cli.console import of_people, of_place, of_runs, plain, section
 from crowd_env.cli.place import split_changes
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios import SCENARIOS
 
-of_place, of_people, of_physics, of_learning = map(section, (OF_PLACE, OF_PEOPLE, OF_PHYSICS, "Learning"))
-of_runs, of_output, plain = map(section, (OF_RUNS, OF_OUTPUT, None))
+of_learning = section("Learning")
 
-Place = Annotated[
-    str | None,
-    of_place(
-        f"A task: {', '.join(TASKS)}; or a scenario, its file, or a floor plan.",
-        names=("--task", "--scenario"),
-        among=(*TASKS, *SCENARIOS),
-        metavar="NAME",
-    ),
-]
+_PLACE = f"A task: {', '.join(TASKS)}; or a scenario, its file, or a floor plan."
+Place = Annotated[str | None, of_place(_PLACE, names=("--task", "--scenario"), among=(*TASKS, *SCENARIOS))]
 People = Annotated[int | None, of_people("Another number of people of the same kinds.", min=1)]
+_POLICIES = (
+    "rule: the strategy of a task; shortest, nearest, fastest, comfortable; a route or exit; rules: the shortest path "
+    f"with the scenario's control rules in force; {', '.join(POLICIES)}; a shipped policy (TASK/NAME), or the path of a "
+    "network (.safetensors)."
+)
+_KNOWN = (RULE, *STRATEGIES, *POLICIES, *PRETRAINED)
 Policies = Annotated[
-    list[str] | None,
-    plain(
-        "rule: the strategy of a task; shortest, nearest, fastest, comfortable; a route or exit; rules: the shortest path "
-        f"with the scenario's control rules in force; {', '.join(POLICIES)}; a shipped policy (TASK/NAME), or the path of a "
-        "network (.safetensors).",
-        names=("--policies", "--policy"),
-        among=(RULE, *STRATEGIES, *POLICIES, *PRETRAINED),
-        metavar="POLICY ...",
-    ),
+    list[str] | None, plain(_POLICIES, names=("--policies", "--policy"), among=_KNOWN, metavar="POLICY ...")
 ]
 Threads = Annotated[int, of_runs("Of the simulation; results do not depend on it.")]
-OneTask = Annotated[str, plain(f"The task: {', '.join(TASKS)}.", among=TASKS, metavar="NAME")]
+OneTask = Annotated[str, plain(f"The task: {', '.join(TASKS)}.", among=TASKS)]
 
 
 def changes(texts: Sequence[str] | None, kinds: Mapping[str, Any]) -> dict[str, Any]:
