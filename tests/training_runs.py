@@ -6,6 +6,7 @@ from late import late
 from typer import Typer
 from typer.testing import CliRunner
 
+from crowd_env.agents.training_config import default_config
 from crowd_env.cli.agents import learn
 
 torch = late("torch")
@@ -29,7 +30,7 @@ def checkpoint(folder):
 def tiny(folder, **changes):
     """Return the config of a run of a few seconds in a folder of its own."""
     folder.mkdir(parents=True)
-    config = learn.default_config("room-v0", "nsm2", 3, 2, 5000, 5.0)
+    config = default_config("room-v0", "nsm2", 3, 2, 5000, 5.0)
     config |= {"eval_every": 2500, "eval_runs": 2} | changes
     config["ppo"] |= {"n_steps": 32, "batch_size": 256, "n_epochs": 1}
     return config

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 import time
+from functools import partial
 
 import gymnasium
 import numpy as np
@@ -14,7 +15,7 @@ from repository import ROOT
 from training_runs import call, checkpoint, curve, tiny
 
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
-from crowd_env.agents import make_policy
+from crowd_env.agents import make_policy, training_config
 from crowd_env.agents.evaluation.comparison import last_times, minus_first
 from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.networks import read_network
@@ -112,15 +113,15 @@ def test_the_same_name_twice_overwrites_nothing(job, monkeypatch):
 
 @looped("scheme", SCHEMES)
 def test_the_physics_step_is_that_of_the_scheme(scheme):
-    assert learn.default_config("room-v0", scheme, 0, 2, 100, 1.0)["dt"] == make_scheme(scheme).info.default_dt
-    assert learn.default_config("room-v0", scheme, 0, 2, 100, 1.0, dt=0.005)["dt"] == 0.005
+    begun = partial(training_config.default_config, "room-v0", scheme, 0, 2, 100, 1.0)
+    assert begun()["dt"] == make_scheme(scheme).info.default_dt and begun(dt=0.005)["dt"] == 0.005
 
 
 @pytest.mark.more
 @looped(("asked", "dt"), [(("--physics", "dem", "--set", "dt=0.005"), 0.005), (("--physics", "hertz"), 0.001)])
 def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monkeypatch, asked, dt):
     seen, init = set(), Simulation.__init__
-    default = learn.default_config
+    default = training_config.default_config
 
     def watched(self, *args, dt, **options):
         seen.add(dt)
@@ -134,8 +135,7 @@ def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monke
     monkeypatch.setitem(SCENARIOS, "small-room", lambda: make_scenario("room-v0", people=3, time_limit=6.0))
     monkeypatch.setattr(Simulation, "__init__", watched)
     monkeypatch.setattr("crowd_env.agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
-    monkeypatch.setattr(learn, "default_config", smaller)
-    monkeypatch.setattr("crowd_env.agents.training_config.default_config", smaller)
+    monkeypatch.setattr(training_config, "default_config", smaller)
     result = call(*asked, "--scenario", "room-v0", "--steps", 20, "--envs", 1, "--runs", 1, "--out", tmp_path / str(dt))
     assert result.exit_code == 0, result.output
     assert seen == {dt}
@@ -303,7 +303,7 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
 @pytest.mark.more
 @looped("task", PRESETS)
 def test_presets_train_in_the_place_of_their_task(task):
-    config = learn.task_config(task)
+    config = training_config.task_config(task)
     judged = TASKS[task]
     assert config["options"].keys() == judged.options.keys() and config["scheme"] == judged.scheme
     assert config["strategy"] == judged.rule and config["decision_dt"] == judged.decision_dt

@@ -7,9 +7,9 @@ import pytest
 from late import late
 from training_runs import call, curve
 
+from crowd_env.agents import training_config
 from crowd_env.agents.trained import LearnedController
 from crowd_env.agents.training_config import ROUTING_PPO, default_config, make_env, task_config
-from crowd_env.cli.agents import learn
 
 PPOSettings, make_ppo = late("crowd_env.agents.learned", "PPOSettings", "make_ppo")
 
@@ -39,10 +39,10 @@ def test_a_task_is_trained_as_it_stands():
 
 @pytest.mark.more
 def test_the_whole_job(tmp_path, monkeypatch):
-    default = learn.default_config
-    monkeypatch.setattr(
-        learn, "default_config", lambda *args, **given: default(*args, **given) | {"people": 10, "eval_runs": 2}
-    )
+    def smaller(*args, **given):
+        return default_config(*args, **given) | {"people": 10, "eval_runs": 2}
+
+    monkeypatch.setattr(training_config, "default_config", smaller)
     options = ("--scenario", "two-exit-hall-v0", "--decides", "routing", "--set", "grid=2,1", "--envs", 2, "--runs", 2)
     result = call(*options, "--steps", 100, "--out", tmp_path / "run")
     assert result.exit_code == 0, result.output

@@ -11,33 +11,17 @@ import typer
 from rich.table import Table
 
 from crowd_env import SCHEMES, Scenario, make_scheme
+from crowd_env.agents.evaluation import report, robustness
 from crowd_env.agents.evaluation.entries import RULE, make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.evaluation.protocol import credible_lines, task_table
-from crowd_env.agents.evaluation.report import (
-    by_scheme,
-    crowding_table,
-    exits_table,
-    left_table,
-    ranking_lines,
-    table_console,
-    times_table,
-)
-from crowd_env.agents.evaluation.robustness import (
-    few_runs,
-    judge_trial,
-    lines_of_trials,
-    make_trials,
-    robustness_table,
-    summary_of_trials,
-)
 from crowd_env.agents.evaluation.same_draws import compare, summary
 from crowd_env.agents.tasks import TASKS, Task
 from crowd_env.agents.training_config import RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
-from crowd_env.cli.agents.options import People, Place, Policies, changes, of_output, of_people, of_physics, of_runs
-from crowd_env.cli.console import AsJson
+from crowd_env.cli.agents.options import People, Place, Policies, changes
+from crowd_env.cli.console import AsJson, of_output, of_people, of_physics, of_runs
 from crowd_env.cli.place import CrowdName, Exits, Unit, read_place
 from crowd_env.core.checks import Range, number, whole
 from crowd_env.core.console import friendly_errors, notes
@@ -80,7 +64,7 @@ def main(
     runs: Annotated[int | None, of_runs("Evacuations of each policy and scheme.", f"{_RUNS}; those of a task")] = None,
     seed: Annotated[int, of_runs("Other draws; all are held out from training.")] = 0,
     ray: Annotated[bool, of_runs(_RAY, names=("--ray",))] = False,
-    robustness: Annotated[bool, of_runs(_ROBUSTNESS, names=("--robustness",))] = False,
+    vary: Annotated[bool, of_runs(_ROBUSTNESS, names=("--robustness",))] = False,
     out: Annotated[Path | None, of_output(_OUT)] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -102,14 +86,16 @@ def main(
         task = TASKS.get(place or "")
         changed = changes(set, _SET)
         threads = whole("--set threads", changed.get("threads", 1))
-        if robustness:
+        if vary:
+            if task is None:
+                raise ValueError("--robustness varies a task; name one by --task")
             given = {"--physics": physics, "--people": people, "--crowd": crowd, "--exit": exit, "--unit": unit}
             given |= {f"--set {name}": changed[name] for name in changed if name != "threads"}
-            _refuse_beside_robustness(task, given)
-            assert task is not None
+            if beside := [name for name, value in given.items() if value is not None]:
+                raise ValueError(f"--robustness says itself what it varies, {beside[0]} among it; leave one out")
             with closing(_executor(ray, threads)) as executor:
-                how = {"runs": runs, "seed": seed, "threads": threads, "out": out}
-                _vary(task, policies or [RULE], as_json, executor, **how)
+                how = {"seed": seed, "threads": threads, "out": out}
+                _vary(task, policies or [RULE], as_json, executor, runs, **how)
             return
         where = with_manner(_place(task, place, people, exit, unit), crowd, changed.get("outline"))
         policies = policies or list(_NAMED if task is None else (RULE,))
@@ -151,33 +137,20 @@ def _executor(ray: bool, threads: int) -> Executor:
     return make_executor("ray", cores=threads) if ray else Serial()
 
 
-def _refuse_beside_robustness(task: Task | None, given: dict[str, Any]) -> None:
-    """Raise ValueError if something is asked for that --robustness says itself, or there is no task."""
-    if task is None:
-        raise ValueError("--robustness varies a task; name one by --task")
-    for name, value in given.items():
-        if value is not None:
-            raise ValueError(f"--robustness says itself what it varies, {name} among it; leave one out")
-
-
-def _vary(task: Task, policies: Sequence[str], as_json: bool, executor: Executor, **how: Any) -> None:
+def _vary(task: Task, policies: Sequence[str], as_json: bool, executor: Executor, runs: int | None, **how: Any) -> None:
     """Judge policies on a task and its variations, ``how`` is that of `judge_trial`, and say what came out."""
-    runs, seed, out = (
-        whole("--runs", few_runs(task) if how["runs"] is None else how["runs"], RUNS),
-        how["seed"],
-        how["out"],
-    )
-    whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
-    trials, how = make_trials(task, policies), how | {"runs": runs}
-    found = [(one, judge_trial(task, one, partial(compare, executor=executor), **how)) for one in trials]
-    figures = summary_of_trials(task, found, runs, seed)
-    if out is not None:
-        write_json(out / "robustness.json", figures)
+    runs = whole("--runs", robustness.few_runs(task) if runs is None else runs, RUNS)
+    whole("--seed", how["seed"], Range(0, HELD_OUT_SEED - runs - 1))
+    judge = partial(robustness.judge_trial, compare=partial(compare, executor=executor), runs=runs, **how)
+    found = [(one, judge(task, one)) for one in robustness.make_trials(task, policies)]
+    figures = robustness.summary_of_trials(task, found, runs, how["seed"])
+    if how["out"] is not None:
+        write_json(how["out"] / "robustness.json", figures)
     if as_json:
         typer.echo(json.dumps(figures, allow_nan=False))
         return
     title = f"{task.name}, version {task.version}, and its variations: {runs} runs each"
-    _print([robustness_table(found, title)], lines_of_trials(found))
+    _print([robustness.robustness_table(found, title)], robustness.lines_of_trials(found))
 
 
 def _place(
@@ -202,15 +175,16 @@ def _write(
 
 
 def _show(results: list[Evaluation], title: str, place: Scenario, task: Task | None) -> None:
-    judged = [times_table(results, title), left_table(results)]
+    judged, credible = [report.times_table(results, title), report.left_table(results)], []
     if task is not None:
-        judged = [task_table(by_scheme(results), f"{task.name}, version {task.version}: {title}")]
-    credible = [] if task is None else credible_lines(results, place)
-    _print([*judged, exits_table(results), crowding_table(results)], [*ranking_lines(results), *credible])
+        judged = [task_table(report.by_scheme(results), f"{task.name}, version {task.version}: {title}")]
+        credible = credible_lines(results, place)
+    tables = [*judged, report.exits_table(results), report.crowding_table(results)]
+    _print(tables, [*report.ranking_lines(results), *credible])
 
 
 def _print(tables: Sequence[Table | None], lines: Sequence[str]) -> None:
-    console = table_console()
+    console = report.table_console()
     console.print(*(table for table in tables if table is not None))
     for line in lines:
         console.print(line, markup=False, highlight=False, soft_wrap=True)

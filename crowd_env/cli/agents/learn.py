@@ -7,35 +7,15 @@ from typing import Annotated, Any
 
 import typer
 
+from crowd_env.agents import training_config
 from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.evaluation.report import table_console
 from crowd_env.agents.evaluation.trained_run import draw, judge, tables
 from crowd_env.agents.runs import new_folder
 from crowd_env.agents.tasks import TASKS
-from crowd_env.agents.training_config import (
-    ROUTING_BUDGET,
-    RUNS,
-    check_budget,
-    check_config,
-    check_libraries,
-    default_config,
-    extended,
-    read_config,
-    task_config,
-    task_of,
-)
-from crowd_env.cli.agents.options import (
-    People,
-    Place,
-    Threads,
-    changes,
-    of_learning,
-    of_output,
-    of_people,
-    of_physics,
-    of_runs,
-)
-from crowd_env.cli.place import CrowdName, Exits, Unit, plan_options
+from crowd_env.cli.agents.options import People, Place, Threads, changes, of_learning
+from crowd_env.cli.console import of_output, of_people, of_physics, of_runs
+from crowd_env.cli.place import ONE_PHYSICS, CrowdName, Exits, Unit, plan_options
 from crowd_env.core.checks import known, whole
 from crowd_env.core.console import friendly_errors, notes
 from crowd_env.core.executors import check_cluster
@@ -79,7 +59,6 @@ _CHANGES = (
     "Change the step of the physics (dt), the shape of bodies (outline), where a controller decides (grid=4,2), "
     "how often (interval), or how many processes simulate for rllib (runners); may be repeated."
 )
-_PHYSICS = f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."
 _WHO_DECIDES = "walking: a policy of everyone's steps; routing: a controller that sends people to exits."
 _START = (
     "What learning starts from: rule, full speed along the way, or a policy of rules that is cloned: "
@@ -102,7 +81,7 @@ def main(
     people: People = None,
     crowd: CrowdName = None,
     set: Annotated[list[str] | None, of_people(_CHANGES, metavar="NAME=VALUE")] = None,
-    physics: Annotated[str | None, of_physics(_PHYSICS, "the task's, or nsm2", among=SCHEMES, metavar="NAME")] = None,
+    physics: Annotated[str | None, of_physics(ONE_PHYSICS, "the task's, or nsm2", among=SCHEMES)] = None,
     decides: Annotated[str, of_learning(_WHO_DECIDES, among=_DECIDES)] = _DECIDES[0],
     start: Annotated[str | None, of_learning(_START, "the preset's, or rule")] = None,
     minutes: Annotated[float | None, of_learning("Training stops after so long.", "the preset's")] = None,
@@ -135,13 +114,13 @@ def main(
 
     with friendly_errors(kept):
         budget = {"minutes": minutes, "steps": steps, "envs": envs}
-        check_budget(**{option: value for option, value in budget.items() if value is not None})
+        training_config.check_budget(**{option: value for option, value in budget.items() if value is not None})
         whole("--threads", threads)
         if runs is not None:
-            whole("--runs", runs, RUNS)
+            whole("--runs", runs, training_config.RUNS)
         known("backend", backend, BACKENDS)
         known("--decides", decides, _DECIDES)
-        check_libraries()
+        training_config.check_libraries()
         require_libraries(".png")
         given = _given(context) | changes(set, _SET)
         given.pop("set", None)
@@ -157,25 +136,21 @@ def main(
         elif far:
             raise ValueError(f"--set runners={far['runners']}: runners belong to --backend rllib; leave them out")
         if folder is None:
-            check_config(config)
+            training_config.check_config(config)
             folder = _new_folder(config, out)
         write_json(folder / "config.json", config)
         notes.print(f"writing to {folder}/")
         if not BACKENDS[config["backend"]](folder, config, threads, **far):
             raise KeyboardInterrupt
         if config["task"] is not None:
-            _confirm(folder, config, threads)
-        runs = runs or (_RUNS if config["task"] is None else task_of(config).runs)
+            from crowd_env.agents.learned.confirmation import confirm
+
+            confirm(folder, config, threads)
+        runs = runs or (_RUNS if config["task"] is None else training_config.task_of(config).runs)
         results = judge(folder, config, runs, threads)
         table_console().print(*tables(config, results))
         draw(folder, config, results)
     notes.print(f"model, config, results.json, figures and film: {folder}/")
-
-
-def _confirm(folder: Path, config: dict[str, Any], threads: int) -> None:
-    from crowd_env.agents.learned.confirmation import confirm
-
-    confirm(folder, config, threads)
 
 
 def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
@@ -198,14 +173,15 @@ def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
         for name in ("exit", "unit"):
             if name in given:
                 raise ValueError(f"--{name} is for floor plans in files; name one by --scenario")
-        return task_config(place, seed, **asked)
+        return training_config.task_config(place, seed, **asked)
     if "people" in asked and kind_of_place(place) != "plan":
         raise ValueError(f"--people is {asked['people']}: a scenario says how many there are; leave it out")
     options = plan_options(place, given.get("exit"), given.get("unit"))
     usual: dict[str, Any] = {"scheme": "nsm2", "envs": 64, "steps": 16_000_000, "minutes": 7.5}
     start = asked.pop("start", RULE)
-    usual |= ROUTING_BUDGET if routing else {}
-    return default_config(place, seed=seed, options=options, **(usual | asked)) | {"start": start}
+    usual |= training_config.ROUTING_BUDGET if routing else {}
+    config = training_config.default_config(place, seed=seed, options=options, **(usual | asked))
+    return config | {"start": start}
 
 
 def _asked(given: dict[str, Any]) -> dict[str, Any]:
@@ -241,6 +217,7 @@ def _resumed(folder: Path, given: dict[str, Any]) -> tuple[Path, dict[str, Any]]
     if "out" in given:
         raise ValueError(f"--out {given['out']} beside --resume {folder}: a run keeps its folder; leave --out out")
     folder = folder if (folder / "config.json").exists() else Path("runs") / folder
-    config = read_config(folder / "config.json")
+    config = training_config.read_config(folder / "config.json")
     own = {name: given[name] for name in ("place", "exit", "unit", "seed", "backend", "decides") if name in given}
-    return folder, extended(config, own | _asked(given), read_curve(folder / CURVE), folder.name)
+    curve = read_curve(folder / CURVE)
+    return folder, training_config.extended(config, own | _asked(given), curve, folder.name)
