@@ -14,6 +14,7 @@ from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.checks import POSITIVE, Range, known, number, whole
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.files.own import own_or_name
+from crowd_env.core.libraries import needed_for
 from crowd_env.envs.routing.batch import routing_arguments
 from crowd_env.envs.routing.env import RoutingVectorEnv
 from crowd_env.envs.settings import arguments_of
@@ -222,13 +223,8 @@ def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 
 
 def check_libraries() -> None:
     """Raise ModuleNotFoundError now, not after the training, if a library is missing; say how to install it."""
-    try:
+    with needed_for("training", "stable-baselines3 tensorboard torch"):
         import_module(f"{__package__}.learned")
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"training needs {error.name}, which is not installed: pip install stable-baselines3 tensorboard torch",
-            name=error.name,
-        ) from None
 
 
 def check_budget(**options: float) -> None:

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from crowd_env.analysis.figures import share
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.files.json_file import json_number
+from crowd_env.core.libraries import needed_for
 
 FEWEST_GAPS = 50  # with fewer there is no exponent
 FEWEST_IN_TAIL = 10
@@ -246,13 +247,8 @@ def powerlaw_library() -> Any:
     ModuleNotFoundError
         If it or something it needs is not installed; the message says how to install it.
     """
-    try:
+    with needed_for("the exponent of the gaps", "powerlaw"):
         import powerlaw
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"the exponent of the gaps needs {error.name}, which is not installed: pip install powerlaw",
-            name=error.name,
-        ) from error
     return powerlaw
 
 

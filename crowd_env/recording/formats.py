@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.atomic import check_suffix
+from crowd_env.core.libraries import needed_for
 from crowd_env.recording.foreign import read_text_trajectory
 from crowd_env.recording.hdf5 import Hdf5Writer, read_hdf5
 from crowd_env.recording.recording import Recording
@@ -91,9 +92,5 @@ def load(path: str | Path) -> Recording:
 
 
 def _require_library(path: Path, doing: str) -> None:
-    library = FORMATS[path.suffix.lower()].library
-    try:
-        importlib.import_module(library)
-    except ModuleNotFoundError:
-        needed = f"{doing} {path.name} needs {library}, which is not installed: pip install {library}"
-        raise ModuleNotFoundError(needed, name=library) from None
+    with needed_for(f"{doing} {path.name}"):
+        importlib.import_module(FORMATS[path.suffix.lower()].library)

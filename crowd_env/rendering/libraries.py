@@ -2,22 +2,16 @@
 
 import importlib
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 
-INSTALL = "pip install pygame matplotlib pillow imageio-ffmpeg"
+from crowd_env.core.libraries import needed_for
 
 # Suffix -> what draws such a picture.
-_NEEDED = {
-    ".png": ("matplotlib", "PIL"),
-    ".gif": ("PIL",),
-    ".mp4": ("PIL", "imageio_ffmpeg"),
-}
+_NEEDED = {".png": ("matplotlib", "PIL"), ".gif": ("PIL",), ".mp4": ("PIL", "imageio_ffmpeg")}
 
 
-@contextmanager
-def drawing_library() -> Iterator[None]:
-    """Wrap an import of a drawing library.
+def drawing_library() -> AbstractContextManager[None]:
+    """Return what wraps an import of a drawing library.
 
     Raises
     ------
@@ -25,12 +19,7 @@ def drawing_library() -> Iterator[None]:
         If the library is not installed; the message says how to install it.
     """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"drawing needs {error.name}, which is not installed: {INSTALL}", name=error.name
-        ) from error
+    return needed_for("drawing", "pygame matplotlib pillow imageio-ffmpeg")
 
 
 def require_libraries(suffix: str) -> None:

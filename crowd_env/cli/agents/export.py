@@ -19,6 +19,7 @@ from crowd_env.agents.trained import LearnedController, LearnedPolicy
 from crowd_env.core.checks import known
 from crowd_env.core.console import check_folder, friendly_errors, notes
 from crowd_env.core.files.atomic import check_suffix, written
+from crowd_env.core.libraries import needed_for
 from crowd_env.envs.action import make_action
 
 # ONNX Runtime reads these since version 1.15, and every other runtime that is kept up.
@@ -133,15 +134,11 @@ def _metadata(found: LearnedPolicy | LearnedController) -> Mapping[str, Any]:
 
 
 def _onnx() -> Any:
-    try:
+    with needed_for("export to ONNX", "onnx"):
         import onnx
         import onnx.checker
         import onnx.helper
         import onnx.numpy_helper
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"export to ONNX needs {error.name}, which is not installed: pip install onnx", name=error.name
-        ) from None
     return onnx
 
 

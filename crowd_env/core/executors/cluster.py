@@ -19,8 +19,8 @@ import numpy as np
 
 from crowd_env.core.executors.executor import Done, Outcome, Piece, Work, WorkerDied, never
 from crowd_env.core.kernels.jit import source_stamp
+from crowd_env.core.libraries import needed_for
 
-INSTALL = "pip install 'ray[rllib]'"
 RETRIES = 3  # of a piece whose process or node has died; a piece that kills every process is given up
 _LOOK = 0.5  # s  between two looks for Ctrl-C
 _REACHED = 10.0  # s  within which a cluster has to answer
@@ -100,10 +100,8 @@ def load_ray() -> Any:
         If it is not installed; the message says how to install it.
     """
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # Ray reports to its makers unless told not to
-    try:
+    with needed_for("a Ray cluster", "'ray[rllib]'"):
         return importlib.import_module("ray")
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(f"a Ray cluster needs {error.name}, which is not installed: {INSTALL}") from None
 
 
 def check_cluster() -> None:

@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import counted
+from crowd_env.core.libraries import needed_for
 from crowd_env.scenarios.plans.floor_plan import Drawing, listed
 from crowd_env.scenarios.plans.lines import GAP, open_line, outlines
 from crowd_env.scenarios.plans.roles import LAYERS, role_of_layer
@@ -58,13 +59,9 @@ def read_dxf(path: Path, meters: float | None) -> Drawing:
 
 
 def _open(path: Path) -> "Document":
-    try:
+    with needed_for("reading a DXF drawing"):
         from ezdxf.filemanagement import readfile
         from ezdxf.lldxf.const import DXFError
-    except ModuleNotFoundError:
-        raise ModuleNotFoundError(
-            "reading a DXF drawing needs ezdxf, which is not installed: pip install ezdxf", name="ezdxf"
-        ) from None
     try:
         return readfile(path)
     except OSError as error:
