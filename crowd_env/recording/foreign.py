@@ -93,9 +93,8 @@ def read_text_trajectory(path: Path) -> Recording:
     ValueError
         If it is no such file, or says no frame rate or unit.
     """
-    text = read_text(
-        path, "the trajectory", "a trajectory in text has lines of id, frame, x and y, and comments with #"
-    )
+    form = "a trajectory in text has lines of id, frame, x and y, and comments with #"
+    text = read_text(path, "the trajectory", form)
     comments = "\n".join(line for line in text.splitlines() if line.startswith("#"))
     rate = _FRAME_RATE.search(comments)
     if rate is None:

@@ -18,11 +18,8 @@ from crowd_env.recording.foreign import recording_of_positions
 from crowd_env.recording.recording import OF_PEOPLE, FrameContacts, Recording
 from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing, part_of, recording_of
 
-_ROW = [
-    ("frame", "<i4"),
-    ("id", "<i4"),
-    *((name, "<f8") for name in ("x", "y", "z", "ox", "oy", "vx", "vy", "pressure")),
-]
+_NUMBERS = ("x", "y", "z", "ox", "oy", "vx", "vy", "pressure")
+_ROW = [("frame", "<i4"), ("id", "<i4"), *((name, "<f8") for name in _NUMBERS)]
 _FRAME = [("time", "<f8"), ("rows", "<i8"), ("contacts", "<i8")]  # rows and contacts of all frames up to this one
 _PERSON = [("radius", "<f8"), ("desired_speed", "<f8"), ("group", "<i4"), ("exit_time", "<f8"), ("exit_index", "<i4")]
 _CONTACT = [("i", "<i4"), ("j", "<i4"), ("gap", "<f8"), ("normal", "<f8", 2), ("point", "<f8", 2), ("force", "<f8", 2)]
@@ -142,9 +139,8 @@ def _ours(file: Any) -> Recording:
     contacts = None
     if "contacts" in file:
         found = file["contacts"][: int(count["contacts"][-1]) if len(count) else 0]
-        contacts = FrameContacts(
-            np.concatenate([[0], count["contacts"]]), *(found[name] for name in FrameContacts._fields[1:])
-        )
+        start = np.concatenate([[0], count["contacts"]])
+        contacts = FrameContacts(start, *(found[name] for name in FrameContacts._fields[1:]))
     since = count["time"][-1] if len(count) else -np.inf
     out = people["exit_time"] <= since  # what was written after the last frame that counts
     of_people = {name: people[name] for name in OF_PEOPLE}

@@ -9,17 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bools, Floats, Ints, row_starts
+from crowd_env.core.arrays.state import Bools, Floats, Ints, joined_starts
 from crowd_env.core.checks import array
 from crowd_env.geometry.geometry import Geometry
 
-OF_PEOPLE = (
-    "radius",
-    "desired_speed",
-    "group",
-    "exit_time",
-    "exit_index",
-)  # the fields of a recording with one for each
+OF_PEOPLE = ("radius", "desired_speed", "group", "exit_time", "exit_index")  # fields of a recording with one for each
 _WHOLE = {"frame_start", "group", "exit_index", "person", "start", "i", "j"}
 
 
@@ -108,10 +102,8 @@ class Recording:
         _check_numbers("exit_index", self.exit_index, -1, len(self.exits))
         if self.contacts is not None:
             one, two = (len(self.contacts.i),), (len(self.contacts.i), 2)
-            named = zip(
-                FrameContacts._fields, self.contacts, ((frames + 1,), one, one, one, two, two, two), strict=True
-            )
-            contacts = FrameContacts(*(_column(name, values, shape) for name, values, shape in named))
+            of_each = ((frames + 1,), one, one, one, two, two, two)
+            contacts = FrameContacts(*map(_column, FrameContacts._fields, self.contacts, of_each))
             object.__setattr__(self, "contacts", contacts)
             _check_starts("start of contacts", contacts.start, len(contacts.i))
 
@@ -234,19 +226,13 @@ class Recording:
 
 def joined(parts: Sequence[Recording]) -> Recording:
     """Return successive parts of one recording as one; what is known of people, and the facts, are those of the last."""
-
-    def starts(of: Sequence[Ints]) -> Ints:
-        return row_starts(np.concatenate([np.diff(start) for start in of]))
-
     rows = ("times", "person", "position", "velocity", "pressure", *(("angle",) if parts[0].angle is not None else ()))
     columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in rows}
     found = [part.contacts for part in parts if part.contacts is not None]
     if found:
-        columns["contacts"] = FrameContacts(
-            starts([one.start for one in found]),
-            *(np.concatenate(column) for column in list(zip(*found, strict=True))[1:]),
-        )
-    return replace(parts[-1], **columns, frame_start=starts([part.frame_start for part in parts]))
+        start, *pairs = zip(*found, strict=True)
+        columns["contacts"] = FrameContacts(joined_starts(start), *map(np.concatenate, pairs))
+    return replace(parts[-1], **columns, frame_start=joined_starts([part.frame_start for part in parts]))
 
 
 def _column(name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:

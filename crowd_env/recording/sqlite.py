@@ -44,6 +44,7 @@ CREATE TABLE contacts (frame INTEGER NOT NULL, i INTEGER NOT NULL, j INTEGER NOT
     normal_x REAL NOT NULL, normal_y REAL NOT NULL, point_x REAL NOT NULL, point_y REAL NOT NULL,
     force_normal REAL NOT NULL, force_tangential REAL NOT NULL);
 """
+_ROWS = "SELECT frame, id, pos_x, pos_y FROM trajectory_data ORDER BY frame, id"
 _AT_ONCE = 50_000  # rows
 
 
@@ -149,7 +150,7 @@ def _ours(file: sqlite3.Connection, tables: set[str]) -> Recording:
     numbers = "radius, desired_speed, group_number, exit_time, ifnull(exit_number, -1)"
     people = _columns(file, f"SELECT {numbers} FROM people ORDER BY id", 5)
     (times,) = _columns(file, "SELECT time FROM frames ORDER BY frame", 1)
-    frame, person, x, y = _columns(file, "SELECT frame, id, pos_x, pos_y FROM trajectory_data ORDER BY frame, id", 4)
+    frame, person, x, y = _columns(file, _ROWS, 4)
     vx, vy, pressure, angle = _columns(file, "SELECT vel_x, vel_y, pressure, angle FROM motion ORDER BY frame, id", 4)
     return recording_of(
         facts,
@@ -189,9 +190,6 @@ def _of_jupedsim(file: sqlite3.Connection, path: Path) -> Recording:
     areas = [wkt for (wkt,) in file.execute("SELECT wkt FROM geometry")]
     if fps is None or not areas:
         raise ValueError(f"{path} has no frame rate or no geometry; a trajectory of JuPedSim has both")
-    query = "SELECT frame, id, pos_x, pos_y FROM trajectory_data ORDER BY frame, id"
-    frame, person, x, y = _columns(file, query, 4)
-    position = np.stack([x, y], axis=1)
-    return recording_of_positions(
-        path, frame.astype(np.int64), person.astype(np.int64), position, float(fps[0]), areas[0]
-    )
+    frame, person, x, y = _columns(file, _ROWS, 4)
+    numbers = frame.astype(np.int64), person.astype(np.int64)
+    return recording_of_positions(path, *numbers, np.stack([x, y], axis=1), float(fps[0]), areas[0])
