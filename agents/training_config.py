@@ -112,36 +112,26 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
     from .learned import PPOSettings
 
     given = {name: value for name, value in given.items() if value is not None}
-    judged = make_task(task)
-    scheme = given.get("scheme", judged.scheme)
-    if "routing" in given:
-        own = {"dt": judged.dt} if scheme == judged.scheme else {}
-        start = {"start": given.pop("start")} if "start" in given else {}
-        usual = {**ROUTING_BUDGET, **own, "people": judged.people, "manner": judged.manner, "scheme": scheme}
-        config = default_config(judged.scenario, seed=seed, options=judged.options, **(usual | given))
-        return {**config, **start, "task": task, "strategy": judged.rule, "decision_dt": judged.decision_dt}
-    preset = make_preset(task)
-    config = default_config(judged.scenario, scheme, seed, preset.envs, preset.steps, MINUTES)
-    place, start = preset.place(given.get("people")), given.get("start", preset.start)
-    return {
-        **config,
-        "task": task,
-        "options": {**judged.options, **preset.options},
-        "people": place.population.people,
-        "strategy": judged.rule,
-        "dt": given.get("dt", preset.dt if scheme == judged.scheme else config["dt"]),
-        "decision_dt": judged.decision_dt,
-        "manner": plain_manner(place.manner_of_run(given.get("manner", judged.manner))),
-        "outline": plain_outline(place.outline_of_run(given.get("outline"))),
-        "action": preset.action,
-        "observation": ObservationLayout(terms=preset.terms).as_table(),
-        "reward": dict(preset.reward),
-        "start": start,
-        "ppo": asdict(PPOSettings(**preset.settings(start))),
-        "eval_every": preset.eval_every,
-        "eval_runs": preset.eval_runs,
-        **{name: given[name] for name in ("envs", "steps", "minutes") if name in given},
-    }
+    judged, preset = make_task(task), None if "routing" in given else make_preset(task)
+    begun = preset or judged
+    usual: dict[str, Any] = {"scheme": judged.scheme, "people": begun.people, "manner": judged.manner}
+    if given.get("scheme", judged.scheme) == judged.scheme:
+        usual["dt"] = begun.dt
+    usual |= {"envs": preset.envs, "steps": preset.steps, "minutes": MINUTES} if preset else ROUTING_BUDGET
+    start = given.pop("start", preset.start if preset else RULE)
+    options = {**judged.options, **(preset.options if preset else {})}
+    config = default_config(judged.scenario, seed=seed, options=options, **(usual | given))
+    config |= {"task": task, "strategy": judged.rule, "decision_dt": judged.decision_dt, "start": start}
+    if preset:
+        config |= {
+            "action": preset.action,
+            "observation": ObservationLayout(terms=preset.terms).as_table(),
+            "reward": dict(preset.reward),
+            "ppo": asdict(PPOSettings(**preset.settings(start))),
+            "eval_every": preset.eval_every,
+            "eval_runs": preset.eval_runs,
+        }
+    return config
 
 
 def place_of(config: Mapping[str, Any]) -> Scenario:

@@ -62,20 +62,6 @@ class Preset:
         """Return the settings of PPO for a start."""
         return {**self.ppo, **(self.once_cloned if start != "rule" else {})}
 
-    def place(self, people: int | None = None) -> Scenario:
-        """Return the scenario that is trained in, with ``people`` of the same kinds if given.
-
-        Raises
-        ------
-        ValueError
-            If so many do not fit.
-        """
-        return training_place(
-            make_task(self.task).scenario,
-            {**make_task(self.task).options, **self.options},
-            self.people if people is None else people,
-        )
-
 
 def training_place(scenario: str, options: Mapping[str, Any], people: int | None) -> Scenario:
     """Return a scenario under options, with so many people of its kinds if that is given.

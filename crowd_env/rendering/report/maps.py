@@ -1,7 +1,7 @@
 """Where it was crowded and where people pressed each other, in the recorded runs of a folder."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -17,6 +17,7 @@ from crowd_env.rendering.report.runs import Runs
 _PLACES = 5  # that are named of each map
 _APART = 2.0  # m, between two of them
 _AT_ONCE = 50  # frames
+_UNITS: dict[Literal["density", "pressure"], str] = {"density": "people/m²", "pressure": "N/m"}
 _LEAST = 0.25  # of the largest value: what is less is not among the worst
 
 
@@ -75,22 +76,12 @@ def measure(runs: Runs) -> Measured | None:
 
 def heat_of(found: Measured, every: Sequence[Measured]) -> list[HeatMap]:
     """Return the maps to draw, with the colors of the same values as all others that they are compared with."""
-    fields = (
-        ("largest density at any moment", "density", "people/m²"),
-        ("largest pressure at any moment", "pressure", "N/m"),
-    )
-    return [
-        HeatMap(
-            title,
-            getattr(found, name),
-            found.grid.origin,
-            CELL,
-            unit,
-            "density" if name == "density" else "pressure",
-            max(float(getattr(one, name).max()) for one in every) or None,
-        )
-        for title, name, unit in fields
-    ]
+    maps = []
+    for name, unit in _UNITS.items():
+        full = max(float(getattr(one, name).max()) for one in every) or None
+        said = f"largest {name} at any moment"
+        maps.append(HeatMap(said, getattr(found, name), found.grid.origin, CELL, unit, name, full))
+    return maps
 
 
 def _worst(geometry: Geometry, grid: Grid, values: Floats) -> list[Worst]:

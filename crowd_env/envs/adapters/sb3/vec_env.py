@@ -5,7 +5,6 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
@@ -23,25 +22,22 @@ class BatchVecEnv(VecEnv):
 
     Parameters
     ----------
-    env : the batch that attributes and methods are looked up in.
+    env : the batch that attributes and methods are looked up in; its single spaces are those of a row.
     rows : number of sub-environments of the VecEnv.
-    observation_space, action_space : of one row.
 
     Attributes
     ----------
     finished_episodes : metrics of the environments that finished since `take_finished` was last called, the last 1000 of them.
     """
 
-    def __init__(
-        self, env: Any, rows: int, observation_space: gymnasium.spaces.Space, action_space: gymnasium.spaces.Space
-    ) -> None:
+    def __init__(self, env: Any, rows: int) -> None:
         self.env = env
         self.render_mode = None
         self.finished_episodes: deque[EpisodeMetrics] = deque(maxlen=max(KEPT_EPISODES, env.num_envs))
         self._actions: np.ndarray = np.empty(0)
         self._return = np.zeros(rows)
         self._length = np.zeros(rows, dtype=np.int64)
-        super().__init__(rows, observation_space, action_space)
+        super().__init__(rows, env.single_observation_space, env.single_action_space)
 
     @abstractmethod
     def _begin(self, seed: int | None) -> np.ndarray:
@@ -90,9 +86,8 @@ class BatchVecEnv(VecEnv):
 
     def close(self) -> None:
         """Close the batch, if it can be closed."""
-        close = getattr(self.env, "close", None)
-        if close is not None:
-            close()
+        if hasattr(self.env, "close"):
+            self.env.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """Return an attribute of the batch, once for each row in ``indices``."""
@@ -181,7 +176,7 @@ class CrowdVecEnv(BatchVecEnv):
             raise ValueError("CrowdVecEnv needs a CrowdEnv made with autoreset=True")
         self.acted = np.zeros(env.num_people, dtype=np.bool_)
         self._inside = np.zeros(env.num_people, dtype=np.int64)
-        super().__init__(env, env.num_people, env.single_observation_space, env.single_action_space)
+        super().__init__(env, env.num_people)
 
     def _begin(self, seed: int | None) -> np.ndarray:
         self._inside[:] = 0
@@ -224,7 +219,7 @@ class VectorVecEnv(BatchVecEnv):
     def __init__(self, env: VectorEnv) -> None:
         if env.metadata.get("autoreset_mode") is not AutoresetMode.SAME_STEP:
             raise ValueError("stable-baselines3 needs a VectorEnv with AutoresetMode.SAME_STEP")
-        super().__init__(env, env.num_envs, env.single_observation_space, env.single_action_space)
+        super().__init__(env, env.num_envs)
 
     def _begin(self, seed: int | None) -> np.ndarray:
         return np.asarray(self.env.reset(seed=seed)[0])
