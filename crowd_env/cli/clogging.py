@@ -12,11 +12,15 @@ from crowd_env.analysis.clogging import Clogging, RunExits, clogging, powerlaw_l
 from crowd_env.analysis.exit_times import read_exits, write_gaps
 from crowd_env.analysis.figures import number, percent
 from crowd_env.analysis.results.folder import CONFIG, EXITS
-from crowd_env.cli.console import AsJson, show_table
+from crowd_env.cli.console import AsJson, plain, show_table
 from crowd_env.core.console import check_folder, friendly_errors, notes
 from crowd_env.core.files.json_file import read_json
 
 _BLOCKED_AFTER = 120.0  # s, where the place does not say it
+_SOURCES = (
+    "Folder of crowd-env run --out, or CSV file of recorded exits, columns run,time (out = 0: watched until then with "
+    "people inside); several compare."
+)
 
 EXAMPLES = """Examples:
 
@@ -29,17 +33,10 @@ crowd-env clogging room experiment.csv --out clogging
 
 
 def clog(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="DIR|FILE...",
-            help="Folder of crowd-env run --out, or CSV file of recorded exits, columns run,time (out = 0: watched until "
-            "then with people inside); several compare.",
-        ),
-    ],
-    pause: Annotated[float, typer.Option(help="A gap of this many seconds ends a burst.")] = 2.0,
-    per_exit: Annotated[bool, typer.Option("--per-exit", help="Gaps between people who took the same exit.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for gaps.csv and survival.png.")] = None,
+    sources: Annotated[list[Path], typer.Argument(metavar="DIR|FILE...", help=_SOURCES)],
+    pause: Annotated[float, plain("A gap of this many seconds ends a burst.")] = 2.0,
+    per_exit: Annotated[bool, plain("Gaps between people who took the same exit.", names=("--per-exit",))] = False,
+    out: Annotated[Path | None, plain("Folder for gaps.csv and survival.png.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure how a crowd clogs: gaps between exits, bursts, and the exponent of the tail of the gaps.

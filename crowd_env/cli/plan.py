@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from crowd_env.analysis.plan_check import PlanCheck, cells, check_place, check_plan, plain_check
-from crowd_env.cli.console import AsJson, check_picture, show_table
+from crowd_env.cli.console import AsJson, check_picture, plain, show_table
 from crowd_env.cli.place import (
     PLACES,
     Changes,
@@ -29,19 +29,19 @@ from crowd_env.scenarios import kind_of_place
 from crowd_env.scenarios.floor_plan import people_on
 from crowd_env.scenarios.plans.reading import read_plan
 
+_PLACES = f"{PLACES} Several make a sheet."
+
 
 def plan(
     context: typer.Context,
-    place: Annotated[
-        list[str], typer.Argument(autocompletion=complete_scenario, help=f"{PLACES} Several make a sheet.")
-    ],
+    place: Annotated[list[str], typer.Argument(autocompletion=complete_scenario, help=_PLACES)],
     exit: Exits = None,
     unit: Unit = None,
     people: PeopleCount = None,
     starts: Starts = None,
     set: Changes = None,
-    out: Annotated[Path | None, typer.Option(help="Image to write, .png.", show_default="plan.png")] = None,
-    seed: Annotated[int, typer.Option(help="Where people stand.", min=0)] = 0,
+    out: Annotated[Path | None, plain("Image to write, .png.", "plan.png")] = None,
+    seed: Annotated[int, plain("Where people stand.", min=0)] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Draw what is understood of a place, to check it before anything is run: exits, regions, people, narrow passages.

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 import typer
 
-from crowd_env.cli.console import check_picture, of_output
+from crowd_env.cli.console import check_picture, of_output, plain
 from crowd_env.core.checks import POSITIVE, counted, number
 from crowd_env.core.console import check_place, friendly_errors, notes, progress_bar
 from crowd_env.core.files.atomic import check_suffix
@@ -18,6 +18,7 @@ Sources = Annotated[list[Path], typer.Argument(metavar="DIR...", help=f"{_SOURCE
 Source = Annotated[Path, typer.Argument(metavar="DIR", help=f"{_SOURCE}.")]
 
 FilmWidth = Annotated[int | None, of_output("Width of the film in px; default 480 an evacuation.", min=160, max=3840)]
+_FILM = "Film, .mp4 or .gif, or picture, .png; default film.mp4 there."
 _FPS = "Frames of the film a second; default 20, of long GIFs down to 10."
 FilmFps = Annotated[float | None, of_output(_FPS, max=100)]
 _SPEED = "Seconds that a second of the film shows; default 1, or as many as make a film of 30 s."
@@ -95,9 +96,7 @@ def size_of(path: Path) -> str:
 
 def film(
     sources: Sources,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Film, .mp4 or .gif, or picture, .png; default film.mp4 there.")
-    ] = None,
+    out: Annotated[Path | None, plain(_FILM, names=("--out", "-o"))] = None,
     width: FilmWidth = None,
     fps: FilmFps = None,
     speed: FilmSpeed = None,
@@ -123,7 +122,7 @@ def film(
 
 def replay(
     sources: Sources,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Page, .html; default replay.html there.")] = None,
+    out: Annotated[Path | None, plain("Page, .html; default replay.html there.", names=("--out", "-o"))] = None,
 ) -> None:
     """Make one web page that replays a recorded run, or two side by side; it needs no network, only a browser.
 
@@ -151,12 +150,12 @@ def replay(
 
 def forces(
     source: Source,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="Picture, .png; default forces.png there.")] = None,
+    out: Annotated[Path | None, plain("Picture, .png; default forces.png there.", names=("--out", "-o"))] = None,
     at: Annotated[
-        float | None, typer.Option(help="Moment in s; default the end if the exits block, else the hardest push.")
+        float | None, plain("Moment in s; default the end if the exits block, else the hardest push.")
     ] = None,
     around: Annotated[
-        float | None, typer.Option(help="How far around the exit, in m; inf for all; default 3.5 in big places.")
+        float | None, plain("How far around the exit, in m; inf for all; default 3.5 in big places.")
     ] = None,
 ) -> None:
     """Draw who presses on whom in a recorded run, by lines as wide as the force.

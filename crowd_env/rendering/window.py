@@ -1,7 +1,6 @@
 """Frames on the screen, in real time."""
 
 import time
-from types import TracebackType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,9 +72,7 @@ class Window:
     def __enter__(self) -> "Window":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def _wait(self) -> None:

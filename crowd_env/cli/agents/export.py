@@ -16,6 +16,7 @@ import typer
 from crowd_env.agents.networks import MLP, Network
 from crowd_env.agents.pretrained import load
 from crowd_env.agents.trained import LearnedController, LearnedPolicy
+from crowd_env.cli.console import plain
 from crowd_env.core.checks import known
 from crowd_env.core.console import check_folder, friendly_errors, notes
 from crowd_env.core.files.atomic import check_suffix, written
@@ -142,18 +143,15 @@ def _onnx() -> Any:
     return onnx
 
 
+_NETWORK = "A shipped policy (TASK/NAME), or the path of a network (.safetensors)."
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
 def main(
-    network: Annotated[
-        str, typer.Argument(help="A shipped policy (TASK/NAME), or the path of a network (.safetensors).")
-    ],
-    onnx: Annotated[Path, typer.Option(metavar="FILE", help="File to write (.onnx).")],
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object about the file instead of a line.")
-    ] = False,
+    network: Annotated[str, typer.Argument(help=_NETWORK)],
+    onnx: Annotated[Path, plain("File to write (.onnx).", metavar="FILE")],
+    as_json: Annotated[bool, plain("Print one JSON object about the file, not a line.", names=("--json",))] = False,
 ) -> None:
     """Write a trained network as ONNX; the file's metadata says what its observation and action mean.
 
@@ -168,8 +166,7 @@ def main(
             part.write_bytes(content)
         if as_json:
             inputs = {"observation": ["N", found.network.inputs]}
-            typer.echo(
-                json.dumps({"file": str(onnx), "bytes": len(content), "inputs": inputs, "metadata": _metadata(found)})
-            )
+            about = {"file": str(onnx), "bytes": len(content), "inputs": inputs, "metadata": _metadata(found)}
+            typer.echo(json.dumps(about))
         else:
             notes.print(f"{onnx}: {len(content)} bytes", markup=False, soft_wrap=True)
