@@ -12,7 +12,8 @@ from crowd_env.analysis.clogging import Clogging, RunExits, clogging, powerlaw_l
 from crowd_env.analysis.exit_times import read_exits, write_gaps
 from crowd_env.analysis.figures import number, percent
 from crowd_env.analysis.results.folder import CONFIG, EXITS
-from crowd_env.cli.console import AsJson, plain, show_table
+from crowd_env.cli.console import show_table
+from crowd_env.cli.options import AsJson, plain
 from crowd_env.core.console import check_folder, friendly_errors, notes
 from crowd_env.core.files.json_file import read_json
 

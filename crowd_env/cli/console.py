@@ -1,53 +1,16 @@
-"""Options that several commands have, tables, and what commands check before they work."""
+"""Tables of commands, and what commands check before they work."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
 from crowd_env.core.console import check_place
 
-# Sections of the help.
-OF_PLACE, OF_PEOPLE, OF_PHYSICS, OF_RUNS, OF_OUTPUT = "Place", "People", "Physics", "Runs", "Output"
 _WIDTH = 100  # letters of a table that no terminal shows
-
-
-def complete_from(names: Iterable[str]) -> Callable[[str], list[str]]:
-    """Return what proposes names to a shell: those of ``names`` that begin as the user has begun."""
-    known = tuple(names)
-    return lambda incomplete: [name for name in known if name.startswith(incomplete)]
-
-
-def section(panel: str | None = None) -> Callable[..., Any]:
-    """Return what makes an option of a section of the help, from its text and what that says is the default.
-
-    ``names`` are others than that of the argument, ``among`` the names that a shell completes; the rest is that of
-    `typer.Option`.
-    """
-
-    def option(
-        help: str, default: str | None = None, *, names: Iterable[str] = (), among: Iterable[str] = (), **more: Any
-    ) -> Any:
-        more |= {"show_default": default} if default else {}
-        if among:
-            more = {"metavar": "NAME", "autocompletion": complete_from(among), **more}
-        return typer.Option(*names, help=help, rich_help_panel=panel, **more)
-
-    return option
-
-
-of_place, of_people, of_physics = map(section, (OF_PLACE, OF_PEOPLE, OF_PHYSICS))
-of_runs, of_output, plain = map(section, (OF_RUNS, OF_OUTPUT, None))
-
-# Options that several commands have.
-AsJson = Annotated[bool, of_output("Print one JSON object instead of a table.", names=("--json",))]
-Workers = Annotated[int | None, of_runs("Processes at most; default one a core. Results do not depend on it.", min=1)]
-Runs = Annotated[int, of_runs("Number of evacuations, each with other people in other places.")]
-Seed = Annotated[int, of_runs("Run k draws its people from seed + k.", min=0)]
 
 
 def wide_console() -> Console:

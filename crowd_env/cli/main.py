@@ -11,8 +11,8 @@ import crowd_env
 from crowd_env.cli.agents import WithLearning
 from crowd_env.cli.clogging import EXAMPLES as CLOGGING_EXAMPLES
 from crowd_env.cli.clogging import clog
-from crowd_env.cli.console import AsJson, plain, show_table
-from crowd_env.cli.place import CrowdName
+from crowd_env.cli.console import show_table
+from crowd_env.cli.options import AsJson, CrowdName, plain
 from crowd_env.cli.plan import plan
 from crowd_env.cli.recorded import film, forces, replay
 from crowd_env.cli.report import report

@@ -3,60 +3,24 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
-import typer
-
-from crowd_env.cli.console import complete_from, of_people, of_physics, of_place, of_runs
-from crowd_env.core.arrays.headway import MANNERS
 from crowd_env.core.arrays.state import MOTIVATION
 from crowd_env.core.checks import flag, known
 from crowd_env.core.files.own import names_own, own_or_name
-from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
-from crowd_env.routing.strategies import STRATEGIES
+from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
-from crowd_env.scenarios.floor_plan import PEOPLE, people_on, scenario_on
-from crowd_env.scenarios.plans.reading import PLANS, read_plan
+from crowd_env.scenarios.floor_plan import people_on, scenario_on
+from crowd_env.scenarios.plans.reading import read_plan
 from crowd_env.scenarios.plans.units import unit_in_meters
 from crowd_env.scenarios.population import DRAWN, Uniform
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.starts import read_starts
 from crowd_env.scenarios.titles import with_manner
 
-# What a command line says of a place.
-PLACES = f"Name of a scenario, a scenario file (.toml, .json), or a floor plan: {PLANS}."
-complete_scenario = complete_from(SCENARIOS)
-
 # Names of --set that change people, and what they change in a population.
 _DRAWN = {"speed": "desired_speed", **{name: name for name in (*DRAWN, *MOTIVATION) if name != "desired_speed"}}
 _SWITCHES = {"yes": True, "no": False, "true": True, "false": False}
-
-PlaceName = Annotated[str, typer.Argument(help=PLACES, autocompletion=complete_scenario)]
-_EXITS = (
-    'Exit of a floor plan, in place of those in the file: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be '
-    "repeated."
-)
-Exits = Annotated[list[str] | None, of_place(_EXITS, names=("--exit",))]
-_UNIT = (
-    "Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm, mm, ft or in; default m, unless that "
-    "cannot be and the file says another."
-)
-Unit = Annotated[str | None, of_place(_UNIT)]
-_PEOPLE = f"Number of people; default the scenario's, or {PEOPLE} on a floor plan."
-PeopleCount = Annotated[int | None, of_people(_PEOPLE, names=("--people",), min=1)]
-Starts = Annotated[Path | None, of_people("CSV file with columns x,y: recorded starting positions.")]
-_CROWD = f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's."
-CrowdName = Annotated[str | None, of_people(_CROWD, names=("--crowd",), among=MANNERS)]
-_CHANGES = (
-    "Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...) or the "
-    "routing (signs); may be repeated. speed=1.5 is the same for all, speed=1.2,2 is drawn from a range."
-)
-Changes = Annotated[list[str] | None, of_people(_CHANGES, names=("--set",), metavar="NAME=VALUE")]
-ONE_PHYSICS = f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."
-PhysicsName = Annotated[str, of_physics(ONE_PHYSICS, names=("--physics",), among=SCHEMES)]
-_ROUTING = "How people choose their route: shortest, nearest, fastest, comfortable, or the name of a route or an exit."
-RoutingName = Annotated[str, of_people(_ROUTING, names=("--routing",), among=STRATEGIES)]
-TimeLimit = Annotated[float | None, of_runs("People who are inside after this many seconds are unfinished.")]
 
 
 class Setting(NamedTuple):

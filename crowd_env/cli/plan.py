@@ -8,20 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from crowd_env.analysis.plan_check import PlanCheck, cells, check_place, check_plan, plain_check
-from crowd_env.cli.console import AsJson, check_picture, plain, show_table
-from crowd_env.cli.place import (
-    PLACES,
-    Changes,
-    Exits,
-    PeopleCount,
-    Starts,
-    Unit,
-    complete_scenario,
-    people_options,
-    place_of,
-    plan_options,
-    split_changes,
-)
+from crowd_env.cli import options
+from crowd_env.cli.console import check_picture, show_table
+from crowd_env.cli.place import people_options, place_of, plan_options, split_changes
 from crowd_env.core.arrays.outline import make_outline, room_of
 from crowd_env.core.console import friendly_errors, notes, progress_bar
 from crowd_env.geometry.geometry import Geometry
@@ -29,20 +18,20 @@ from crowd_env.scenarios import kind_of_place
 from crowd_env.scenarios.floor_plan import people_on
 from crowd_env.scenarios.plans.reading import read_plan
 
-_PLACES = f"{PLACES} Several make a sheet."
+_PLACES = f"{options.PLACES} Several make a sheet."
 
 
 def plan(
     context: typer.Context,
-    place: Annotated[list[str], typer.Argument(autocompletion=complete_scenario, help=_PLACES)],
-    exit: Exits = None,
-    unit: Unit = None,
-    people: PeopleCount = None,
-    starts: Starts = None,
-    set: Changes = None,
-    out: Annotated[Path | None, plain("Image to write, .png.", "plan.png")] = None,
-    seed: Annotated[int, plain("Where people stand.", min=0)] = 0,
-    as_json: AsJson = False,
+    place: Annotated[list[str], typer.Argument(autocompletion=options.complete_scenario, help=_PLACES)],
+    exit: options.Exits = None,
+    unit: options.Unit = None,
+    people: options.PeopleCount = None,
+    starts: options.Starts = None,
+    set: options.Changes = None,
+    out: Annotated[Path | None, options.plain("Image to write, .png.", "plan.png")] = None,
+    seed: Annotated[int, options.plain("Where people stand.", min=0)] = 0,
+    as_json: options.AsJson = False,
 ) -> None:
     """Draw what is understood of a place, to check it before anything is run: exits, regions, people, narrow passages.
 

@@ -6,7 +6,8 @@ from typing import Annotated, NamedTuple
 
 import typer
 
-from crowd_env.cli.console import check_picture, of_output, plain
+from crowd_env.cli.console import check_picture
+from crowd_env.cli.options import of_output, plain
 from crowd_env.core.checks import POSITIVE, counted, number
 from crowd_env.core.console import check_place, friendly_errors, notes, progress_bar
 from crowd_env.core.files.atomic import check_suffix

@@ -6,7 +6,8 @@ from typing import Annotated
 
 import typer
 
-from crowd_env.cli.console import AsJson, check_picture, of_output
+from crowd_env.cli.console import check_picture
+from crowd_env.cli.options import AsJson, of_output
 from crowd_env.cli.place import place_of
 from crowd_env.core.console import check_place, friendly_errors, notes
 from crowd_env.core.files.atomic import check_suffix

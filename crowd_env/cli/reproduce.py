@@ -12,7 +12,8 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from crowd_env.cli.console import AsJson, plain, section, wide_console
+from crowd_env.cli.console import wide_console
+from crowd_env.cli.options import AsJson, plain, section
 from crowd_env.core.console import check_folder, friendly_errors, interrupted, notes, progress_bar
 from crowd_env.core.executors import Executor, all_cores, make_executor
 from crowd_env.core.files.store import Store

@@ -13,20 +13,9 @@ from rich.console import Console
 from rich.markup import escape
 
 from crowd_env.analysis.figures import cells, doubts, report
-from crowd_env.cli.console import AsJson, Runs, Seed, Workers, of_output, of_runs, show_table
-from crowd_env.cli.place import (
-    Changes,
-    CrowdName,
-    Exits,
-    PeopleCount,
-    PhysicsName,
-    PlaceName,
-    RoutingName,
-    Starts,
-    TimeLimit,
-    Unit,
-    place_of,
-)
+from crowd_env.cli import options
+from crowd_env.cli.console import show_table
+from crowd_env.cli.place import place_of
 from crowd_env.cli.results_folder import again, config_of, keep_in, open_folder, write_results
 from crowd_env.core.checks import counted, whole
 from crowd_env.core.console import friendly_errors, interrupted, notes, progress_bar
@@ -43,57 +32,48 @@ crowd-env run my_room.wkt --exit 5,2,5,3 --people 40 --set speed=1.5
 
 crowd-env run my_room.wkt --exit 5,2,5,3 --people 40 --out results
 """
+_CONFIG = "Run what the config.json of an --out says; options beside it come first."
+_OUT = (
+    "Folder for tables of all runs and people, N(t) and what was run; the same command goes on there. film, replay, "
+    "forces, report and clogging look at it."
+)
+_RECORD = "Record the first N runs, or all, into --out: who is where when; default 1."
+_NO_CONTACTS = "Record no contacts and forces: smaller files."
 
 
 def run(
     context: typer.Context,
-    scenario: PlaceName = "room-v0",
-    exit: Exits = None,
-    unit: Unit = None,
-    people: PeopleCount = None,
-    starts: Starts = None,
-    crowd: CrowdName = None,
-    routing: RoutingName = "shortest",
-    physics: PhysicsName = "nsm2",
-    set: Changes = None,
-    runs: Runs = 50,
-    seed: Seed = 0,
-    time_limit: TimeLimit = None,
-    workers: Workers = None,
-    config: Annotated[
-        Path | None,
-        of_runs(
-            "Run what the config.json of an --out says; options beside it come first.", is_eager=True, callback=again
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        of_output(
-            "Folder for tables of all runs and people, N(t) and what was run; the same command goes on there. "
-            "film, replay, forces, report and clogging look at it."
-        ),
-    ] = None,
-    record: Annotated[
-        str | None,
-        of_output("Record the first N runs, or all, into --out: who is where when; default 1.", metavar="N|all"),
-    ] = None,
-    contacts: Annotated[
-        bool, of_output("Record no contacts and forces: smaller files.", names=(" /--no-contacts",))
-    ] = True,
-    as_json: AsJson = False,
+    scenario: options.PlaceName = "room-v0",
+    exit: options.Exits = None,
+    unit: options.Unit = None,
+    people: options.PeopleCount = None,
+    starts: options.Starts = None,
+    crowd: options.CrowdName = None,
+    routing: options.RoutingName = "shortest",
+    physics: options.PhysicsName = "nsm2",
+    set: options.Changes = None,
+    runs: options.Runs = 50,
+    seed: options.Seed = 0,
+    time_limit: options.TimeLimit = None,
+    workers: options.Workers = None,
+    config: Annotated[Path | None, options.of_runs(_CONFIG, is_eager=True, callback=again)] = None,
+    out: Annotated[Path | None, options.of_output(_OUT)] = None,
+    record: Annotated[str | None, options.of_output(_RECORD, metavar="N|all")] = None,
+    contacts: Annotated[bool, options.of_output(_NO_CONTACTS, names=(" /--no-contacts",))] = True,
+    as_json: options.AsJson = False,
 ) -> None:
     """Evacuate a place many times and report how it went; keep the runs in a folder."""
     with friendly_errors():
         recorded = _recorded(record, runs, out)
-        place, scheme, options = place_of(context.params)
-        here = config_of(context.params, place, scheme, options)
+        place, scheme, way = place_of(context.params)
+        here = config_of(context.params, place, scheme, way)
         folder, kept = (None, []) if out is None else open_folder(context, out, here)
         recorder = None
         if out is not None and recorded:
             from crowd_env.recording import RunRecorder
             from crowd_env.recording.formats import RECORDINGS
 
-            facts = {"rules": options["rules"]}
+            facts = {"rules": way["rules"]}
             path = out / RECORDINGS / ("run-0.sqlite" if len(recorded) == 1 else "run.sqlite")
             recorder = RunRecorder(path, runs=recorded, contacts=contacts, seed=seed, facts=facts)
             there = {one.run for one in kept if (out / RECORDINGS / f"run-{one.run}.sqlite").exists()}
@@ -110,9 +90,9 @@ def run(
             kept=kept,
             keep=None if folder is None else keep_in(folder),
             scheme=scheme,
-            **options,
+            **way,
         )
-        figures = report(place, scheme, done.episodes, dt=options["dt"], strategy=options["strategy"])
+        figures = report(place, scheme, done.episodes, dt=way["dt"], strategy=way["strategy"])
         if done.stopped is not None:
             figures["interrupted_of"] = done.stopped.runs
         figures["doubts"] = doubts(figures)

@@ -10,7 +10,7 @@ from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.tasks import PRESETS, make_preset, make_task
 from crowd_env.agents.training_config import RUNS, check_budget, check_libraries
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
-from crowd_env.cli.console import plain
+from crowd_env.cli.options import plain
 from crowd_env.core.checks import Range, known, whole
 from crowd_env.core.console import friendly_errors, notes
 from crowd_env.core.files.atomic import write_text

@@ -21,8 +21,8 @@ from crowd_env.agents.tasks import TASKS, Task
 from crowd_env.agents.training_config import RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
 from crowd_env.cli.agents.options import People, Place, Policies, changes
-from crowd_env.cli.console import AsJson, of_output, of_people, of_physics, of_runs
-from crowd_env.cli.place import CrowdName, Exits, Unit, read_place
+from crowd_env.cli.options import AsJson, CrowdName, Exits, Unit, of_output, of_people, of_physics, of_runs
+from crowd_env.cli.place import read_place
 from crowd_env.core.checks import Range, number, whole
 from crowd_env.core.console import friendly_errors, notes
 from crowd_env.core.executors import Executor, Serial, make_executor
@@ -141,8 +141,8 @@ def _vary(task: Task, policies: Sequence[str], as_json: bool, executor: Executor
     """Judge policies on a task and its variations, ``how`` is that of `judge_trial`, and say what came out."""
     runs = whole("--runs", robustness.few_runs(task) if runs is None else runs, RUNS)
     whole("--seed", how["seed"], Range(0, HELD_OUT_SEED - runs - 1))
-    judge = partial(robustness.judge_trial, compare=partial(compare, executor=executor), runs=runs, **how)
-    found = [(one, judge(task, one)) for one in robustness.make_trials(task, policies)]
+    trials, on = robustness.make_trials(task, policies), partial(compare, executor=executor)
+    found = [(one, robustness.judge_trial(task, one, on, runs=runs, **how)) for one in trials]
     figures = robustness.summary_of_trials(task, found, runs, how["seed"])
     if how["out"] is not None:
         write_json(how["out"] / "robustness.json", figures)

@@ -16,7 +16,7 @@ import typer
 from crowd_env.agents.networks import MLP, Network
 from crowd_env.agents.pretrained import load
 from crowd_env.agents.trained import LearnedController, LearnedPolicy
-from crowd_env.cli.console import plain
+from crowd_env.cli.options import plain
 from crowd_env.core.checks import known
 from crowd_env.core.console import check_folder, friendly_errors, notes
 from crowd_env.core.files.atomic import check_suffix, written

@@ -14,8 +14,8 @@ from crowd_env.agents.evaluation.trained_run import draw, judge, tables
 from crowd_env.agents.runs import new_folder
 from crowd_env.agents.tasks import TASKS
 from crowd_env.cli.agents.options import People, Place, Threads, changes, of_learning
-from crowd_env.cli.console import of_output, of_people, of_physics, of_runs
-from crowd_env.cli.place import ONE_PHYSICS, CrowdName, Exits, Unit, plan_options
+from crowd_env.cli.options import ONE_PHYSICS, CrowdName, Exits, Unit, of_output, of_people, of_physics, of_runs
+from crowd_env.cli.place import plan_options
 from crowd_env.core.checks import known, whole
 from crowd_env.core.console import friendly_errors, notes
 from crowd_env.core.executors import check_cluster

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from crowd_env.agents import POLICIES, PRETRAINED
 from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.tasks import TASKS
-from crowd_env.cli.console import of_people, of_place, of_runs, plain, section
+from crowd_env.cli.options import of_people, of_place, of_runs, plain, section
 from crowd_env.cli.place import split_changes
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios import SCENARIOS

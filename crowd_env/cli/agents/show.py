@@ -14,7 +14,7 @@ from crowd_env.agents.evaluation.entries import RULE, Entry, make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.tasks import TASKS, Task, make_task
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
-from crowd_env.cli.console import complete_from, of_output, plain
+from crowd_env.cli.options import complete_from, of_output, plain
 from crowd_env.cli.recorded import FilmFps, FilmSpeed, FilmWidth, film_file, size_of
 from crowd_env.core.checks import Range, whole
 from crowd_env.core.console import friendly_errors, notes, progress_bar

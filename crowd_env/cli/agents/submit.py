@@ -15,7 +15,7 @@ from crowd_env.agents.trained import SAMPLED
 from crowd_env.agents.training_config import RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
 from crowd_env.cli.agents.options import OneTask
-from crowd_env.cli.console import plain
+from crowd_env.cli.options import plain
 from crowd_env.core.checks import Range, whole
 from crowd_env.core.console import check_folder, friendly_errors
 

@@ -1,0 +1,77 @@
+"""Options that several commands have, and how every option is made."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from crowd_env.core.arrays.headway import MANNERS
+from crowd_env.physics import SCHEMES
+from crowd_env.routing.strategies import STRATEGIES
+from crowd_env.scenarios import SCENARIOS
+from crowd_env.scenarios.floor_plan import PEOPLE
+from crowd_env.scenarios.plans.reading import PLANS
+
+
+def complete_from(names: Iterable[str]) -> Callable[[str], list[str]]:
+    """Return what proposes names to a shell: those of ``names`` that begin as the user has begun."""
+    known = tuple(names)
+    return lambda incomplete: [name for name in known if name.startswith(incomplete)]
+
+
+def section(panel: str | None = None) -> Callable[..., Any]:
+    """Return what makes an option of a section of the help, from its text and what that says is the default.
+
+    ``names`` are others than that of the argument, ``among`` the names that a shell completes; the rest is that of
+    `typer.Option`.
+    """
+
+    def option(
+        help: str, default: str | None = None, *, names: Iterable[str] = (), among: Iterable[str] = (), **more: Any
+    ) -> Any:
+        more |= {"show_default": default} if default else {}
+        if among:
+            more = {"metavar": "NAME", "autocompletion": complete_from(among), **more}
+        return typer.Option(*names, help=help, rich_help_panel=panel, **more)
+
+    return option
+
+
+of_place, of_people, of_physics = map(section, ("Place", "People", "Physics"))
+of_runs, of_output, plain = map(section, ("Runs", "Output", None))
+
+AsJson = Annotated[bool, of_output("Print one JSON object instead of a table.", names=("--json",))]
+Workers = Annotated[int | None, of_runs("Processes at most; default one a core. Results do not depend on it.", min=1)]
+Runs = Annotated[int, of_runs("Number of evacuations, each with other people in other places.")]
+Seed = Annotated[int, of_runs("Run k draws its people from seed + k.", min=0)]
+
+# What a command line says of a place.
+PLACES = f"Name of a scenario, a scenario file (.toml, .json), or a floor plan: {PLANS}."
+complete_scenario = complete_from(SCENARIOS)
+PlaceName = Annotated[str, typer.Argument(help=PLACES, autocompletion=complete_scenario)]
+_EXITS = (
+    'Exit of a floor plan, in place of those in the file: "x1,y1,x2,y2", LINESTRING on its edge or POLYGON; may be '
+    "repeated."
+)
+Exits = Annotated[list[str] | None, of_place(_EXITS, names=("--exit",))]
+_UNIT = (
+    "Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm, mm, ft or in; default m, unless that "
+    "cannot be and the file says another."
+)
+Unit = Annotated[str | None, of_place(_UNIT)]
+_PEOPLE = f"Number of people; default the scenario's, or {PEOPLE} on a floor plan."
+PeopleCount = Annotated[int | None, of_people(_PEOPLE, names=("--people",), min=1)]
+Starts = Annotated[Path | None, of_people("CSV file with columns x,y: recorded starting positions.")]
+_CROWD = f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's."
+CrowdName = Annotated[str | None, of_people(_CROWD, names=("--crowd",), among=MANNERS)]
+_CHANGES = (
+    "Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...) or the "
+    "routing (signs); may be repeated. speed=1.5 is the same for all, speed=1.2,2 is drawn from a range."
+)
+Changes = Annotated[list[str] | None, of_people(_CHANGES, names=("--set",), metavar="NAME=VALUE")]
+ONE_PHYSICS = f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."
+PhysicsName = Annotated[str, of_physics(ONE_PHYSICS, names=("--physics",), among=SCHEMES)]
+_ROUTING = "How people choose their route: shortest, nearest, fastest, comfortable, or the name of a route or an exit."
+RoutingName = Annotated[str, of_people(_ROUTING, names=("--routing",), among=STRATEGIES)]
+TimeLimit = Annotated[float | None, of_runs("People who are inside after this many seconds are unfinished.")]
