@@ -147,16 +147,12 @@ def task_of(config: Mapping[str, Any]) -> Task:
     return Task(
         place.name,
         place.title,
-        scenario=config["scenario"],
-        options=config["options"],
-        people=config["people"],
         scheme=law_of(config).info.name,
-        dt=config["dt"],
         time_limit=place.time_limit,
         blocked_after=place.blocked_after,
         frozen="",
         rule=config["strategy"],
-        decision_dt=config["decision_dt"],
+        **{name: config[name] for name in ("scenario", "options", "people", "dt", "decision_dt")},
     )
 
 

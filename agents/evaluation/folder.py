@@ -185,11 +185,9 @@ class EvaluationFolder(Store):
 
 def _evaluation(policy: str, scheme: str, kept: dict[str, Any]) -> Evaluation:
     """Return the evaluation that a file holds."""
-    whole = {name for name, kind in EpisodeMetrics.__annotations__.items() if kind is int}
-    episodes = []
-    for values in kept["episodes"]:
-        row = dict(zip(EpisodeMetrics._fields, values.tolist(), strict=True))
-        episodes.append(EpisodeMetrics(**{name: int(v) if name in whole else v for name, v in row.items()}))
+    kinds = EpisodeMetrics.__annotations__.values()  # int or float
+    rows = ([kind(one) for kind, one in zip(kinds, row, strict=True)] for row in kept["episodes"].tolist())
+    episodes = list(map(EpisodeMetrics._make, rows))
     grid = Grid(tuple(kept["origin"]), kept["maps"].shape[1:])
     of_runs: dict[str, Any] = {name: kept[name] for name in (*_ARRAYS, *_NUMBERS)}
     measured = Measured(maps=Maps(*kept["maps"]), grid=grid, **of_runs)

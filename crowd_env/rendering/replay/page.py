@@ -86,14 +86,8 @@ def write_page(
         "colors": plain_colors(),
         "recordings": abouts,
     }
-    parts = {
-        "title": title or found,
-        "summary": summary,
-        "style": style_variables(),
-        "about": about,
-        "recordings": texts,
-    }
-    write_text(path, filled("crowd_env.rendering.replay", "browser", **parts))
+    parts = {"title": about["title"], "summary": summary, "style": style_variables(), "recordings": texts}
+    write_text(path, filled("crowd_env.rendering.replay", "browser", about=about, **parts))
     rows = sum(column["length"] for one in abouts for column in one["columns"] if column["name"] == "x")
     left_out = tuple(len(recording.times) - len(frames) for recording, frames in zip(recordings, kept, strict=True))
     return Page(path, path.stat().st_size, rows, tuple(map(len, kept)), left_out)
@@ -242,17 +236,9 @@ def plain_colors() -> dict[str, Any]:
 
 def style_variables() -> str:
     """Return the colors of a page as properties of its style sheet; other dark ones stand in the style sheet itself."""
-    named = {
-        "background": palette.BACKGROUND,
-        "floor": palette.FLOOR,
-        "wall": palette.WALL,
-        "obstacle": palette.OBSTACLE,
-        "exit": palette.EXIT,
-        "mat": palette.EXIT_MAT,
-        "ink": palette.INK,
-        "quiet": tuple(darker(palette.QUIET, by=0.06)),  # small letters need more contrast than those of a film
-        "faint": palette.FAINT,
-    }
+    alike = ("background", "floor", "wall", "obstacle", "exit", "ink", "faint")
+    named = {name: getattr(palette, name.upper()) for name in alike} | {"mat": palette.EXIT_MAT}
+    named["quiet"] = tuple(darker(palette.QUIET, by=0.06))  # small letters need more contrast than those of a film
     curves = (palette.SERIES, darker(palette.SERIES, by=-0.2))  # on a dark page lighter
     light, dark = (_properties({f"series-{k}": color for k, color in enumerate(colors)}) for colors in curves)
     return f":root {{ {_properties(named)} {light} }}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"
