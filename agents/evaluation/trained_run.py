@@ -103,13 +103,20 @@ def _kinds(folder: Path) -> tuple[str, ...]:
     return SAMPLED, ""
 
 
+def _curve(folder: Path) -> tuple[list[dict[str, float]], dict[str, float]]:
+    """Return the learning curve of a training, and the row of the network that was kept."""
+    from ..learned.confirmation import kept_row
+    from ..learned.training import CURVE, read_curve
+
+    curve = read_curve(folder / CURVE)
+    return curve, kept_row(folder, curve)
+
+
 def _training(folder: Path) -> dict[str, Any]:
     """Return what the training took in all, and the figures of the network that was kept."""
-    from ..learned.confirmation import confirmation, kept_row
-    from ..learned.training import read_curve
+    from ..learned.confirmation import confirmation
 
-    curve = read_curve(folder / "learning_curve.csv")
-    kept = kept_row(folder, curve)
+    curve, kept = _curve(folder)
     return {
         "spent": {name: curve[-1][name] for name in ("steps", "seconds", "cpu_seconds")},
         "validation": {name: json_number(value) for name, value in kept.items()},
@@ -138,20 +145,14 @@ def draw(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> 
 def _draw_curve(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> None:
     from crowd_env.rendering import learning_curve
 
-    from ..learned.confirmation import kept_row
-    from ..learned.training import read_curve
-
-    curve = read_curve(folder / "learning_curve.csv")
-    kept = kept_row(folder, curve)
+    curve, kept = _curve(folder)
+    told = "kept, the start" if kept is curve[0] else f"kept, best of {len(curve)}"
     learning_curve(
         folder / "learning_curve.png",
         [row["steps"] for row in curve],
         {LEARNED: [row["evacuation_time"] for row in curve]},
         errors={LEARNED: [row["standard_error"] for row in curve]},
-        reference={
-            **_references(config, results),
-            "kept, the start" if kept is curve[0] else f"kept, best of {len(curve)}": kept["evacuation_time"],
-        },
+        reference={**_references(config, results), told: kept["evacuation_time"]},
         title=f"{config['eval_runs']} validation draws at each point, ± standard error",
         xlabel="training steps of all slots",
     )
