@@ -4,7 +4,12 @@ The workers of pytest-xdist and the programs that tests start inherit these sett
 """
 
 import os
+import pickle
 import sys
+import warnings
+from functools import wraps
+
+import pytest
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
@@ -19,3 +24,38 @@ os.environ.setdefault(
 # nothing is to be.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+
+@pytest.fixture(scope="session", autouse=True)
+def fields_of_a_place_are_made_once():
+    """Give equal places one travel-time field: half of what tests of environments took went into making it anew.
+
+    Tests of the fields call `travel_time_field` by its own name, and get a new one each time.
+    """
+    from crowd_env.physics.simulation import arguments
+    from crowd_env.routing import route_set
+    from crowd_env.routing.fields.field import travel_time_field
+
+    known = {}
+
+    @wraps(travel_time_field)
+    def once(*place, **options):
+        try:
+            key = pickle.dumps((place, options))
+        except (AttributeError, TypeError, pickle.PicklingError):  # a speed that is a function of a test
+            return travel_time_field(*place, **options)
+        if key not in known:
+            with warnings.catch_warnings(record=True) as said:
+                warnings.simplefilter("always")
+                field = travel_time_field(*place, **options)
+            if said:  # each time
+                return travel_time_field(*place, **options)
+            if len(known) == 100:
+                known.clear()
+            known[key] = field
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (arguments, route_set):
+            patch.setattr(module, "travel_time_field", once)
+        yield

@@ -209,6 +209,14 @@ def test_thin_wall_parts_the_travel_times():
         assert side * direction_at(there, aligned.boundary, 0, x, 1.0, RADIUS)[0] > 0
 
 
+@looped("name", PLANS)
+def test_a_field_made_again_is_the_same_to_the_last_bit(name):
+    field, again = plan(name)[1], travel_time_field(PLANS[name](), RADIUS)
+    for one, other in zip(vars(field).values(), vars(again).values(), strict=True):
+        np.testing.assert_array_equal(one, other, strict=True)
+    assert again.travel_time is not field.travel_time
+
+
 def test_direct_nodes_are_exact():
     geometry, field, arrays = plan("room")
     i, j = 50, 20  # (1, 2.5), in front of the door
