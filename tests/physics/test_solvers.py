@@ -1,6 +1,5 @@
 """The solver of NSM1 and NSM2: its start, its wall and its two ways to stop."""
 
-import numba
 import numpy as np
 import pytest
 from cases import looped
@@ -8,6 +7,7 @@ from crowds import people, scatter
 from shapely.geometry import box
 
 from crowd_env.core.arrays.state import make_state
+from crowd_env.core.kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import NSM1, NSM2, constraints, solvers
 from crowd_env.physics.allocation import allocate
@@ -17,11 +17,21 @@ from crowd_env.physics.solvers import Stopping
 
 DT = 0.01
 
+
 # Only kernels call these: here they get an entrance for Python.
-assemble_no_overlap, solve, _warm_start = (
-    numba.njit(getattr(stage, "py_func", stage), error_model="numpy")
-    for stage in (constraints.assemble_no_overlap, solvers.solve, solvers._warm_start)
-)
+@kernel
+def assemble_no_overlap(extent, contacts, mass, v, rows, dt, warm):
+    return constraints.assemble_no_overlap(extent, contacts, mass, v, rows, dt, warm)
+
+
+@kernel
+def solve(extent, rows, active_rows, mass, v, room, compliance, stopping):
+    return solvers.solve(extent, rows, active_rows, mass, v, room, compliance, stopping)
+
+
+@kernel
+def warm_start(pair, coefficients, reaction, mass, start, u):
+    solvers._warm_start(pair, coefficients, reaction, mass, start, u)
 
 
 def jam(scheme, count=150, side=9.0, steps=200, seed=0):
@@ -107,7 +117,7 @@ def test_a_start_is_never_worse_than_none(factor):
     contacts.impulse[:number, 0] *= factor * rng.uniform(0.5, 1.5, number)
     assemble_no_overlap(Extent(0, 0, count, 0, number), contacts, mass, free, rows, DT, True)
     u = np.vstack([free, [[0.0, 0.0]]])
-    _warm_start(rows.pair, rows.coefficients, rows.reaction, mass, free, u)
+    warm_start(rows.pair, rows.coefficients, rows.reaction, mass, free, u)
     share, first = rows.coefficients[:, 3], rows.pair[:, 0]
     impulse = rows.reaction[:, 0] * share * mass[first]
     energy = 0.5 * (mass[:, None] * u[:-1] ** 2).sum() + impulse @ rows.coefficients[:, 2]

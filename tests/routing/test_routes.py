@@ -6,7 +6,6 @@ nothing of the code under test).  For speed maps it is Fermat's principle: the l
 
 import functools
 
-import numba
 import numpy as np
 import pytest
 import shapely
@@ -15,6 +14,7 @@ from late import late
 from navigation_plans import RADIUS, exit_targets, shortest
 from shapely.geometry import LineString, Point, box
 
+from crowd_env.core.kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields.field import join_fields, travel_time_field
 from crowd_env.routing.fields.lookup import direction_at, travel_time_at
@@ -61,7 +61,7 @@ def plan(name, goal):
     return geometry, field, join_fields([field], geometry.boundary)
 
 
-@numba.njit
+@kernel
 def walk(field, boundary, x, y, radius, path):
     """Follow the direction from (x, y) in steps of 1 cm until the way is shorter than one; return how many points."""
     for n in range(len(path)):

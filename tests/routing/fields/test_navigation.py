@@ -4,13 +4,13 @@ The shortest way is known twice over: in closed form where the plan is simple, a
 plan (shapely and Dijkstra's algorithm, nothing of the code under test) everywhere else.
 """
 
-import numba
 import numpy as np
 import pytest
 import shapely
 from cases import looped
 from navigation_plans import DOOR, PLANS, RADIUS, ROOM, exit_targets, plan, shortest
 
+from crowd_env.core.kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry, join_boundaries
 from crowd_env.routing.fields.field import join_fields, travel_time_field
 from crowd_env.routing.fields.lookup import direction_at, exit_frame, nearest_on_exit, travel_time_at
@@ -18,7 +18,7 @@ from crowd_env.routing.fields.lookup import direction_at, exit_frame, nearest_on
 STEP = 0.01
 
 
-@numba.njit
+@kernel
 def walk(field, boundary, x, y, radius, step, path):
     """Follow the direction from (x, y) until an exit line is crossed; return the number of points and the exit."""
     for n in range(len(path) - 1):
@@ -125,10 +125,11 @@ def test_length_of_the_way_around_a_corner_in_closed_form():
 
 def test_axis_of_symmetry_behind_an_obstacle_is_left():
     for name, y in (("column before the door", 2.5), ("block in the room", 2.5), ("c-shaped obstacle", 3.0)):
-        for x in (0.3, 1.0, 1.5):
-            path, exit_row = follow(name, (x, y))
+        points = np.array([(0.3, y), (1.0, y), (1.5, y)])
+        for point, length in zip(points, shortest_out(plan(name)[0], points), strict=True):
+            path, exit_row = follow(name, point)
             assert exit_row == 0
-            assert path_length(path) < 1.03 * shortest_out(plan(name)[0], np.array([[x, y]]))[0]
+            assert path_length(path) < 1.03 * length
 
 
 def test_inside_of_the_c_is_left_by_its_open_side():
@@ -228,7 +229,7 @@ def test_direct_nodes_are_exact():
     assert plan("block in the room")[1].direct[50, 20] == -1  # the block stands between
 
 
-@numba.njit
+@kernel
 def aim(exits, x, y, radius):
     return nearest_on_exit(exit_frame(exits, 0), x, y, radius)
 
