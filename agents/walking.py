@@ -186,6 +186,7 @@ class Follow(WalkingRule):
     """
 
     name = "follow"
+    leader: ClassVar[ObservationTerm] = LEADER
     terms: ClassVar[tuple[str | ObservationTerm, ...]] = ("desired_speed", LEADER)
     spacing: float = 0.53
     time: float = 0.3
@@ -195,13 +196,10 @@ class Follow(WalkingRule):
         check_fields(self.name, self, spacing=NOT_NEGATIVE, time=POSITIVE, back=SHARE)
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
-        """Return the speed that keeps the distance to the leader."""
-        return along(self._speed(observation, layout, LEADER), desired_speed(observation, layout), self.back)
-
-    def _speed(self, observation: np.ndarray, layout: ObservationLayout, term: ObservationTerm) -> Floats:
-        """Return the speed (P,) [m/s] that keeps the distance; infinite where there is nobody to follow."""
-        leader = read_leader(observation, layout, term)
-        return np.where(leader.there, leader.speed + (leader.lead - self.spacing) / self.time, np.inf)
+        """Return the speed that keeps the distance to the leader, full speed where there is nobody to follow."""
+        leader = read_leader(observation, layout, self.leader)
+        velocity = leader.speed + (leader.lead - self.spacing) / self.time
+        return along(np.where(leader.there, velocity, np.inf), desired_speed(observation, layout), self.back)
 
 
 @dataclass(frozen=True)
@@ -214,15 +212,12 @@ class Zipper(Follow):
     """
 
     name = "zipper"
+    leader = PREDECESSOR
     terms = ("desired_speed", PREDECESSOR)
     full_state = True
     spacing: float = 0.43
     time: float = 0.3
     back: float = 0.5
-
-    def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
-        """Return the speed that keeps the distance to the one before in the order."""
-        return along(self._speed(observation, layout, PREDECESSOR), desired_speed(observation, layout), self.back)
 
 
 @dataclass(frozen=True)

@@ -111,22 +111,19 @@ class CrowdEnv:
         time_limit: float | None = None,
         autoreset: bool = False,
     ) -> None:
-        num_envs = whole("num_envs", num_envs, COUNT)
+        self.num_envs = num_envs = whole("num_envs", num_envs, COUNT)
         self.physics = physics = Physics.of(physics)
         self.walking = walking = Walking.of(walking)
         self.routing = routing = Routing.of(routing)
         scheme, dt, threads, strategy = physics.law, physics.step, physics.threads, routing.strategy
-        decision_dt = number("decision_dt", decision_dt, POSITIVE, "s")
+        self.decision_dt = decision_dt = number("decision_dt", decision_dt, POSITIVE, "s")
         self.n_substeps = parts_of("decision_dt", decision_dt, "physics steps of dt", dt)
         if time_limit is not None:
             time_limit = number("time_limit", time_limit, POSITIVE, "s")
-        autoreset = flag("autoreset", autoreset)
+        self.autoreset = flag("autoreset", autoreset)
         self.reward_weights, kind, layout = make_weights(reward), make_action(action), make_layout(observation)
         self.scenarios = scenarios_of(scenario, people, num_envs)
         self.action_kind, self.layout, choosing = fit_to_ways(kind, layout, self.scenarios)
-        self.num_envs = num_envs
-        self.decision_dt = decision_dt
-        self.autoreset = autoreset
         self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
         self.single_action_space = copy.deepcopy(self.action_kind.space)  # whoever seeds it seeds no other
         manner, shape = manner_and_outline(self.scenarios, walking.manner, physics.outline)

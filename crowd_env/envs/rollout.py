@@ -87,15 +87,7 @@ class RunsInterrupted(KeyboardInterrupt):
         self.episodes, self.runs = episodes, runs
 
 
-def rollout(
-    scenario: Scenario,
-    runs: int,
-    *,
-    seed: int = 0,
-    driver: Callable[[int], Driver] | None = None,
-    recorder: Recorder | None = None,
-    **options: Any,
-) -> Iterator[Episode]:
+def rollout(scenario: Scenario, runs: int, **options: Any) -> Iterator[Episode]:
     """Run ``runs`` evacuations, several side by side, and yield each as soon as it is over; run ``k`` is the draw ``seed + k``.
 
     Evacuations that end in the same batch are yielded in the order in which they end; `run_episodes` sorts them.  Every
@@ -103,17 +95,14 @@ def rollout(
 
     Parameters
     ----------
-    driver : makes a batch of so many evacuations of ``scenario``; by default everyone walks as the strategy says.
-    recorder : sees every moment of every batch; what it kept of an evacuation is `Episode.record`.
-    **options : the other parameters of `make_batches`, but for ``workers``, such as ``only`` or ``physics``.
+    **options : those of `make_batches`, but for ``workers``, such as ``seed``, ``only`` or ``physics``.
 
     Raises
     ------
     ValueError
         If the number of runs or the seed is out of range, or the crowd does not fit.
     """
-    batches = make_batches(scenario, runs, seed=seed, driver=driver, recorder=recorder, **options)
-    return (episode for batch in batches for episode in batch.episodes())
+    return (episode for batch in make_batches(scenario, runs, **options) for episode in batch.episodes())
 
 
 class ReusedDriver:
@@ -215,13 +204,16 @@ def make_batches(
     workers: int | None = None,
     **options: Any,
 ) -> list[RunBatch]:
-    """Return the batches of a `rollout`, whose first parameters these are.
+    """Return the batches of a `rollout`.
 
     What a driver of one's own draws at random may depend on the batch, so its batches are always the same; where the rule
     decides, nothing depends on them.
 
     Parameters
     ----------
+    seed : of run 0; each run has the next one.
+    driver : makes a batch of so many evacuations of ``scenario``; by default everyone walks as the strategy says.
+    recorder : sees every moment of every batch; what it kept of an evacuation is `Episode.record`.
     only : numbers of the runs that are wanted, 0 to ``runs`` - 1; by default all.
     at_once : most runs side by side under the rule; fewer end sooner, and are a little slower in all.
     workers : None = all batches are simulated here, one after the other, and share one recorder; else about how many are at a

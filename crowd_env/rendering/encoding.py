@@ -64,19 +64,16 @@ def write_gif(path: Path, frames: "Iterable[Image]", step: float, sample: "Seque
     def indexed(frame: "Image") -> "Image":
         return frame.quantize(palette=palette, dither=PIL.Image.Dither.NONE)
 
-    frames = iter(frames)
-    first = indexed(next(frames))
+    images = map(indexed, frames)
+    film: dict[str, Any] = {
+        "save_all": True,
+        "duration": round(1000 * step),
+        "loop": 0,
+        "optimize": False,
+        "disposal": 1,
+    }
     with written(path) as part:
-        first.save(
-            part,
-            format="GIF",
-            save_all=True,
-            append_images=map(indexed, frames),
-            duration=round(1000 * step),
-            loop=0,
-            optimize=False,
-            disposal=1,
-        )
+        next(images).save(part, format="GIF", append_images=images, **film)
     return path
 
 
