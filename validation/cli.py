@@ -19,7 +19,7 @@ from crowd_env import SCHEMES, make_scheme
 from crowd_env.core.arrays.headway import MANNERS, make_manner
 from crowd_env.core.arrays.outline import OUTLINES, Outline, make_outline
 from crowd_env.core.checks import known
-from crowd_env.core.console import check_folder, friendly_errors, notes
+from crowd_env.core.console import check_folder, friendly_errors, notes, say
 from crowd_env.physics import check_outline
 from validation.cases import CASES
 from validation.cases.case import COMPARED, DISC, Case, Row, Setting
@@ -174,7 +174,7 @@ def _teller(case: str, status: Status) -> Callable[[str], None]:
         if notes.is_terminal:
             status.update(f"{case}: {text}")
         else:
-            notes.print(f"{case}: {text}", markup=False, soft_wrap=True)
+            say(f"{case}: {text}")
 
     return notify
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from rich.table import Table
 
 from crowd_env import Scenario
-from crowd_env.core.console import notes
+from crowd_env.core.console import say
 
 from ..runs import versions
 from ..tasks.task import Task, place_digest
@@ -92,7 +92,7 @@ def judge_trial(
     compare : `crowd_env.agents.evaluation.same_draws.compare`, or what does its work elsewhere.
     out : holds a folder for each variation, from which an interrupted evaluation goes on.
     """
-    notes.print(f"{trial.variation.name}: {trial.variation.about}", markup=False, highlight=False)
+    say(f"{trial.variation.name}: {trial.variation.about}")
     kept = None
     if out is not None:
         settings = settings_of(trial.place, runs, seed, task, trial.variation.learned_share)

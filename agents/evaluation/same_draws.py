@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from crowd_env import Scenario
-from crowd_env.core.console import notes, progress_bar
+from crowd_env.core.console import notes, progress_bar, say
 from crowd_env.core.executors import Executor, Serial
 from crowd_env.physics import ContactScheme
 
@@ -45,7 +45,7 @@ def compare(
             folder.keep_result(*pairs[k], result)
         if not notes.is_terminal:  # no bar there: say in lines how far it is
             title = f"{k + 1}/{len(pairs)} {result.policy}, {result.scheme}"
-            notes.print(f"{title}: mean exit time {mean_times(result).mean():.2f} s", markup=False)
+            say(f"{title}: mean exit time {mean_times(result).mean():.2f} s")
 
     with progress_bar("evaluating", runs * len(todo)) as progress:
         drivers = made_drivers([pairs[k] for k in todo], scenario, threads, executor)

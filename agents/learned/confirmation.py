@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.console import notes
+from crowd_env.core.console import say
 from crowd_env.core.files.atomic import written
 from crowd_env.core.files.json_file import read_json, write_json
 
@@ -49,7 +49,7 @@ def confirm(folder: Path, config: Mapping[str, Any], threads: int = 1) -> None:
     _reopen(folder, best)
     if best is curve[0] or not (folder / START).exists():
         return
-    notes.print("confirming the network on fresh draws, beside the one training began with ...")
+    say("confirming the network on fresh draws, beside the one training began with ...")
     later, harder = np.empty(0), np.empty(0)
     z, bound = 0.0, np.inf
     for look in range(LOOKS):
@@ -75,12 +75,12 @@ def confirm(folder: Path, config: Mapping[str, Any], threads: int = 1) -> None:
     said = f"the network of step {best['steps']:.0f} is {abs(mean):.2f} s {'sooner' if mean < 0.0 else 'later'} out than the "
     said += f"start on {len(later)} fresh draws"
     if kept:
-        notes.print(f"{said}{'' if sooner else f', and touches less, by {-harder.mean():.0f} N s a person'}: kept")
+        say(f"{said}{'' if sooner else f', and touches less, by {-harder.mean():.0f} N s a person'}: kept")
         return
     for source, target in ((NETWORK, UNCONFIRMED), (START, NETWORK)):
         with written(folder / target) as part:
             part.write_bytes((folder / source).read_bytes())
-    notes.print(f"{said}, not better beyond doubt: the start is kept")
+    say(f"{said}, not better beyond doubt: the start is kept")
 
 
 def kept_row(folder: Path, curve: Sequence[dict[str, float]]) -> dict[str, float]:

@@ -19,7 +19,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
 from crowd_env import CrowdEnv
-from crowd_env.core.console import notes, stops_by
+from crowd_env.core.console import notes, say, stops_by
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.envs.routing.env import RoutingVectorEnv
 
@@ -104,7 +104,7 @@ class Keeper:
             who.save(self.folder / NETWORK)
         write_curve(self.folder / CURVE, self.curve)
         if not notes.is_terminal:  # says in a line what a bar would show
-            notes.print(
+            say(
                 f"{row['steps']:.0f} of {self.config['steps']} steps, {row['seconds']:.0f} s: evacuation "
                 f"{row['evacuation_time']:.2f} ± {row['standard_error']:.2f} (standard error) s, "
                 f"{row['unfinished']:.0f} left inside"
@@ -159,7 +159,7 @@ class TrainingCallback(BaseCallback):
         if self.interrupted:
             raise KeyboardInterrupt
         self.interrupted = True
-        notes.print("stopping: saving what there is (Ctrl-C again stops at once)")
+        say("stopping: saving what there is (Ctrl-C again stops at once)")
 
     def _on_training_start(self) -> None:
         self._signals.enter_context(stops_by(self._interrupt))
@@ -202,7 +202,7 @@ class TrainingCallback(BaseCallback):
 
 def train_here(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
     """Train, or go on training, in ``folder`` on so many threads of this machine; False if it was interrupted."""
-    notes.print("compiling the physics (half a minute the first time, cached afterwards) ...")
+    say("compiling the physics (half a minute the first time, cached afterwards) ...")
     env = make_env(config, threads=threads)
     model = make_ppo(env, PPOSettings(**config["ppo"]), config["seed"], folder / "tensorboard")
     keeper = Keeper(folder, config, threads)
@@ -211,9 +211,9 @@ def train_here(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
         # The learning loop resets the environment with the seed of the VecEnv.
         venv: Any = model.get_env()
         venv.seed((config["seed"] + model.num_timesteps) % HELD_OUT_SEED)  # other draws
-        notes.print(f"going on at {model.num_timesteps} steps")
+        say(f"going on at {model.num_timesteps} steps")
     elif config["start"] != RULE:
-        notes.print(f"cloning {config['start']}, a fraction of a minute ...")
+        say(f"cloning {config['start']}, a fraction of a minute ...")
         clone(model, start_of(config), config["seed"])
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     callback = TrainingCallback(keeper, env)

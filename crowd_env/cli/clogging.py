@@ -14,7 +14,7 @@ from crowd_env.analysis.figures import number, percent
 from crowd_env.analysis.results.folder import CONFIG, EXITS
 from crowd_env.cli.console import show_table
 from crowd_env.cli.options import AsJson, plain
-from crowd_env.core.console import check_folder, friendly_errors, notes
+from crowd_env.core.console import check_folder, friendly_errors, say
 from crowd_env.core.files.json_file import read_json
 
 _BLOCKED_AFTER = 120.0  # s, where the place does not say it
@@ -62,7 +62,7 @@ def clog(
         for name, each in found.items():
             typer.echo(f"* {name}: {each.statement()}." if len(found) > 1 else f"{each.statement()}.")
     if paths:
-        notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
+        say(f"files: {', '.join(str(path) for path in paths)}")
 
 
 def _blocked_after(source: Path) -> float:
@@ -81,7 +81,7 @@ def _write(out: Path, found: dict[str, Clogging], sets: Mapping[str, Sequence[Ru
             labels = {"all runs" if len(found) == 1 else name: each for name, each in found.items()}
             paths.append(survival_curves(out / "survival.png", labels, title=title))
         else:
-            notes.print("no figure: there is no gap to draw", style="yellow")
+            say("no figure: there is no gap to draw", "yellow")
     except OSError as error:
         raise ValueError(f"cannot write the results: {error}") from None
     return paths

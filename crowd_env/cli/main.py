@@ -19,7 +19,7 @@ from crowd_env.cli.report import report
 from crowd_env.cli.reproduce import reproduce
 from crowd_env.cli.run import EXAMPLES as RUN_EXAMPLES
 from crowd_env.cli.run import run
-from crowd_env.core.console import friendly_errors, notes, progress_bar
+from crowd_env.core.console import friendly_errors, progress_bar, say
 from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.physics import SCHEMES, make_scheme
 from crowd_env.scenarios import SCENARIOS, make_scenario
@@ -104,7 +104,7 @@ def schema(out: Annotated[Path | None, typer.Option(help="File to write, .json; 
             typer.echo(text)
             return
         write_text(check_suffix(out, (".json",)), text + "\n")
-        notes.print(f"schema: {out}", markup=False, soft_wrap=True)
+        say(f"schema: {out}")
 
 
 def main() -> None:

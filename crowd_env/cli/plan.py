@@ -12,7 +12,7 @@ from crowd_env.cli import options
 from crowd_env.cli.console import check_picture, show_table
 from crowd_env.cli.place import people_options, place_of, plan_options, split_changes
 from crowd_env.core.arrays.outline import make_outline, room_of
-from crowd_env.core.console import friendly_errors, notes, progress_bar
+from crowd_env.core.console import friendly_errors, progress_bar, say
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios import kind_of_place
 from crowd_env.scenarios.floor_plan import people_on
@@ -73,7 +73,7 @@ def plan(
     for check in checks:
         show_table(check.name, {"": cells(check)})
     if picture is not None:
-        notes.print(f"plan: {picture}", markup=False, soft_wrap=True)
+        say(f"plan: {picture}")
 
 
 def _understood(given: dict[str, Any]) -> tuple[PlanCheck, list[str]]:

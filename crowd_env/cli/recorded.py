@@ -9,7 +9,7 @@ import typer
 from crowd_env.cli.console import check_picture
 from crowd_env.cli.options import of_output, plain
 from crowd_env.core.checks import POSITIVE, counted, number
-from crowd_env.core.console import check_place, friendly_errors, notes, progress_bar
+from crowd_env.core.console import check_place, friendly_errors, progress_bar, say
 from crowd_env.core.files.atomic import check_suffix
 from crowd_env.recording import Recording, load
 from crowd_env.recording.formats import RECORDINGS, recordings_in
@@ -20,6 +20,8 @@ Source = Annotated[Path, typer.Argument(metavar="DIR", help=f"{_SOURCE}.")]
 
 FilmWidth = Annotated[int | None, of_output("Width of the film in px; default 480 an evacuation.", min=160, max=3840)]
 _FILM = "Film, .mp4 or .gif, or picture, .png; default film.mp4 there."
+_AT = "Moment in s; default the end if the exits block, else the hardest push."
+_AROUND = "How far around the exit, in m; inf for all; default 3.5 in big places."
 _FPS = "Frames of the film a second; default 20, of long GIFs down to 10."
 FilmFps = Annotated[float | None, of_output(_FPS, max=100)]
 _SPEED = "Seconds that a second of the film shows; default 1, or as many as make a film of 30 s."
@@ -84,7 +86,7 @@ def film_file(option: str, path: Path, name: str = "film") -> Path:
         path = path / name if path.is_dir() else path
         path = path.with_name(path.name + film_suffix())
         if path.suffix == ".gif":
-            notes.print(f"note: MP4 needs imageio-ffmpeg, which is not installed: {path}", markup=False, soft_wrap=True)
+            say(f"note: MP4 needs imageio-ffmpeg, which is not installed: {path}")
     check_picture(option, path, FORMATS)
     return path
 
@@ -118,7 +120,7 @@ def film(
         recordings, titles = recorded.load(), recorded.names if len(sources) > 1 else ()
         with progress_bar("film, frames") as progress:
             write_film(path, recordings, titles=titles, width=width, fps=fps, speed=speed, progress=progress)
-        notes.print(f"film: {size_of(path)}", markup=False, soft_wrap=True)
+        say(f"film: {size_of(path)}")
 
 
 def replay(
@@ -144,20 +146,16 @@ def replay(
         for name, frames, left_out in zip(recorded.names, written.frames, written.left_out, strict=True):
             if left_out:
                 text = f"note: {name}: {frames} of {frames + left_out} frames are shown, so that the page stays small"
-                notes.print(text, style="yellow", markup=False, soft_wrap=True)
+                say(text, "yellow")
         shown = counted(sum(written.frames), "frame", "frames")
-        notes.print(f"page: {size_of(page)}, {shown}", markup=False, soft_wrap=True)
+        say(f"page: {size_of(page)}, {shown}")
 
 
 def forces(
     source: Source,
     out: Annotated[Path | None, plain("Picture, .png; default forces.png there.", names=("--out", "-o"))] = None,
-    at: Annotated[
-        float | None, plain("Moment in s; default the end if the exits block, else the hardest push.")
-    ] = None,
-    around: Annotated[
-        float | None, plain("How far around the exit, in m; inf for all; default 3.5 in big places.")
-    ] = None,
+    at: Annotated[float | None, plain(_AT)] = None,
+    around: Annotated[float | None, plain(_AROUND)] = None,
 ) -> None:
     """Draw who presses on whom in a recorded run, by lines as wide as the force.
 
@@ -180,4 +178,4 @@ def forces(
         facts = recording.facts
         write_force_network(path, found, around=around, title=f"{facts.get('scenario', '')} {facts.get('scheme', '')}")
         mean = recording.frame_interval
-        notes.print(f"forces: {path}, mean of {mean:g} s until {found.time:.1f} s", markup=False, soft_wrap=True)
+        say(f"forces: {path}, mean of {mean:g} s until {found.time:.1f} s")

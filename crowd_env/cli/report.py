@@ -9,7 +9,7 @@ import typer
 from crowd_env.cli.console import check_picture
 from crowd_env.cli.options import AsJson, of_output
 from crowd_env.cli.place import place_of
-from crowd_env.core.console import check_place, friendly_errors, notes
+from crowd_env.core.console import check_place, friendly_errors, say
 from crowd_env.core.files.atomic import check_suffix
 from crowd_env.rendering.report.figures import differences
 from crowd_env.rendering.report.maps import measure
@@ -40,7 +40,7 @@ def report(
         check_picture("--out", out.with_suffix(".png"), (".png",))  # the libraries that draw
         runs = load_runs(folders, place_of)
         for remark in remarks_on(runs):
-            notes.print(f"note: {remark}", style="yellow", markup=False, soft_wrap=True)
+            say(f"note: {remark}", "yellow")
         measured = [of_one for one in runs if maps and (of_one := measure(one)) is not None]
         from crowd_env.rendering.report.page import write_report
 
@@ -50,4 +50,4 @@ def report(
         figures = {"runs": found, "differences": differences(runs), "maps": [one.as_json() for one in measured]}
         typer.echo(json.dumps({"report": str(written), **figures}))
         return
-    notes.print(f"report: {written} ({written.stat().st_size / 1e3:.0f} kB)", markup=False, soft_wrap=True)
+    say(f"report: {written} ({written.stat().st_size / 1e3:.0f} kB)")

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from crowd_env.cli.console import wide_console
 from crowd_env.cli.options import AsJson, plain, section
-from crowd_env.core.console import check_folder, friendly_errors, interrupted, notes, progress_bar
+from crowd_env.core.console import check_folder, friendly_errors, interrupted, progress_bar, say
 from crowd_env.core.executors import Executor, all_cores, make_executor
 from crowd_env.core.files.store import Store
 from crowd_env.rendering.canvas import save_figure
@@ -82,7 +82,7 @@ def reproduce(
                     results.append(result)
                     if not as_json:
                         show(result)
-                    notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
+                    say(f"files: {', '.join(str(path) for path in paths)}")
             except Interrupted as error:
                 stopped = str(error)
             except KeyboardInterrupt:
@@ -178,7 +178,7 @@ def _write(result: Result, out: Path) -> list[Path]:
         try:
             paths.append(save_figure(result.draw(), out / f"{result.name}.png"))
         except ModuleNotFoundError as error:
-            notes.print(f"no figure: {error}", style="yellow", markup=False, soft_wrap=True)
+            say(f"no figure: {error}", "yellow")
     except OSError as error:
         raise ValueError(f"cannot write the results: {error}") from None
     return paths

@@ -11,7 +11,7 @@ from crowd_env.analysis.results.config import FREE, run_config
 from crowd_env.analysis.results.folder import ResultsFolder
 from crowd_env.cli.place import files_of
 from crowd_env.core.checks import counted
-from crowd_env.core.console import check_folder, friendly_errors, notes
+from crowd_env.core.console import check_folder, friendly_errors, say
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.files.store import difference
 from crowd_env.envs.rollout import Episode
@@ -77,7 +77,7 @@ def config_of(
     if given["config"] is not None:
         other = difference(read_json(given["config"]), config, FREE)
         if other:
-            notes.print(f"note: not what {given['config']} says: {other}", style="yellow", markup=False, soft_wrap=True)
+            say(f"note: not what {given['config']} says: {other}", "yellow")
     return config
 
 
@@ -95,11 +95,11 @@ def open_folder(context: typer.Context, out: Path, config: dict[str, Any]) -> tu
     finished = folder.finished()
     if finished:
         runs = counted(config["runs"], "run", "runs")
-        notes.print(f"{out}: {len(finished)} of {runs} are finished", markup=False, soft_wrap=True)
+        say(f"{out}: {len(finished)} of {runs} are finished")
     try:
         require_libraries(".png")
     except ModuleNotFoundError as error:
-        notes.print(f"no {CURVES}: {error}", style="yellow", markup=False, soft_wrap=True)
+        say(f"no {CURVES}: {error}", "yellow")
     return folder, finished
 
 
@@ -114,7 +114,7 @@ def keep_in(folder: ResultsFolder) -> Callable[[Sequence[Episode]], None]:
                 folder.keep_runs(episodes)
         except OSError as error:
             writes, why = False, error.strerror or error
-            notes.print(f"note: cannot write into {folder.folder}: {why}", style="yellow", markup=False, soft_wrap=True)
+            say(f"note: cannot write into {folder.folder}: {why}", "yellow")
 
     return keep
 
@@ -137,4 +137,4 @@ def write_results(
         paths.append(egress_curves(folder.folder / CURVES, times, title=title))
     except ModuleNotFoundError:
         pass  # said before the work
-    notes.print(f"files: {', '.join(str(path) for path in paths)}", markup=False, soft_wrap=True)
+    say(f"files: {', '.join(str(path) for path in paths)}")

@@ -18,7 +18,7 @@ from crowd_env.cli.console import show_table
 from crowd_env.cli.place import place_of
 from crowd_env.cli.results_folder import again, config_of, keep_in, open_folder, write_results
 from crowd_env.core.checks import counted, whole
-from crowd_env.core.console import friendly_errors, interrupted, notes, progress_bar
+from crowd_env.core.console import friendly_errors, interrupted, progress_bar, say
 from crowd_env.core.executors import Processes, all_cores
 from crowd_env.envs.rollout import Episode, Recorder, RunsInterrupted, run_episodes
 from crowd_env.scenarios.scenario import Scenario
@@ -110,7 +110,7 @@ def run(
         if folder is not None:
             write_results(folder, place, run_title(place, scheme.info.name), figures, done.episodes)
         for number in sorted(done.records):
-            notes.print(f"recording: {done.records[number]}", markup=False, soft_wrap=True)
+            say(f"recording: {done.records[number]}")
         if done.stopped is not None:
             said = f"{done.stopped}; the figures are of these, and lean to short evacuations"
             interrupted(said if folder is None else f"{said}; to go on: {shlex.join(['crowd-env', *sys.argv[1:]])}")

@@ -23,6 +23,11 @@ _MISTAKES = (ValueError, ModuleNotFoundError, OSError, MemoryError, NotImplement
 notes = Console(stderr=True, highlight=False)
 
 
+def say(text: str, style: str | None = None) -> None:
+    """Write a line on the standard error stream just as it is: no brackets in it are markup, and none is broken."""
+    notes.print(text, style=style, markup=False, soft_wrap=True)
+
+
 @contextmanager
 def friendly_errors(kept: str | Callable[[], str] = "") -> Iterator[None]:
     """Turn what goes wrong into one line: exit code 2 for a mistake, a missing library or a full disk, 130 for Ctrl-C.
@@ -41,14 +46,14 @@ def friendly_errors(kept: str | Callable[[], str] = "") -> Iterator[None]:
         except BrokenPipeError:
             raise  # the reader of our output has left: no mistake
         except (*_MISTAKES, FloatingPointError, OverflowError) as error:
-            notes.print(f"error: {_sentence(error)}", style="red", markup=False, soft_wrap=True)
+            say(f"error: {_sentence(error)}", "red")
             raise typer.Exit(2) from None
 
 
 def interrupted(what_is_kept: str = "") -> NoReturn:
     """Say what an interruption has left, and end with the exit code of one."""
     text = f"interrupted: {what_is_kept}" if what_is_kept else "interrupted"
-    notes.print(text, style="yellow", markup=False, soft_wrap=True)
+    say(text, "yellow")
     raise typer.Exit(INTERRUPTED)
 
 
@@ -74,7 +79,7 @@ def _warnings_are_notes() -> Iterator[None]:
         text = " ".join(str(message).split())
         if text not in said:
             said.add(text)
-            notes.print(f"note: {text}", style="yellow", markup=False, soft_wrap=True)
+            say(f"note: {text}", "yellow")
 
     with warnings.catch_warnings():
         warnings.simplefilter("always", UserWarning)

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from crowd_env.core.console import notes, progress_bar, stops_by
+from crowd_env.core.console import progress_bar, say, stops_by
 from crowd_env.core.executors import RayCluster
 
 from ...evaluation.entries import RULE
@@ -58,9 +58,7 @@ class _Training:
     def __init__(self, folder: Path, config: Mapping[str, Any], runners: int, threads: int) -> None:
         self.folder, self.config, self.interrupted = folder, config, False
         self.keeper, self.env = Keeper(folder, config, threads), make_env(config, envs=1)
-        notes.print(
-            f"{runners} runners simulate; compiling the physics takes half a minute of each node the first time"
-        )
+        say(f"{runners} runners simulate; compiling the physics takes half a minute of each node the first time")
         self.algorithm = make_algorithm(config, runners)
         self.rate = FallingRate(config["ppo"]["learning_rate"])
         self.steps = 0.0
@@ -79,7 +77,7 @@ class _Training:
                 if self.keeper.curve:
                     self.algorithm.restore_from_path(str((self.folder / CHECKPOINT).absolute()))
                     self.steps = self.keeper.curve[-1]["steps"]
-                    notes.print(f"going on at {self.steps:.0f} steps")
+                    say(f"going on at {self.steps:.0f} steps")
                 else:
                     self._start()
                     self._evaluate()
@@ -99,14 +97,14 @@ class _Training:
     def _start(self) -> None:
         """Begin as the native training would."""
         if self.config["start"] != RULE:
-            notes.print(f"cloning {self.config['start']}, a fraction of a minute ...")
+            say(f"cloning {self.config['start']}, a fraction of a minute ...")
         begin_with(self.algorithm, first_policy(self.config), self.config["ppo"]["log_std_init"])
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         if self.interrupted:
             raise KeyboardInterrupt
         self.interrupted = True
-        notes.print("stopping: saving what there is (Ctrl-C again stops at once)")
+        say("stopping: saving what there is (Ctrl-C again stops at once)")
 
     def _iterate(self) -> None:
         """Let all runners simulate, and learn from it."""
@@ -125,7 +123,7 @@ class _Training:
         self.keeper.returns += [float(found["episode_return_mean"])] if "episode_return_mean" in found else []
         now = self.algorithm.env_runner_group.num_healthy_remote_workers()
         if now < healthy:
-            notes.print(f"a runner has died: {now} go on until it is begun again")
+            say(f"a runner has died: {now} go on until it is begun again")
 
     def _evaluate(self) -> None:
         """Evaluate the network as it is on validation draws, write curve and checkpoint, and keep it if it is the best."""

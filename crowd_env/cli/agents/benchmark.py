@@ -12,7 +12,7 @@ from crowd_env.agents.training_config import RUNS, check_budget, check_libraries
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
 from crowd_env.cli.options import plain
 from crowd_env.core.checks import Range, known, whole
-from crowd_env.core.console import friendly_errors, notes
+from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.files.atomic import write_text
 from crowd_env.core.files.json_file import write_json
 
@@ -57,7 +57,7 @@ def main(
         jobs = [Job(name, seed) for seed in range(seeds) for name in chosen] + [Job(name, None) for name in beside]
         for k, job in enumerate([] if report_only else jobs):
             said = _said(do(job, plan, folder))
-            notes.print(f"{k + 1}/{len(jobs)} {job.title}: {said}", markup=False, highlight=False)
+            say(f"{k + 1}/{len(jobs)} {job.title}: {said}")
         results: dict[str, list[dict[str, Any]]] = {}
         for job in jobs:
             if (result := read_result(folder, job, plan)) is not None:

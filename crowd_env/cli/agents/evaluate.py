@@ -24,7 +24,7 @@ from crowd_env.cli.agents.options import People, Place, Policies, changes
 from crowd_env.cli.options import AsJson, CrowdName, Exits, Unit, of_output, of_people, of_physics, of_runs
 from crowd_env.cli.place import read_place
 from crowd_env.core.checks import Range, number, whole
-from crowd_env.core.console import friendly_errors, notes
+from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.executors import Executor, Serial, make_executor
 from crowd_env.core.files.json_file import write_json
 from crowd_env.core.files.own import own_or_name
@@ -111,7 +111,7 @@ def main(
             check_outline(where.outline_of_run(), scheme)
         entries = make_entries(policies, where, task, learned_share=learned)
         if "rules" in policies and not where.rules:
-            notes.print(f"note: {where.name} has no control rules; rules is shortest there", markup=False)
+            say(f"note: {where.name} has no control rules; rules is shortest there")
         settings = settings_of(where, runs, seed, task, learned)
         folder = None
         if out is not None:
@@ -171,7 +171,7 @@ def _write(
     write_json(folder.folder / "rows.json", figures)
     folder.write_runs(results, first_seed)
     pictures = folder.draw(results, scenario)
-    notes.print(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.folder}/", markup=False, soft_wrap=True)
+    say(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.folder}/")
 
 
 def _show(results: list[Evaluation], title: str, place: Scenario, task: Task | None) -> None:

@@ -18,7 +18,7 @@ from crowd_env.agents.pretrained import load
 from crowd_env.agents.trained import LearnedController, LearnedPolicy
 from crowd_env.cli.options import plain
 from crowd_env.core.checks import known
-from crowd_env.core.console import check_folder, friendly_errors, notes
+from crowd_env.core.console import check_folder, friendly_errors, say
 from crowd_env.core.files.atomic import check_suffix, written
 from crowd_env.core.libraries import needed_for
 from crowd_env.envs.action import make_action
@@ -169,4 +169,4 @@ def main(
             about = {"file": str(onnx), "bytes": len(content), "inputs": inputs, "metadata": _metadata(found)}
             typer.echo(json.dumps(about))
         else:
-            notes.print(f"{onnx}: {len(content)} bytes", markup=False, soft_wrap=True)
+            say(f"{onnx}: {len(content)} bytes")

@@ -17,7 +17,7 @@ from crowd_env.cli.agents.options import People, Place, Threads, changes, of_lea
 from crowd_env.cli.options import ONE_PHYSICS, CrowdName, Exits, Unit, of_output, of_people, of_physics, of_runs
 from crowd_env.cli.place import plan_options
 from crowd_env.core.checks import known, whole
-from crowd_env.core.console import friendly_errors, notes
+from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.executors import check_cluster
 from crowd_env.core.files.json_file import write_json
 from crowd_env.physics import SCHEMES
@@ -139,7 +139,7 @@ def main(
             training_config.check_config(config)
             folder = _new_folder(config, out)
         write_json(folder / "config.json", config)
-        notes.print(f"writing to {folder}/")
+        say(f"writing to {folder}/")
         if not BACKENDS[config["backend"]](folder, config, threads, **far):
             raise KeyboardInterrupt
         if config["task"] is not None:
@@ -150,7 +150,7 @@ def main(
         results = judge(folder, config, runs, threads)
         table_console().print(*tables(config, results))
         draw(folder, config, results)
-    notes.print(f"model, config, results.json, figures and film: {folder}/")
+    say(f"model, config, results.json, figures and film: {folder}/")
 
 
 def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:

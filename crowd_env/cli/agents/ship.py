@@ -12,7 +12,7 @@ from crowd_env.agents.networks import NETWORK, network_digest
 from crowd_env.agents.pretrained import FOLDER
 from crowd_env.agents.tasks import Task, make_task
 from crowd_env.agents.trained import NUMBERS, load_trained
-from crowd_env.core.console import friendly_errors, notes
+from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.files.atomic import written
 from crowd_env.core.files.json_file import read_json, write_json
 
@@ -110,4 +110,4 @@ def main(
     """
     with friendly_errors():
         path = ship(run, name, replace=replace)
-        notes.print(f"{path} and {path.with_suffix('.json').name}", markup=False, soft_wrap=True)
+        say(f"{path} and {path.with_suffix('.json').name}")

@@ -17,7 +17,7 @@ from crowd_env.cli.agents.lists_of_names import ListsOfNames
 from crowd_env.cli.options import complete_from, of_output, plain
 from crowd_env.cli.recorded import FilmFps, FilmSpeed, FilmWidth, film_file, size_of
 from crowd_env.core.checks import Range, whole
-from crowd_env.core.console import friendly_errors, notes, progress_bar
+from crowd_env.core.console import friendly_errors, progress_bar, say
 from crowd_env.envs.rollout import Driver
 
 # Task -> a draw in which people who follow the rule block their way out for good; 0 where none is known.
@@ -74,14 +74,14 @@ def main(
             typer.echo(f"{one.facts['shown_as']}: {told} {one.end:.1f} s")
         with progress_bar("film, frames") as progress:
             write_beside(path, films, width=film_width, fps=film_fps, speed=film_speed, progress=progress)
-        notes.print(f"film: {size_of(path)}", markup=False, soft_wrap=True)
+        say(f"film: {size_of(path)}")
 
 
 def _of_task(task: str) -> list[str]:
     """Return the rule and the first policy that is shipped for a task."""
     learned = [name for name in PRETRAINED if name.startswith(f"{task}/")]
     if not learned:
-        notes.print(f"note: no policy is shipped for {task}: the rule alone", markup=False)
+        say(f"note: no policy is shipped for {task}: the rule alone")
     return [RULE, *learned[:1]]
 
 
