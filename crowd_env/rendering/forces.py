@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from crowd_env.core.arrays.outline import make_outline
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import POSITIVE, number
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import ContactForces, contact_forces, mean_contact_forces
 from crowd_env.physics.simulation.simulation import Simulation
@@ -223,11 +224,9 @@ def forces_of(recording: Recording, at: float | None = None) -> ContactForces:
     contacts, times = recording.contacts, recording.times
     if contacts is None:
         raise ValueError("the recording holds no contacts; record it with contacts=True, or without --no-contacts")
-    if at is not None and not (np.isfinite(at) and at > 0.0):
-        raise ValueError(f"the moment of the forces is {at!r} s; it must be > 0 and finite")
-    if at is not None and at > recording.end + recording.frame_interval:
-        raise ValueError(f"the evacuation was over after {recording.end:.1f} s; there are no forces at {at:g} s")
     if at is not None:
+        if number("the moment of the forces", at, POSITIVE, "s") > recording.end + recording.frame_interval:
+            raise ValueError(f"the evacuation was over after {recording.end:.1f} s; there are no forces at {at:g} s")
         frame = min(int(np.searchsorted(times, at - 1e-9)), len(times) - 1)
     elif recording.facts.get("blocked_since") is not None:
         frame = int(recording.frame[~recording.beyond].max(initial=0))

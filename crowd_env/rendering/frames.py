@@ -12,7 +12,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import contact_pressure
 from crowd_env.rendering.discs import put_bodies, put_discs
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, group_color, pressure_color
-from crowd_env.rendering.plan import MAT, Layout, draw_plan, fit, round_length
+from crowd_env.rendering.plan import MAT, Layout, draw_plan, exit_places, fit, round_length
 from crowd_env.rendering.text import put_text, shortened, text_width
 
 if TYPE_CHECKING:
@@ -145,16 +145,13 @@ def _headings(velocity: Floats) -> Floats:
 
 def _put_exit_names(image: "Image", geometry: Geometry, layout: Layout) -> None:
     """Write the names of exits, if there are several, outside of them along the wall."""
-    names = dict.fromkeys(geometry.exit_names)
-    if len(names) < 2:
+    places = exit_places(geometry)
+    if len(places) < 2:
         return
     size = 0.72 * layout.text
-    for name in names:
-        lines = [line for line, other in zip(geometry.exits, geometry.exit_names, strict=True) if other == name]
-        a, b = max(lines, key=lambda line: float(np.hypot(*(line[1] - line[0]))))
-        along = (b - a) / np.hypot(*(b - a))
-        outward = np.array([along[1], along[0]])  # y of pixels points down
-        at = layout.pixels(0.5 * (a + b)) + (layout.wall + MAT * layout.margin + 0.7 * size) * outward
+    for name, (middle, out) in places.items():
+        outward = out * (1.0, -1.0)  # y of pixels points down
+        at = layout.pixels(middle) + (layout.wall + MAT * layout.margin + 0.7 * size) * outward
         upward = abs(outward[0]) > abs(outward[1])
         half = 0.5 * np.array([size, text_width(name, size)] if upward else [text_width(name, size), size])
         x, y = np.clip(at, half + 1, (layout.width, layout.height) - half - 1).tolist()

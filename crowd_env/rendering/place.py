@@ -10,7 +10,7 @@ from crowd_env.analysis.passages import Gap
 from crowd_env.analysis.plan_check import PlanCheck
 from crowd_env.rendering.canvas import draw_bodies, draw_floor, draw_lines, fill_rings, hex_of, mark
 from crowd_env.rendering.palette import EXIT, EXIT_MAT, OBSTACLE, SERIES, WALL, Color
-from crowd_env.rendering.plan import exit_areas, holes_of, shells_of
+from crowd_env.rendering.plan import exit_areas, exit_places, holes_of, shells_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -134,19 +134,15 @@ def _label(
 
 def _name_exits(axes: "Axes", check: PlanCheck, widths: bool, size: float) -> "list[Line2D]":
     """Write the names of exits outside of them, along the wall, and return their entries."""
-    geometry = check.geometry
-    entries = []
+    places, entries = exit_places(check.geometry), []
     for k, (name, width) in enumerate(check.widths.items()):
         text = f"{name}  {width:.2f} m" if widths else name
         entries.append(mark(text, color=hex_of(EXIT), linewidth=4))
         if k >= _NAMED:
             continue
-        rows = [row for row, other in enumerate(geometry.exit_names) if other == name]
-        a, b = max(geometry.exits[rows], key=lambda line: float(np.hypot(*(line[1] - line[0]))))
-        along = (b - a) / np.hypot(*(b - a))
-        outward = np.array([along[1], -along[0]])
+        middle, outward = places[name]
         turn = 90.0 if abs(outward[0]) > abs(outward[1]) else 0.0
-        _label(axes, text, 0.5 * (a + b), (1.25 * size + 1) * outward, EXIT, size, turn=turn, boxed=False)
+        _label(axes, text, middle, (1.25 * size + 1) * outward, EXIT, size, turn=turn, boxed=False)
     return entries
 
 

@@ -133,6 +133,14 @@ def round_length(most: float) -> float:
     return power * max(step for step in (1, 2, 5) if step * power <= most)
 
 
+def exit_places(geometry: Geometry) -> dict[str, tuple[Floats, Floats]]:
+    """Return for each exit the middle (2,) [m] of its longest line, and which way (2,) is out there."""
+    longest: dict[str, Floats] = {}
+    for name, line in zip(geometry.exit_names, geometry.exits, strict=True):
+        longest[name] = max(longest.get(name, line), line, key=lambda one: float(np.hypot(*(one[1] - one[0]))))
+    return {name: (0.5 * (a + b), _outward(a, b)) for name, (a, b) in longest.items()}
+
+
 def exit_areas(geometry: Geometry) -> Iterator[Floats]:
     """Yield the holes (K, 2) [m] of the walkable area that are exits all around: people walk into them."""
     exits = {tuple(point) for point in geometry.exits.reshape(-1, 2)}
@@ -143,6 +151,10 @@ def exit_areas(geometry: Geometry) -> Iterator[Floats]:
 
 def _strip(a: NDArray[np.float64], b: NDArray[np.float64], near: float, far: float) -> Floats:
     """Return the corners (4, 2) of the strip ``near`` to ``far`` outside of the segment; its inside is to the left."""
-    along = (b - a) / np.linalg.norm(b - a)
-    outward = np.array([along[1], -along[0]])
+    outward = _outward(a, b)
     return np.array([a + near * outward, b + near * outward, b + far * outward, a + far * outward])
+
+
+def _outward(a: Floats, b: Floats) -> Floats:
+    """Return the unit vector (2,) to the right of the way from ``a`` to ``b``: outwards, since what is inside lies left."""
+    return np.array([b[1] - a[1], a[0] - b[0]]) / np.linalg.norm(b - a)
