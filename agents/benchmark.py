@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from crowd_env import Scenario
 from crowd_env.analysis.figures import cell
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.fingerprint import fingerprint
@@ -20,10 +19,9 @@ from crowd_env.core.files.store import Store, claimed
 from crowd_env.envs.metrics import share_interval
 
 from . import make_policy
-from .drivers import policy_driver
 from .evaluation.comparison import last_times, mean_times
 from .evaluation.entries import RULE
-from .evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate_driver
+from .evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate
 from .evaluation.protocol import task_row
 from .policy import Policy
 from .rules import StrategyPolicy
@@ -155,7 +153,8 @@ def _trained(job: Job, seed: int, plan: Plan, folder: Path) -> dict[str, Any]:
     place = place_of(config)
 
     def judge(policy: Policy) -> dict[str, Any]:
-        return checkpoint(_evaluated(policy, place, plan.validation_runs, VALIDATION_SEED, physics_of(config)))
+        draws: dict[str, Any] = {"runs": plan.validation_runs, "first_seed": VALIDATION_SEED}
+        return checkpoint(evaluate(policy, place, **draws, **physics_of(config)))
 
     watch = Watch(60.0 * plan.minutes, judge, plan.checkpoints, config["decision_dt"])
     algorithm.train(config, watch)
@@ -183,20 +182,13 @@ def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
     """Return the figures of a policy in the task as it stands, on held-out draws, and those of every run."""
     task = make_task(plan.task)
     options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
-    result = _evaluated(policy, task.place(), plan.runs, task.seeds.start, options, measure=True)
+    result = evaluate(policy, task.place(), runs=plan.runs, first_seed=task.seeds.start, measure=True, **options)
     row = task_row(task, task.place(), result, [result])
     del row["minus_first"], row["credible"]  # beside nothing else than itself
     last = np.where(result.column("unfinished") == 0, last_times(result), np.nan)
     raw = (last, mean_times(result), np.isfinite(result.column("blocked_since")))
     runs = {name: [json_number(one) for one in values.astype(float)] for name, values in zip(_RAW, raw, strict=True)}
     return {"final": row, "of_runs": runs, "constants": result.constants, "options": fingerprint(options)}
-
-
-def _evaluated(
-    policy: Policy, place: Scenario, runs: int, seed: int, options: dict[str, Any], *, measure: bool = False
-) -> Evaluation:
-    driver = policy_driver(policy, place, **options)
-    return evaluate_driver(driver, place, policy.name, options["scheme"], runs=runs, first_seed=seed, measure=measure)
 
 
 # ----------------------------------------------------------------------------------------------------------- what came out

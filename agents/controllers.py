@@ -15,16 +15,13 @@ class Controller(Protocol):
     @property
     def options(self) -> Mapping[str, Any]:
         """Options of `RoutingBatch`: when and where it decides, what it observes."""
-        ...
 
     @property
     def name(self) -> str:
         """What tables call it."""
-        ...
 
     def act(self, observation: np.ndarray, batch: RoutingBatch, rng: np.random.Generator) -> np.ndarray:
         """Return the actions (E, R + D) for observations (E, D)."""
-        ...
 
 
 @dataclass

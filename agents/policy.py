@@ -20,17 +20,13 @@ class Policy(Protocol):
     @property
     def name(self) -> str:
         """What tables call it."""
-        ...
 
     @property
     def env_options(self) -> dict[str, Any]:
         """Options of `CrowdEnv` the policy was made for."""
-        ...
 
     def reset(self, env_mask: np.ndarray) -> None:
         """Forget what belongs to the environments (E,) that start anew."""
-        ...
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
         """Return actions (P, A) in [-1, 1] for observations (P, D); None leaves everyone to the rule of the environment."""
-        ...

@@ -157,6 +157,7 @@ def evaluate(
     scheme: str | ContactScheme = "nsm2",
     runs: int = 50,
     first_seed: int = HELD_OUT_SEED,
+    measure: bool = False,
     progress: Callable[[int], None] | None = None,
     **options: Any,
 ) -> Evaluation:
@@ -165,7 +166,7 @@ def evaluate(
     Parameters
     ----------
     physics : as `CrowdEnv` takes it; it goes before ``scheme``.
-    progress : called with the number of runs that have just finished.
+    measure, progress : see `evaluate_cells`.
     options : further arguments of `CrowdEnv`; those that the policy was trained with override them.
     """
     from .. import make_policy  # which knows this file by its tasks
@@ -177,7 +178,8 @@ def evaluate(
         scheme = part.law
         options |= {"dt": part.dt, "outline": part.outline, "max_drive": part.max_drive, "threads": part.threads}
     driver = driver_of(policy, place, scheme=scheme, **options)
-    return evaluate_driver(driver, place, policy.name, scheme, runs=runs, first_seed=first_seed, progress=progress)
+    how: dict[str, Any] = {"runs": runs, "first_seed": first_seed, "measure": measure, "progress": progress}
+    return evaluate_driver(driver, place, policy.name, scheme, **how)
 
 
 def evaluate_driver(
@@ -185,8 +187,6 @@ def evaluate_driver(
     scenario: Scenario,
     name: str,
     scheme: str | ContactScheme,
-    *,
-    progress: Callable[[int], None] | None = None,
     **options: Any,
 ) -> Evaluation:
     """Run evacuations under any driver, here; ``options`` are those of `evaluate_cells`.
@@ -203,7 +203,7 @@ def evaluate_driver(
     """
     found: list[Evaluation] = []
     cell = Cell(driver, scenario, name, scheme)
-    evaluate_cells([cell], finished=lambda _, result: found.append(result), progress=progress, **options)
+    evaluate_cells([cell], finished=lambda _, result: found.append(result), **options)
     return found[0]
 
 

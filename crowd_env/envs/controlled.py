@@ -36,24 +36,19 @@ class Batch(Protocol):
     @property
     def observation_space(self) -> gymnasium.Space[Any]:
         """Space of the observations of one environment."""
-        ...
 
     @property
     def action_space(self) -> gymnasium.Space[Any]:
         """Space of the actions of one environment."""
-        ...
 
     def info_at_reset(self) -> dict[str, np.ndarray]:
         """Return the infos of a reset, (E, ...) each, in arrays that belong to the caller."""
-        ...
 
     def reset(self, seed: int | Sequence[int] | None = None, mask: Bools | None = None) -> np.ndarray:
         """Start new episodes everywhere, or where ``mask`` (E,) is true; return observations (E, ...), valid there."""
-        ...
 
     def step(self, actions: Any) -> BatchStep:
         """Advance by one step; if the batch was made with ``autoreset``, restart each episode that ends in it."""
-        ...
 
 
 class SingleEnv(gymnasium.Env):

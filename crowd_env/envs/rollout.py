@@ -62,15 +62,12 @@ class Recorder(Protocol):
 
     def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Look at the first moment of a batch, after its reset; environment ``e`` makes the run of the number ``runs[e]``."""
-        ...
 
     def add(self, env: CrowdEnv, step: Step) -> None:
         """Look at the batch after a step, also after the step in which an evacuation ends."""
-        ...
 
     def record(self, env: CrowdEnv, e: int) -> Any:
         """Return what was kept of the evacuation in environment ``e``, which has just ended."""
-        ...
 
 
 class RunsInterrupted(KeyboardInterrupt):

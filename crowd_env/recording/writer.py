@@ -18,15 +18,12 @@ class Writer(Protocol):
 
     def append(self, part: Recording) -> None:
         """Write the next frames, at least one."""
-        ...
 
     def finish(self, facts: Mapping[str, Any]) -> Path:
         """Complete the recording with the facts known at its end, and return the path of its file."""
-        ...
 
     def abandon(self) -> None:
         """Leave the recording as it is, unfinished, and let go of its file."""
-        ...
 
 
 def part_of(path: Path) -> Path:

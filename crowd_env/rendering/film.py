@@ -70,7 +70,7 @@ def write_film(
         if value is not None and not value > 0:
             raise ValueError(f"{name} is {value!r}; it must be > 0")
     end = min(max(film.end for film in films), np.inf if max_seconds is None else max_seconds)
-    speed = default_speed(end) if speed is None else speed
+    speed = float(max(1, np.ceil(end / _SECONDS))) if speed is None else speed
     if fps is None:
         fps = _FPS
         if suffix == ".gif":
@@ -81,11 +81,6 @@ def write_film(
     step = max(round(100.0 / fps), 2) / 100.0
     sample = [stage.frame(part * end) for part in np.linspace(0.0, 1.0, 9)]
     return write_gif(path, stage.frames(step, hold, progress), step, sample)
-
-
-def default_speed(end: float) -> float:
-    """Return how many seconds a second of a film shows of evacuations that end after ``end`` [s], if nothing is asked for."""
-    return float(max(1, np.ceil(end / _SECONDS)))
 
 
 def _several(recordings: Recording | Sequence[Recording], titles: Sequence[str]) -> tuple[list[Recording], list[str]]:

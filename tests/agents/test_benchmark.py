@@ -60,8 +60,8 @@ def small(monkeypatch):
     """Small evaluations: one draw stands for all, and one algorithm that trains nothing."""
     calls = []
 
-    def evaluated(policy, place, runs, seed, options, *, measure=False):
-        calls.append((policy.name, runs, seed))
+    def evaluated(policy, place, *, runs, first_seed, **options):
+        calls.append((policy.name, runs, first_seed))
         time = 50.0 if isinstance(policy, Evolved) else 80.0
         unfinished = np.array([0.0] * (runs - 1) + [0.0 if isinstance(policy, Evolved) else 3.0])
         columns = {"unfinished": unfinished, "blocked_since": np.where(unfinished > 0, 20.0, np.nan)}
@@ -71,7 +71,7 @@ def small(monkeypatch):
 
     row = {"clearing_time": {"mean": 50.0, "ci95": [49.0, 51.0]}, "mean_exit": {"mean": 30.0, "ci95": [29.0, 31.0]}}
     row |= {"flow": 1.7, "unfinished": 0, "runs": 4}
-    monkeypatch.setattr(jobs, "_evaluated", evaluated)
+    monkeypatch.setattr(jobs, "evaluate", evaluated)
     monkeypatch.setattr(jobs, "task_row", lambda *_: row | {"minus_first": None, "credible": None})
     known = {"quick": Algorithm("for tests", quick), "ppo": ALGORITHMS["ppo"]}
     for module in (command, jobs):

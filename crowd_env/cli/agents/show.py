@@ -63,9 +63,10 @@ def main(
         entries = make_entries(policies or _of_task(task), place, chosen)
         path = film_file("--film", Path(task) if film is None else film, task)
 
-        from crowd_env.agents.evaluation.side_by_side import record_beside, write_beside
+        from crowd_env.agents.evaluation.side_by_side import RULE_AHEAD, record_beside, write_beside
 
-        ways = {_title(entry, task): partial(_driver, entry, chosen) for entry in entries}
+        titles = [RULE_AHEAD if one.name == RULE else one.name.replace(f"{task}/", "learned: ") for one in entries]
+        ways = {title: partial(_driver, one, chosen) for title, one in zip(titles, entries, strict=True)}
         with progress_bar("evacuations", len(ways)) as progress:
             films = record_beside(ways, place, HELD_OUT_SEED + seed, progress)
         for one in films:
@@ -83,14 +84,6 @@ def _of_task(task: str) -> list[str]:
     if not learned:
         say(f"note: no policy is shipped for {task}: the rule alone")
     return [RULE, *learned[:1]]
-
-
-def _title(entry: Entry, task: str) -> str:
-    from crowd_env.agents.evaluation.side_by_side import RULE_AHEAD
-
-    if entry.name == RULE:
-        return RULE_AHEAD
-    return entry.name.replace(f"{task}/", "learned: ")
 
 
 def _driver(entry: Entry, task: Task, place: Scenario) -> Callable[[int], Driver]:

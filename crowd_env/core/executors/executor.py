@@ -49,11 +49,9 @@ class Executor(Protocol):
         Exception
             What a piece or ``done`` raises, Ctrl-C included; all that is under way is given up.
         """
-        ...
 
     def close(self) -> None:
         """Let go of what the executor has started."""
-        ...
 
 
 class Serial:
