@@ -57,15 +57,8 @@ def place_of(given: Mapping[str, Any]) -> Setting:
             raise ValueError(f"--set {name}: nothing has this name; {there}")
     drawn, of_physics, _ = ({name: changes[name] for name in names if name in changes} for names in owners.values())
     outline, social = drawn.pop("outline", None), of_physics.pop("social", None)
-    found = read_place(
-        given.get("scenario") or "room-v0",
-        exits=given.get("exit"),
-        unit=given.get("unit"),
-        people=given.get("people"),
-        starts=None if given.get("starts") is None else Path(given["starts"]),
-        time_limit=given.get("time_limit"),
-        drawn=drawn,
-    )
+    of_place = {name: given.get(name) for name in ("unit", "people", "starts", "time_limit")}
+    found = read_place(given.get("scenario") or "room-v0", exits=given.get("exit"), drawn=drawn, **of_place)
     place = with_manner(found, given.get("crowd"), outline)
     numbers = {name: _value(text) for name, text in of_physics.items()}
     options: dict[str, Any] = {"strategy": given.get("routing") or "shortest", "dt": numbers.pop("dt", None)}
@@ -81,7 +74,7 @@ def read_place(
     exits: Sequence[str] | None = None,
     unit: str | None = None,
     people: int | None = None,
-    starts: Path | None = None,
+    starts: str | Path | None = None,
     time_limit: float | None = None,
     drawn: Mapping[str, str] | None = None,
 ) -> Scenario:
@@ -113,7 +106,7 @@ def read_place(
 
 
 def people_options(
-    people: int | None, starts: Path | None, unit: str | None, drawn: Mapping[str, str] | None = None
+    people: int | None, starts: str | Path | None, unit: str | None, drawn: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
     """Return the fields of a `Population` that options stand for; they are those of `read_place`.
 

@@ -1,6 +1,6 @@
 """The bases of this package's Gymnasium environments: E evacuations with one controller each, one alone or all in arrays."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import gymnasium
@@ -132,19 +132,6 @@ def _first(values: Mapping[str, Any]) -> dict[str, Any]:
     return row
 
 
-def mode_of(mode: AutoresetMode | str) -> AutoresetMode:
-    """Return an `AutoresetMode`, which may be given by its value.
-
-    Raises
-    ------
-    ValueError
-        If there is no such mode.
-    """
-    if isinstance(mode, AutoresetMode):
-        return mode
-    return AutoresetMode(known("autoreset_mode", mode, [one.value for one in AutoresetMode]))
-
-
 class BatchVectorEnv(VectorEnv):
     """The E environments of a `Batch`, with the infos of `gymnasium.vector.SyncVectorEnv` around E single ones.
 
@@ -164,8 +151,8 @@ class BatchVectorEnv(VectorEnv):
 
     Parameters
     ----------
-    batch : the environments; it restarts those that end if it is to be "SameStep".
-    mode : an `AutoresetMode`, see `mode_of`.
+    make : makes the environments; it is given ``autoreset``, whether those that end restart at once.
+    autoreset_mode : an `AutoresetMode` or its value.
     render_mode : None; a batch is not rendered.
 
     Attributes
@@ -180,13 +167,18 @@ class BatchVectorEnv(VectorEnv):
 
     metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
 
-    def __init__(self, batch: Batch, mode: AutoresetMode, render_mode: None = None) -> None:
+    def __init__(
+        self, make: Callable[..., Batch], autoreset_mode: AutoresetMode | str, render_mode: None = None
+    ) -> None:
         if render_mode is not None:
             raise ValueError("a batch is not rendered; make one environment with a render_mode instead")
+        if not isinstance(autoreset_mode, AutoresetMode):
+            known("autoreset_mode", autoreset_mode, [one.value for one in AutoresetMode])
+        self.autoreset_mode = mode = AutoresetMode(autoreset_mode)
+        batch = make(autoreset=mode is AutoresetMode.SAME_STEP)
         self.batch, self.env, self.layout = batch, batch.env, batch.layout
         self.render_mode = None
         self.num_envs = num_envs = batch.env.num_envs
-        self.autoreset_mode = mode
         self.metadata = {**self.metadata, "autoreset_mode": mode}
         self.single_observation_space, self.single_action_space = batch.observation_space, batch.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)

@@ -4,6 +4,7 @@ For one agent per pedestrian see `crowd_env.envs.parallel` (PettingZoo) and `cro
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from typing_extensions import Unpack
 
 from crowd_env.core.arrays.state import Bools, as_grid
 from crowd_env.envs.arguments import Place
-from crowd_env.envs.controlled import BatchStep, BatchVectorEnv, SingleEnv, mode_of
+from crowd_env.envs.controlled import BatchStep, BatchVectorEnv, SingleEnv
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.settings import EnvArguments, answers_unknown
 
@@ -27,8 +28,8 @@ class CrowdBatch:
         If rooms hold different numbers of people.
     """
 
-    def __init__(self, env: CrowdEnv) -> None:
-        self.env = env
+    def __init__(self, scenario: Place | Sequence[Place], **arguments: Any) -> None:
+        self.env = CrowdEnv(scenario, **arguments)
         self.layout = self.env.layout
         sizes = np.diff(self.env.env_start)
         if (sizes != sizes[0]).any():
@@ -91,7 +92,7 @@ class CrowdGymEnv(SingleEnv):
     def __init__(
         self, scenario: Place = "room-v0", *, render_mode: str | None = None, **arguments: Unpack[EnvArguments]
     ) -> None:
-        super().__init__(CrowdBatch(CrowdEnv(scenario, **arguments)), render_mode)
+        super().__init__(CrowdBatch(scenario, **arguments), render_mode)
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Advance by one decision step.
@@ -134,9 +135,8 @@ class CrowdVectorEnv(BatchVectorEnv):
         render_mode: None = None,
         **arguments: Unpack[EnvArguments],
     ) -> None:
-        mode = mode_of(autoreset_mode)
-        env = CrowdEnv(scenario, num_envs=num_envs, autoreset=mode is AutoresetMode.SAME_STEP, **arguments)
-        super().__init__(CrowdBatch(env), mode, render_mode)
+        make = partial(CrowdBatch, scenario, num_envs=num_envs, **arguments)
+        super().__init__(make, autoreset_mode, render_mode)
 
 
 make_vec = CrowdVectorEnv

@@ -3,12 +3,13 @@
 The people walk by themselves; for a controller that moves every single body see `crowd_env.envs.gymnasium_env`.
 """
 
+from functools import partial
 from typing import Any
 
 from gymnasium.vector import AutoresetMode
 
 from crowd_env.envs.arguments import Place
-from crowd_env.envs.controlled import BatchVectorEnv, SingleEnv, mode_of
+from crowd_env.envs.controlled import BatchVectorEnv, SingleEnv
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.envs.settings import answers_unknown
 
@@ -108,6 +109,5 @@ class RoutingVectorEnv(BatchVectorEnv):
         render_mode: None = None,
         **arguments: Any,
     ) -> None:
-        mode = mode_of(autoreset_mode)
-        batch = RoutingBatch(scenario, num_envs=num_envs, autoreset=mode is AutoresetMode.SAME_STEP, **arguments)
-        super().__init__(batch, mode, render_mode)
+        make = partial(RoutingBatch, scenario, num_envs=num_envs, **arguments)
+        super().__init__(make, autoreset_mode, render_mode)
