@@ -1,6 +1,7 @@
 """The still part of a frame: where meters lie on the image, and the floor, walls, obstacles and exits on it."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -66,31 +67,28 @@ def draw_plan(geometry: Geometry, layout: Layout) -> "Image":
     with drawing_library():
         import PIL.Image
     image = PIL.Image.new("RGB", (layout.width, layout.height), BACKGROUND)
-
-    def fill(shapes: Iterable[tuple[Floats, Sequence[Floats]]], color: Color) -> None:
-        _fill(
-            image, [(layout.pixels(shell), [layout.pixels(hole) for hole in holes]) for shell, holes in shapes], color
-        )
-
-    pixel = 1.0 / layout.scale
+    fill, pixel = partial(_fill, image, layout), 1.0 / layout.scale
     with_walls: Any = geometry.walkable.buffer(layout.wall * pixel, join_style="mitre")
-    fill([(hole, []) for hole in holes_of(with_walls)], OBSTACLE)
+    fill([[hole] for hole in holes_of(with_walls)], OBSTACLE)
     fill(_rings(with_walls), WALL)
     deep = (layout.wall + MAT * layout.margin) * pixel
     mats = [*exit_areas(geometry), *(_strip(a, b, 0.0, deep) for a, b in geometry.exits)]
-    fill([(mat, []) for mat in mats], EXIT_MAT)
+    fill([[mat] for mat in mats], EXIT_MAT)
     fill(_rings(geometry.walkable), FLOOR)
     line = float(np.clip(0.35 * layout.wall, 2.0, 4.0)) * pixel
-    fill([(_strip(a, b, 0.0, line), []) for a, b in geometry.exits], EXIT)
+    fill([[_strip(a, b, 0.0, line)] for a, b in geometry.exits], EXIT)
     half = 0.5 * max(_THIN_WALL, 2.0 * pixel)
     thin = geometry.walls[geometry.two_sided]
     along = half * (thin[:, 1] - thin[:, 0]) / np.linalg.norm(thin[:, 1] - thin[:, 0], axis=1)[:, None]
-    fill([(_strip(a - d, b + d, -half, half), []) for (a, b), d in zip(thin, along, strict=True)], WALL)
+    fill([[_strip(a - d, b + d, -half, half)] for (a, b), d in zip(thin, along, strict=True)], WALL)
     return image
 
 
-def _fill(image: "Image", shapes: Sequence[tuple[Floats, Sequence[Floats]]], color: Color) -> None:
-    """Fill polygons with holes [px], each pixel as far as it is covered; what lies in a hole comes later."""
+def _fill(image: "Image", layout: Layout, shapes: Sequence[Sequence[Floats]], color: Color) -> None:
+    """Fill polygons, each a border (K, 2) [m] and those of its holes; a pixel as far as it is covered.
+
+    What lies in a hole comes later.
+    """
     import PIL.Image
     import PIL.ImageDraw
 
@@ -99,16 +97,16 @@ def _fill(image: "Image", shapes: Sequence[tuple[Floats, Sequence[Floats]]], col
     fine = 4 if max(image.size) <= 1400 else 2
     mask = PIL.Image.new("L", (fine * image.width, fine * image.height))
     draw = PIL.ImageDraw.Draw(mask)
-    for shell, holes in shapes:
-        for ring, value in ((shell, 255), *((hole, 0) for hole in holes)):
-            draw.polygon((fine * ring - 0.5).ravel().tolist(), fill=value)
+    for shape in shapes:
+        for k, ring in enumerate(shape):
+            draw.polygon((fine * layout.pixels(ring) - 0.5).ravel().tolist(), fill=0 if k else 255)
     image.paste(color, None, mask.reduce(fine))
 
 
-def _rings(area: Any) -> list[tuple[Floats, list[Floats]]]:
+def _rings(area: Any) -> list[list[Floats]]:
     """Return the outer border (K, 2) [m] and those of the holes of each polygon, the largest first."""
     parts = sorted(polygons_of(area), key=lambda part: -float(part.area))
-    return [(shell, holes_of(part)) for part in parts for shell in shells_of(part)]
+    return [[*shells_of(part), *holes_of(part)] for part in parts]
 
 
 def polygons_of(area: Any) -> list[Any]:

@@ -41,6 +41,8 @@ def survival_figure(sets: Mapping[str, Clogging], *, title: str = "") -> "Figure
     if not drawn:
         raise ValueError("no gap to draw; a survival function needs two people who got out one after the other")
     figure = new_figure((6.8, 4.6 if len(drawn) == 1 else 4.7 + 0.23 * len(drawn)))
+    from matplotlib.ticker import LogLocator, NullFormatter
+
     axes = quiet_axes(figure.add_subplot(), "gap $t$ between two people who get out [s]", "P(gap > $t$)", grid=True)
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -49,7 +51,9 @@ def survival_figure(sets: Mapping[str, Clogging], *, title: str = "") -> "Figure
     every = [np.concatenate(found.gaps) for found in drawn.values()]
     left = max(0.8 * min(float(gaps[gaps > 0.0].min()) for gaps in every), _SHORTEST)
     right = 1.5 * max(float(gaps.max()) for gaps in every)
-    _number_seconds(axes, right / left)
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if right > 300.0 * left else (1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
     for k, (label, found) in enumerate(drawn.items()):
         _draw_one(axes, label, found, right, SERIES[k % len(SERIES)], ink=len(drawn) == 1)
     axes.set_xlim(left, right)
@@ -68,14 +72,6 @@ def survival_figure(sets: Mapping[str, Clogging], *, title: str = "") -> "Figure
         sorted_lines, sorted_labels = [lines[k] for k in order], [labels[k] for k in order]
         figure.legend(sorted_lines, sorted_labels, loc="outside lower center", ncols=2, **style)
     return figure
-
-
-def _number_seconds(axes: "Axes", ratio: float) -> None:
-    from matplotlib.ticker import LogLocator, NullFormatter
-
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if ratio > 300.0 else (1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def _ends_open(found: Clogging) -> bool:

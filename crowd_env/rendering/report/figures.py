@@ -207,10 +207,8 @@ def _minus(one: Runs, first: Runs) -> dict[str, Any]:
 def _same_people(one: Episode, other: Episode) -> bool:
     """Whether the bodies and desired speeds of all who got out in both runs are the same."""
     both = np.isfinite(one.exit_time) & np.isfinite(other.exit_time)
-    return all(
-        np.array_equal(a[both], b[both])
-        for a, b in ((one.radius, other.radius), (one.desired_speed, other.desired_speed))
-    )
+    bodies = ((one.radius, other.radius), (one.desired_speed, other.desired_speed))
+    return all(np.array_equal(a[both], b[both]) for a, b in bodies)
 
 
 def _value(episode: Episode, name: str) -> float:
