@@ -18,7 +18,7 @@ CLIENTS := $(sort $(basename $(notdir $(wildcard examples/clients/*.txt))))
 
 help:
 	@echo "make train    train a policy, compare it with the rules, write runs/   (ARGS='--help' lists its options)"
-	@echo "make test     run the tests of the laws, two minutes                   (ARGS='tests/physics' these alone)"
+	@echo "make test     run the tests of the laws, under two minutes             (ARGS='tests/physics' these alone)"
 	@echo "make test-all run all tests but those of a night;  make nightly: those"
 	@echo "make clients  try each learning library in an environment of its own   (ARGS='torchrl sb3' these alone)"
 	@echo "make map      hold crowds against laws, two minutes                    (ARGS='gate --data DIR' against recordings)"

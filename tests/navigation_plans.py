@@ -68,11 +68,15 @@ def shortest(geometry, points, targets, *, lines, quad_segs):
     shapely.prepare(tolerant)
 
     def distances(from_points, to_points):
-        pairs = np.stack(np.broadcast_arrays(from_points[:, None], to_points[None]), axis=2)
-        seen = shapely.covers(tolerant, shapely.linestrings(pairs.reshape(-1, 2, 2))).reshape(pairs.shape[:2])
-        return np.where(seen, np.hypot(*np.moveaxis(pairs[:, :, 0] - pairs[:, :, 1], 2, 0)), np.inf)
+        """Return how far each point is from another that it sees, inf if it does not see it."""
+        seen = shapely.covers(tolerant, shapely.linestrings(np.stack([from_points, to_points], axis=1)))
+        return np.where(seen, np.hypot(*(from_points - to_points).T), np.inf)
 
-    between = distances(nodes, nodes)
+    count = len(nodes)
+    one, other = np.triu_indices(count, 1)
+    between = np.zeros((count, count))
+    between[one, other] = distances(nodes[one], nodes[other])
     between[~np.isfinite(between)] = 0  # no edge
-    rest = dijkstra(between, indices=np.arange(len(targets)), min_only=True)
-    return (distances(points, nodes) + rest).min(axis=1)
+    rest = dijkstra(between, directed=False, indices=np.arange(len(targets)), min_only=True)
+    first = distances(points.repeat(count, axis=0), np.tile(nodes, (len(points), 1)))
+    return (first.reshape(-1, count) + rest).min(axis=1)
