@@ -13,10 +13,7 @@ from crowd_env.reproduce.result import RawTable, Result, Row
 
 __all__ = ["FIGURES", "PAPERS", "Case", "Figure", "Paper", "RawTable", "Result", "Row", "Settings", "find"]
 
-PAPERS: dict[str, Paper[Any]] = {
-    "pecol": PECOL,
-    "lin": LIN,
-}
+PAPERS: dict[str, Paper[Any]] = {"pecol": PECOL, "lin": LIN}
 FIGURES: dict[str, Figure[Any]] = {name: one for paper in PAPERS.values() for name, one in paper.figures.items()}
 
 

@@ -1,6 +1,6 @@
 """The evacuations that tables and figures are made of: each is kept as soon as it has ended, and never computed twice."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeVar
@@ -112,16 +112,14 @@ def evacuate(
             decision_dt=case.decision_dt,
         )
         pieces += [(key, batch) for batch in batches]
-    pieces.sort(
-        key=lambda piece: cases[piece[0]].place.population.people, reverse=True
-    )  # what takes longest comes first
+    # What takes longest comes first.
+    pieces.sort(key=lambda piece: cases[piece[0]].place.population.people, reverse=True)
 
     def done(k: int, outcome: Any) -> None:
         key = pieces[k][0]
         for episode in outcome.episodes:
-            store.keep(
-                cases[key].name(episode.seed), {**encode(episode), "record": episode.record}, cases[key].identity
-            )
+            content = {**encode(episode), "record": episode.record}
+            store.keep(cases[key].name(episode.seed), content, cases[key].identity)
             found[key][episode.run] = episode
         progress(len(outcome.episodes))
 
@@ -144,9 +142,8 @@ def evacuate(
     return {key: _sound(cases[key], [runs[run] for run in sorted(runs)]) for key, runs in found.items()}
 
 
-def _sound(case: Case, episodes: Sequence[Episode]) -> list[Episode]:
-    escaped = sum(episode.metrics.escaped for episode in episodes)
-    if escaped:
+def _sound(case: Case, episodes: list[Episode]) -> list[Episode]:
+    if escaped := sum(episode.metrics.escaped for episode in episodes):
         name = case.scheme.info.name
         raise FloatingPointError(f"{name}: {escaped} people were outside of the plan at some decision; the run is void")
-    return list(episodes)
+    return episodes

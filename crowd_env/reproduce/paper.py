@@ -1,12 +1,12 @@
 """What a paper is here: settings that may be ``--set``, and for each table or figure its evacuations and what it makes."""
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
+from crowd_env.core.checks import COUNT, FINITE, NOT_NEGATIVE, POSITIVE, Range, known, number, whole
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.result import Result
 
@@ -16,9 +16,9 @@ TARGET_HELP = (
 )
 
 
-def option(default: Any, help: str, *, may_be_infinite: bool = False) -> Any:
+def option(default: Any, help: str, allowed: Range = FINITE) -> Any:
     """Return a field of `Settings`; ``help`` explains it on the command line, without its default and a full stop."""
-    return field(default=default, metadata={"help": help, "may_be_infinite": may_be_infinite})
+    return field(default=default, metadata={"help": help, "allowed": allowed})
 
 
 def flag(name: str) -> str:
@@ -36,25 +36,20 @@ class Settings:
         In one sentence, if a number is out of range or not finite, or a word is unknown.
     """
 
-    runs: int = option(10, "Number of draws")
-    seed: int = option(0, "Draw k has the seed SEED + k")
-    dt: float = option(0.01, "Time step, s")
+    runs: int = option(10, "Number of draws", COUNT)
+    seed: int = option(0, "Draw k has the seed SEED + k", NOT_NEGATIVE)
+    dt: float = option(0.01, "Time step, s", POSITIVE)
 
     def __post_init__(self) -> None:
-        if self.runs < 1:
-            raise ValueError(f"--runs is {self.runs}; it must be at least 1")
-        if self.seed < 0:
-            raise ValueError(f"--seed is {self.seed}; it must be >= 0")
         hints = get_type_hints(type(self))
         for one in fields(self):
-            value = getattr(self, one.name)
-            if get_origin(hints[one.name]) is Literal and value not in get_args(hints[one.name]):
-                known = ", ".join(get_args(hints[one.name]))
-                raise ValueError(f"unknown {flag(one.name)} {value!r}; known: {known}")
-            if isinstance(value, float) and not math.isfinite(value) and not one.metadata["may_be_infinite"]:
-                raise ValueError(f"{flag(one.name)} is {value}; it must be a finite number")
-        if not self.dt > 0:
-            raise ValueError(f"--set dt is {self.dt:g} s; it must be > 0")
+            what, value, hint = flag(one.name), getattr(self, one.name), hints[one.name]
+            if get_origin(hint) is Literal:
+                known(what, value, get_args(hint))
+            elif hint is int:
+                whole(what, value, one.metadata["allowed"])
+            elif isinstance(value, float):
+                number(what, value, one.metadata["allowed"])
 
     @property
     def draws_are(self) -> str:
@@ -86,9 +81,7 @@ class Settings:
 AnySettings = TypeVar("AnySettings", bound=Settings)
 
 DRAWS = frozenset({"runs", "seed"})  # options of a figure that depends on nothing else
-OF_KEPT_RUNS = frozenset(
-    {"workers", "fresh", "ray"}
-)  # options of the computing, for figures that are made of evacuations
+OF_KEPT_RUNS = frozenset({"workers", "fresh", "ray"})  # options of the computing, where evacuations are kept
 
 
 @dataclass(frozen=True)
@@ -125,6 +118,6 @@ class Paper(Generic[AnySettings]):
         ValueError
             In one sentence, if one is out of range.
         """
-        figure, known = self.figures[name], {one.name for one in fields(self.settings)}
-        mine = {option: value for option, value in given.items() if option in figure.options and option in known}
+        figure, there = self.figures[name], {one.name for one in fields(self.settings)}
+        mine = {option: value for option, value in given.items() if option in figure.options & there}
         return self.settings(**{**figure.defaults, **mine})

@@ -31,9 +31,9 @@ def test_settings_of_any_paper_are_checked():
     for given, words in (
         ({"kind": "euro"}, "unknown --set kind 'euro'; known: cent, dime"),
         ({"runs": 0}, "--runs is 0; it must be at least 1"),
-        ({"seed": -1}, "--seed is -1; it must be >= 0"),
-        ({"bias": float("nan")}, "--set bias is nan; it must be a finite number"),
-        ({"dt": 0.0}, "--set dt is 0 s; it must be > 0"),
+        ({"seed": -1}, "--seed is -1; it must be at least 0"),
+        ({"bias": float("nan")}, "--set bias is nan; it must be finite"),
+        ({"dt": 0.0}, "--set dt is 0.0; it must be > 0"),
     ):
         with pytest.raises(ValueError, match=words):
             Coins(**given)

@@ -248,7 +248,7 @@ def test_options_reach_the_room(tmp_path):
 
 @pytest.mark.nightly
 def test_table_5_is_reproduced_to_ten_percent_with_the_defaults(tmp_path):
-    runs = evacuate(room.table5_cases(PecolSettings()), Store(tmp_path), Serial())
+    runs = evacuate(PecolSettings().cases(room.SCHEMES), Store(tmp_path), Serial())
     rows = {row.quantity: row for row in room.table5(PecolSettings(), runs).rows}
     for scheme in ("dem", "nsm1", "nsm2-printed"):
         row = rows[f"flow, {scheme}, per run"]

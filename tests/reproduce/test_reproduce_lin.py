@@ -173,7 +173,7 @@ def test_another_case_is_another_file():
                 "damping": "rate", "cutoff": 0.3, "target": "nearest", "exit_depth": 0.1,
             }.items()
         ),
-        LinSettings(1).case(6, 1.0, recorder=room._Moments()),
+        replace(LinSettings(1).case(6, 1.0), recorder=room._Moments()),
     ]  # fmt: skip
     for case in cases:
         assert case.name(0) not in names, case

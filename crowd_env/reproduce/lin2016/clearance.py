@@ -81,12 +81,10 @@ def _by_rotation() -> Clearance:
 
     def draw(found: Samples) -> "Figure":
         kinds = ((True, "with rotation"), (False, "without"))
-        panels = {
-            f"{letter}. 100 people who want {speed:g} m/s": [
-                Curve(name, series(k), found[speed, turning]) for k, (turning, name) in enumerate(kinds)
-            ]
-            for letter, speed in zip("ab", remarks, strict=True)
-        }
+        panels = {}
+        for letter, speed in zip("ab", remarks, strict=True):
+            curves = [Curve(name, series(k), found[speed, turning]) for k, (turning, name) in enumerate(kinds)]
+            panels[f"{letter}. 100 people who want {speed:g} m/s"] = curves
         return leaving_curves(100, panels)
 
     return Clearance(5, points, draw)
@@ -144,10 +142,7 @@ def leaving_curves(people: int, panels: Mapping[str, Sequence[Curve]]) -> "Figur
 
 
 def clearance_times(
-    people: int,
-    found: Samples,
-    paper: Mapping[float, str],
-    paper_mean: tuple[float, float, str] | None,
+    people: int, found: Samples, paper: Mapping[float, str], paper_mean: tuple[float, float, str] | None
 ) -> "Figure":
     """Return one leaving process a speed, and every clearance time against the speed (Figures 7 and 8).
 

@@ -174,11 +174,10 @@ def _state_rows(found: Samples) -> list[Row]:
     flows, lost = _pooled(found, 1.0, 1.6)
     values = (flows.mean(), flows.min(), flows.max()) if len(flows) else (None, None, None)
     counted = f"of the draws that cleared; {lost or 'none'} of {lost + len(flows)} blocked"
+    names, readings = ("mean", "lowest", "highest"), (counted, "draw that cleared", "draw that cleared")
     rows = [
         Row(f"{name}, 1.0 to 1.6 m/s", paper, value, "1/s", len(flows), reading)
-        for name, paper, value, reading in zip(
-            ("mean", "lowest", "highest"), _IN_TRANSITION, values, (counted, *["draw that cleared"] * 2), strict=True
-        )
+        for name, paper, value, reading in zip(names, _IN_TRANSITION, values, readings, strict=True)
     ]
     flows, lost = _pooled(found, 1.7, np.inf)
     most, of = flows.max() if len(flows) else None, lost + len(flows)

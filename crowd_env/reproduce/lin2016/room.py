@@ -1,6 +1,7 @@
 """Figure 6 of Lin, Ma, Lo: the room at four moments of one evacuation."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,7 +48,7 @@ class _Moments:
 
 def cases(settings: LinSettings) -> dict[str, Case]:
     """Return the run that the figure shows: the first draw."""
-    return {"shown": settings.case(PEOPLE, SPEED, recorder=_Moments())}
+    return {"shown": replace(settings.case(PEOPLE, SPEED), recorder=_Moments())}
 
 
 def reproduce(settings: LinSettings, found: Samples) -> Result:

@@ -19,19 +19,16 @@ from crowd_env.reproduce.result import RawTable, Result, Row
 BLOCKED = "a run is blocked when nobody has got out for 2 minutes; medians are over the runs that cleared"
 
 
-# Number of a figure -> title.
-TITLES = {
-    number: f"Lin, Ma, Lo, Figure {number}: {about}"
-    for number, about in {
-        4: "100 people at 1 m/s, by the strength A of the social force",
-        5: "100 people with and without rotation",
-        6: "200 people at 0, 30, 60 and 120 s",
-        7: "200 people, by desired speed",
-        8: "300 people, by desired speed",
-        9: "flow through the exit in windows of 10 s, people/s",
-        10: "mean flow through the exit, people/s",
-    }.items()
+_ABOUT = {  # each figure, by its number
+    4: "100 people at 1 m/s, by the strength A of the social force",
+    5: "100 people with and without rotation",
+    6: "200 people at 0, 30, 60 and 120 s",
+    7: "200 people, by desired speed",
+    8: "300 people, by desired speed",
+    9: "flow through the exit in windows of 10 s, people/s",
+    10: "mean flow through the exit, people/s",
 }
+TITLES = {number: f"Lin, Ma, Lo, Figure {number}: {about}" for number, about in _ABOUT.items()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from crowd_env.envs.rollout import Recorder
+from crowd_env.core.checks import COUNT, POSITIVE
 from crowd_env.physics import Hertz, SocialForce
 from crowd_env.physics.hertz import DampingUnit
 from crowd_env.reproduce.evacuations import Case
@@ -28,13 +28,13 @@ class LinSettings(Settings):
         In one sentence, if an option is out of range.
     """
 
-    runs: int = option(10, "Draws of each point")
+    runs: int = option(10, "Draws of each point", COUNT)
     preset: Preset = option(
         "calibrated",
         "calibrated: friction and social force of walls, which the paper leaves open, fitted to its Figure 7; literal: its "
         "text as printed",
     )
-    dt: float = option(1e-3, "Time step, s")
+    dt: float = option(1e-3, "Time step, s", POSITIVE)
     friction: float = option(0.5, "Friction of people on people")
     wall_friction: float | None = option(None, "Friction of people on walls; calibrated 0.1, literal 0.5")
     wall_social: float | None = option(None, "Social force of walls at zero distance, N; calibrated 300, literal 0")
@@ -69,14 +69,7 @@ class LinSettings(Settings):
             social=force,
         )
 
-    def case(
-        self,
-        people: int,
-        speed: float,
-        strength: float = 300.0,
-        rotation: bool | None = None,
-        recorder: Recorder | None = None,
-    ) -> Case:
+    def case(self, people: int, speed: float, strength: float = 300.0, rotation: bool | None = None) -> Case:
         """Return all draws of so many ``people`` who want to walk at ``speed`` [m/s]."""
         scheme = self.scheme(strength, rotation)
         place = make_scenario(
@@ -86,15 +79,14 @@ class LinSettings(Settings):
         seeds = range(self.seed, self.seed + self.runs)
         facts = {"people": people, "desired_speed_mps": speed, "strength_N": strength, "rotation": scheme.rotation}
         label = f"{people}-people-{speed:g}-mps"
-        return Case(label, place, scheme, seeds, self.dt, recorder=recorder, facts=facts)
+        return Case(label, place, scheme, seeds, self.dt, facts=facts)
 
     def readings(self) -> str:
         """Return in one line what the runs rest on, for the foot of a figure."""
         friction, social = self.walls
         fitted = {"calibrated": ", both FITTED to Figure 7", "literal": ", the text as printed"}
         own = self.wall_friction is not None or self.wall_social is not None
-        text = (
-            f"walls: friction {friction:g}, social force {social:g} N{', as asked for' if own else fitted[self.preset]}"
-        )
+        source = ", as asked for" if own else fitted[self.preset]
+        text = f"walls: friction {friction:g}, social force {social:g} N{source}"
         rest = [f"{k} {v}" for k, v in self.changed().items() if k not in ("preset", "wall_friction", "wall_social")]
         return "; ".join([f"{self.runs} draw{'s' if self.runs > 1 else ''} each", text, *rest])

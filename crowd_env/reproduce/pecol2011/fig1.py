@@ -62,15 +62,12 @@ def meet(scheme: ContactScheme, tau: float, *, offset: float, dt: float, duratio
     ground = Geometry.from_polygon(box(-100.0, -100.0, 100.0, 100.0))
     simulation = Simulation(ground, bodies, state, scheme=scheme, dt=dt)
     ahead, relative = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2, dtype=np.bool_)
-    count = round(duration / dt)
-    position, velocity = np.empty((count + 1, 2, 2)), np.empty((count + 1, 2, 2))
-    touching = np.zeros(count + 1, dtype=np.bool_)
-    position[0], velocity[0] = state.position, state.velocity
-    for k in range(1, count + 1):
+    moments = [(state.position.copy(), state.velocity.copy(), False)]
+    for _ in range(round(duration / dt)):
         simulation.advance(ahead, relative=relative)
-        position[k], velocity[k] = state.position, state.velocity
-        touching[k] = simulation.results.impulse_magnitude[0] > 0.0
-    return Meeting(dt * np.arange(count + 1, dtype=np.float64), position, velocity, touching)
+        touching = bool(simulation.results.impulse_magnitude[0] > 0.0)
+        moments.append((state.position.copy(), state.velocity.copy(), touching))
+    return Meeting(dt * np.arange(len(moments), dtype=np.float64), *map(np.array, zip(*moments, strict=True)))
 
 
 def recoil(meeting: Meeting) -> tuple[float, float]:

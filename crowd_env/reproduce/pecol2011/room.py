@@ -12,7 +12,6 @@ from crowd_env.envs.metrics import share_interval
 from crowd_env.envs.rollout import Episode
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, series
 from crowd_env.rendering.palette import INK, QUIET
-from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, Estimate, pooled_line, run_slopes
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
@@ -49,11 +48,6 @@ class Evacuations:
     def estimates(self) -> dict[str, Estimate]:
         """The flow by every estimator."""
         return {name: estimator.estimate(self.exit_times) for name, estimator in ESTIMATORS.items()}
-
-
-def of_schemes(runs: Mapping[str, Sequence[Episode]]) -> dict[str, Evacuations]:
-    """Return the evacuations by scheme."""
-    return {scheme: Evacuations(scheme, episodes) for scheme, episodes in runs.items()}
 
 
 def flow_rows(done: Evacuations) -> list[Row]:
@@ -102,15 +96,11 @@ def room_remarks(settings: PecolSettings, done: Mapping[str, Evacuations]) -> li
 FIG3 = "Figure 3: pedestrians out of the room against time; flows in persons/s"
 
 
-def fig3_cases(settings: PecolSettings) -> dict[str, Case]:
-    """Return the draws under the scheme of the settings; the paper draws NSM2."""
-    return settings.cases([settings.scheme])
-
-
 def fig3(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Result:
     """Return Figure 3."""
-    done = of_schemes(runs)
-    ((scheme, one),) = done.items()
+    ((scheme, episodes),) = runs.items()
+    one = Evacuations(scheme, episodes)
+    done = {scheme: one}
     slope, start, exits = pooled_line(one.exit_times)
     remarks = [
         f"The line drawn is {slope:.2f} /s · t {start:+.2f}, least squares through {exits} exits; the paper does not say which "
@@ -169,16 +159,14 @@ _ORDERS = (
 )
 
 
-def table5_cases(settings: PecolSettings) -> dict[str, Case]:
-    """Return the same draws under every scheme."""
-    return settings.cases(SCHEMES)
-
-
 def table5(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Result:
     """Return Table 5."""
-    done = of_schemes(runs)
+    done = {scheme: Evacuations(scheme, episodes) for scheme, episodes in runs.items()}
     rows = [row for result in done.values() for row in flow_rows(result)]
-    rows += [_ordered(done, order) for order in _ORDERS]
+    for order in _ORDERS:
+        share, n = order_share(done, order)
+        reading = "slopes of the same draw compared"
+        rows.append(Row(f"draws with {' > '.join(order)}", None, share, "share", n, reading))
     rows[-1] = replace(rows[-1], closes=True)
     quoted = "Helbing et al. 2005, quoted; not simulated"
     rows.append(Row("flow, experiment imitating panic", EXPERIMENT, None, "1/s", 0, quoted))
@@ -187,17 +175,10 @@ def table5(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Re
         "a slope.",
         *room_remarks(settings, done),
     ]
-    title = (
-        f"Flow through a door of {100 * settings.door_width:g} cm, {settings.runs} draws of {settings.people} people"
-    )
+    door = f"a door of {100 * settings.door_width:g} cm"
+    title = f"Flow through {door}, {settings.runs} draws of {settings.people} people"
     raw = {"exit-times": raw_times(done)}
     return Result("table5", TABLE5, rows, raw, lambda: flows(done, title), remarks, settings.changed(), "1/s")
-
-
-def _ordered(done: Mapping[str, Evacuations], order: tuple[str, ...]) -> Row:
-    """Return in what share of the draws the schemes come in this order, fastest first."""
-    share, n = order_share(done, order)
-    return Row(f"draws with {' > '.join(order)}", None, share, "share", n, "slopes of the same draw compared")
 
 
 def order_share(done: Mapping[str, Evacuations], order: tuple[str, ...]) -> tuple[float | None, int]:
@@ -215,13 +196,14 @@ def flows(done: Mapping[str, Evacuations], title: str) -> "Figure":
     axes = quiet_axes(figure.add_subplot(), "", "flow through the door [persons/s]", title=title, grid=True)
     rng = np.random.default_rng(0)  # for offsets sideways, which keep points of similar value apart
     axes.axhline(float(EXPERIMENT), color=hex_of(QUIET), dashes=(4, 3), zorder=1, label=f"experiment {EXPERIMENT}")
+    labels: tuple[str | None, ...] = (
+        "one draw",
+        "mean of the draws, 95 % interval",
+        "other estimators",
+        "paper, Table 5",
+    )
     for k, (name, evacuations) in enumerate(done.items()):
         color, slopes = series(k), evacuations.slopes[np.isfinite(evacuations.slopes)]
-        labels = (
-            ("one draw", "mean of the draws, 95 % interval", "other estimators", "paper, Table 5")
-            if k == 0
-            else (None,) * 4
-        )
         aside = k - 0.16 + rng.uniform(-0.13, 0.13, len(slopes))
         axes.plot(aside, slopes, ".", color=color, alpha=0.45, markersize=6, mew=0, zorder=2, label=labels[0])
         others = dict(evacuations.estimates)
@@ -233,6 +215,7 @@ def flows(done: Mapping[str, Evacuations], title: str) -> "Figure":
         values = [estimate.value for estimate in others.values() if estimate.value is not None]
         axes.plot(np.full(len(values), k + 0.24), values, "_", color=color, markersize=11, zorder=3, label=labels[2])
         axes.plot(k + 0.37, float(PRINTED[name]), **PAPER_MARK, zorder=5, label=labels[3])
+        labels = (None,) * 4  # once is enough
     axes.set_xticks(range(len(done)), [_SPOKEN[name] for name in done], fontsize=10, color=hex_of(INK))
     axes.set_ylim(bottom=0.0)
     figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=9)

@@ -4,6 +4,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
+from crowd_env.core.checks import COUNT, Range
 from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme, make_scheme
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.paper import TARGET_HELP, Settings, flag, option
@@ -15,7 +16,6 @@ SchemeName = Literal["dem", "nsm1", "nsm1-inertial", "nsm2-printed"]  # those of
 
 # What the options of one scheme alone act on.
 _SCHEME_OF_OPTION = {"stiffness": "dem", "k_normal": "nsm2-printed", "k_tangent": "nsm2-printed"}
-_FEWEST = 3  # people: a slope
 
 
 @dataclass(frozen=True)
@@ -28,20 +28,15 @@ class PecolSettings(Settings):
         In one sentence, if an option is out of range.
     """
 
-    runs: int = option(50, "Draws of the room or the theatre")  # run k draws its people from seed + k
+    runs: int = option(50, "Draws of the room or the theatre", COUNT)  # run k draws its people from seed + k
     scheme: SchemeName = option("nsm2-printed", f"Scheme that fig3 draws: {', '.join(get_args(SchemeName))}")
     door_width: float = option(0.82, "Width of the door, m")
     side: float = option(5.0, "Side of the square room, m")
-    people: int = option(20, "Number of people")
+    people: int = option(20, "Number of people", Range(3).because("a flow is a slope of people against time"))
     target: Target = option("path", TARGET_HELP)
     stiffness: float = option(1.2e5, "k of dem, N/m")
-    k_normal: float = option(1e5, "K_N of nsm2-printed, kg", may_be_infinite=True)
+    k_normal: float = option(1e5, "K_N of nsm2-printed, kg", Range(infinite=True))
     k_tangent: float = option(0.0, "K_T of nsm2-printed, kg")
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.people < _FEWEST:
-            raise ValueError(f"--set people is {self.people}; a flow is a slope and needs at least {_FEWEST} people")
 
     @property
     def time_limit(self) -> float:
@@ -50,14 +45,8 @@ class PecolSettings(Settings):
 
     def room(self) -> Scenario:
         """Return the room."""
-        return make_scenario(
-            "room-v0",
-            side=self.side,
-            door_width=self.door_width,
-            people=self.people,
-            time_limit=self.time_limit,
-            target=self.target,
-        )
+        chosen = {name: getattr(self, name) for name in ("side", "door_width", "people", "time_limit", "target")}
+        return make_scenario("room-v0", **chosen)
 
     def contact(self, name: str) -> ContactScheme:
         """Return a scheme by name with these parameters."""

@@ -36,9 +36,8 @@ IMPLIED = {"people by A": (42, 38), "people by B": (59, 63)}
 
 # "The adapted NSM2 that contained the socio-psychological force", Table 6; with the angle fixed at 90 degrees it is 1000 N
 # from all sides.
-SCHEME = NSM2(
-    1e5, 0.0, reaction="printed", social=SocialForce(strength=1000.0, length=0.08, anisotropy=0.0, cutoff=0.64)
-)
+_FROM_ALL_SIDES = SocialForce(strength=1000.0, length=0.08, anisotropy=0.0, cutoff=0.64)
+SCHEME = NSM2(1e5, 0.0, reaction="printed", social=_FROM_ALL_SIDES)
 
 SYNTHETIC = (
     "The plan is SYNTHETIC: the paper draws its theatre in a figure that is in no printed text. Rooms, seats, doors, stairs, "
@@ -55,9 +54,8 @@ def theatre() -> Scenario:
 def case(settings: PecolSettings, rules: bool) -> Case:
     """Return the draws with or without the control rules."""
     seeds = range(settings.seed, settings.seed + settings.runs)
-    return Case(
-        f"theatre-{'' if rules else 'no-'}rules", theatre(), SCHEME, seeds, 0.01, rules, _Ruled() if rules else None
-    )
+    label, recorder = ("theatre-rules", _Ruled()) if rules else ("theatre-no-rules", None)
+    return Case(label, theatre(), SCHEME, seeds, 0.01, rules, recorder)
 
 
 class _Ruled:
