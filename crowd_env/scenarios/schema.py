@@ -42,10 +42,8 @@ def _table(kind: type, **keys: Any) -> Any:
         if get_origin(annotation) in (Union, UnionType) and NoneType in get_args(annotation):
             (annotation,) = (one for one in get_args(annotation) if one is not NoneType)
         needed = field.default is MISSING and field.default_factory is MISSING and field.name not in keys
-        default = (
-            field.default if isinstance(field.default, str | int | float) and field.default == field.default else None
-        )
-        options: dict[str, Any] = {} if needed else {"default": default}
+        default = field.default if isinstance(field.default, str | int | float) else None
+        options: dict[str, Any] = {} if needed else {"default": None if default != default else default}
         columns[field.name] = (_PLAIN.get(annotation, annotation), Field(**options, description=notes.get(field.name)))
     return create_model(kind.__name__, __base__=Table, __doc__=_plain((kind.__doc__ or "").split("\n")[0]), **columns)
 
@@ -88,6 +86,8 @@ class Circle(Table):
 
 AreaOrLine = str | Points | Box | Circle
 Areas = AreaOrLine | list[AreaOrLine]
+Manner = Literal[tuple(MANNERS)] | _table(Headway)
+Shape = Literal[tuple(OUTLINES)] | _table(Outline)
 Person = _table(Population, people=int, starts=str | Points)
 
 
@@ -128,12 +128,8 @@ class ScenarioTable(Table):
     closed_doors: list[str] = Field([], description="names of the doors that are closed at the start")
     door_events: list[_table(DoorEvent)] = Field([], description="events that open and close doors")
     one_way: list[_table(OneWay)] = Field([], description="doors that people mean to pass one way only")
-    manner: Literal[tuple(MANNERS)] | _table(
-        Headway
-    ) = Field(None, description="how people walk before they touch, unless the run says otherwise")
-    outline: Literal[tuple(OUTLINES)] | _table(
-        Outline
-    ) = Field(None, description="what shape bodies have, unless the run says otherwise")
+    manner: Manner = Field(None, description="how people walk before they touch, unless the run says otherwise")
+    outline: Shape = Field(None, description="what shape bodies have, unless the run says otherwise")
     comfort: _table(Comfort) = Field(None, description="costs that the most comfortable route keeps low")
 
 

@@ -49,9 +49,8 @@ def read_dxf(path: Path, meters: float | None) -> Drawing:
     layers = _layers_with_a_role(document, drawing.notes)
     walkable = [curve for layer in layers.values() if layer.role == "walkable" for curve in layer.curves]
     if not walkable:
-        raise ValueError(
-            f"none of its visible layers says where people walk; name them {LAYERS}; its layers: {_layers(document)}"
-        )
+        there = listed((one.dxf.name for one in document.layers if one.dxf.name.lower() != "defpoints"), _SHOWN)
+        raise ValueError(f"none of its visible layers says where people walk; name them {LAYERS}; its layers: {there}")
     meters = meters or _taken_for(drawing, walkable, layers.values())
     for drawn in layers.values():
         _add_layer(drawing, drawn, meters)
@@ -68,21 +67,16 @@ def _open(path: Path) -> "Document":
         raise ValueError(f"cannot read the floor plan {path}: {error.strerror or error}") from None
     except (DXFError, ValueError, TypeError, KeyError, IndexError, AttributeError, StopIteration) as error:
         why = str(error) or "it ends too soon, or is something else"
-        raise ValueError(
-            f"the DXF drawing is damaged or not whole ({why}); open it in a CAD program and save it anew"
-        ) from None
+        said = f"the DXF drawing is damaged or not whole ({why}); open it in a CAD program and save it anew"
+        raise ValueError(said) from None
 
 
 def _unit(document: "Document") -> tuple[str | None, float | None]:
     """Return the unit that the header names, and how many meters it is if it is one that plans have."""
     names = {1: "inches", 2: "feet", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yards", 14: "decimeters"}
-    name = names.get(int(document.header.get("$INSUNITS", 0)))
-    unit = {"inches": "in", "feet": "ft", "mm": "mm", "cm": "cm", "m": "m"}.get(name or "")
-    return name, None if unit is None else unit_in_meters(unit)
-
-
-def _layers(document: "Document") -> str:
-    return listed((layer.dxf.name for layer in document.layers if layer.dxf.name.lower() != "defpoints"), _SHOWN)
+    units = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}
+    code = int(document.header.get("$INSUNITS", 0))
+    return names.get(code), unit_in_meters(units[code]) if code in units else None
 
 
 class _Layer(NamedTuple):
@@ -102,7 +96,7 @@ def _layers_with_a_role(document: "Document", notes: list[str]) -> dict[str, _La
     found: dict[str, _Layer] = {}
     others: Counter[str] = Counter()
     unread: Counter[str] = Counter()
-    for layer, entity in _Exploding(document).entities():
+    for layer, entity in _Exploding(document).exploded(document.modelspace()):
         kind = entity.dxftype()
         if kind in _NO_LINES:
             continue
@@ -144,30 +138,26 @@ class _Exploding:
         self._layers: dict[str, frozenset[str]] = {}  # of all that a block holds
         self._count = 0
 
-    def entities(self) -> Iterator[tuple[str, Any]]:
-        """Yield every entity with its layer; layer 0 within a block is the layer of the block.
+    def exploded(self, entities: Any, outer: str = "0", depth: int = 0) -> Iterator[tuple[str, Any]]:
+        """Yield every entity with its layer; layer 0 within a block is the layer of the block, ``outer``.
 
         Raises
         ------
         ValueError
             If there are too many in blocks.
         """
-        yield from self._exploded(self._document.modelspace(), "0", 0)
-
-    def _exploded(self, entities: Any, outer: str, depth: int) -> Iterator[tuple[str, Any]]:
         for entity in entities:
             self._count += depth > 0
             if self._count > _MOST:
-                raise ValueError(
-                    f"the DXF drawing holds more than {_MOST} things in its blocks; keep only the layers {LAYERS}"
-                )
+                many = f"the DXF drawing holds more than {_MOST} things in its blocks"
+                raise ValueError(f"{many}; keep only the layers {LAYERS}")
             layer = entity.dxf.get("layer", "0")
             layer = outer if layer == "0" else layer
             if entity.dxftype() != "INSERT" or depth > _DEEPEST or not self._opens(entity, layer):
                 yield layer, entity
                 continue
             for insert in entity.multi_insert() if entity.mcount > 1 else (entity,):
-                yield from self._exploded(insert.virtual_entities(), layer, depth + 1)
+                yield from self.exploded(insert.virtual_entities(), layer, depth + 1)
 
     def _opens(self, insert: Any, layer: str) -> bool:
         if layer.lower() in self._frozen or insert.dxf.get("invisible", 0):
@@ -235,18 +225,15 @@ def _add_layer(drawing: Drawing, drawn: _Layer, meters: float) -> None:
         drawing.add(role, name, area)
     if not found.open:
         return
-    longest = max(found.open, key=lambda line: line.length)
-    match role:
-        case "exit" | "obstacle":
-            for line in found.open:
-                drawing.add(role, name, line)
-        case _ if not areas:
-            raise ValueError(
-                f"layer {layer} encloses nothing: a line is not closed, {open_line(longest, meters)}; close it"
-            )
-        case _:
-            what = counted(len(found.open), "line that encloses nothing", "lines that enclose nothing")
-            drawing.notes.append(f"layer {layer}: left out {what}; of the longest {open_line(longest, meters)}")
+    if role in ("exit", "obstacle"):
+        for line in found.open:
+            drawing.add(role, name, line)
+        return
+    where = open_line(max(found.open, key=lambda line: line.length), meters)
+    if not areas:
+        raise ValueError(f"layer {layer} encloses nothing: a line is not closed, {where}; close it")
+    what = counted(len(found.open), "line that encloses nothing", "lines that enclose nothing")
+    drawing.notes.append(f"layer {layer}: left out {what}; of the longest {where}")
 
 
 def _hatched(rings: Sequence[Floats]) -> BaseGeometry:

@@ -1,8 +1,6 @@
 """Floor plans in GeoJSON (RFC 7946): what each feature is, its properties or its name say."""
 
-import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +8,6 @@ import shapely
 from shapely.geometry import shape as shape_of
 
 from crowd_env.core.checks import counted
-from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.parsing import require_meters
 from crowd_env.scenarios.plans.floor_plan import Drawing
 from crowd_env.scenarios.plans.roles import WORDS, role_of_layer, role_of_word
@@ -20,33 +17,13 @@ _NAMES = ("name", "id", "label", "title")
 _GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
 
 
-def read_json_text(path: Path) -> Any:
-    """Return the content of a JSON file.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be read or is no JSON; the message says where.
-    """
-    text = read_text(path, "the floor plan", "a floor plan in this file must be JSON", ("JSON", "GeoJSON"))
-    try:
-        return json.loads(text)
-    except RecursionError:
-        raise ValueError("nested too deeply") from None
-    except ValueError as error:
-        raise ValueError(f"it is no whole JSON: {error}") from None
-
-
 def is_geojson(content: Any) -> bool:
     """Return whether this is the content of a GeoJSON file."""
     return isinstance(content, dict) and content.get("type") in ("FeatureCollection", "Feature", *_GEOMETRIES)
 
 
-def read_geojson(path: Path, meters: float | None) -> Drawing:
+def read_geojson(content: Mapping[str, Any]) -> Drawing:
     """Read features; polygons that say nothing of what they are may be walked on if no other does."""
-    content = read_json_text(path)
-    if not is_geojson(content):
-        raise ValueError("it is JSON, but not GeoJSON: it must be a FeatureCollection, a Feature or a geometry")
     require_meters("it", str(content.get("crs", "")))
     drawing = Drawing()
     unmarked: list[Any] = []

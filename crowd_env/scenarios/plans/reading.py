@@ -11,7 +11,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.checks import path as path_of
-from crowd_env.core.files.foreign import foreign_kind
+from crowd_env.core.files.foreign import foreign_kind, read_text
 from crowd_env.geometry.parsing import parse_exit, read_area
 from crowd_env.scenarios.plans.dxf import read_dxf
 from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, listed
@@ -24,23 +24,45 @@ from crowd_env.scenarios.plans.wkt import read_jupedsim_sqlite, read_wkt
 Reader = Callable[[Path, float | None], Drawing]
 """Takes a file, and how many meters a unit of it is if the user has said it."""
 
+# What is asked of the content of a JSON file -> what reads it.
+_IN_JSON = ((is_vadere, read_vadere), (is_geojson, read_geojson))
+
+
+def read_json_plan(path: Path, meters: float | None = None) -> Drawing:
+    """Read a plan of GeoJSON or Vadere."""
+    text = read_text(path, "the floor plan", "a floor plan in this file must be JSON", ("JSON", "GeoJSON"))
+    try:
+        content = json.loads(text)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+    except ValueError as error:
+        raise ValueError(f"it is no whole JSON: {error}") from None
+    for holds, read in _IN_JSON:
+        if holds(content):
+            return read(content)
+    raise ValueError(
+        "it is JSON, but neither GeoJSON, which is a FeatureCollection, a Feature or a geometry, nor a scenario of Vadere, "
+        "which has a 'topography' in 'scenario'"
+    )
+
+
 # Suffix -> what reads such a file.
 READERS: dict[str, Reader] = {
     ".wkt": read_wkt,
-    ".geojson": read_geojson,
+    ".geojson": read_json_plan,
     ".dxf": read_dxf,
     ".sqlite": read_jupedsim_sqlite,
-    ".scenario": read_vadere,
+    ".scenario": read_json_plan,
+    ".json": read_json_plan,
 }
 # What a file of another suffix is -> what reads it.
-_BY_CONTENT: dict[str, Reader] = {
-    "GeoJSON": read_geojson,
+_BY_CONTENT: dict[str | None, Reader] = {
+    None: read_wkt,
+    "JSON": read_json_plan,
+    "GeoJSON": read_json_plan,
     "a DXF drawing": read_dxf,
     "an SQLite database": read_jupedsim_sqlite,
 }
-# What is asked of the content of a .json file -> what reads it; all others are scenario files of crowd_env.
-_JSON: tuple[tuple[Callable[[object], bool], Reader], ...] = ((is_vadere, read_vadere), (is_geojson, read_geojson))
-
 _LARGEST = 60_000_000  # bytes; a plan of a million corners has 40 million of them
 
 PLANS = "WKT (.wkt), GeoJSON, DXF, JuPedSim (.sqlite) or Vadere (.scenario)"
@@ -49,11 +71,9 @@ PLANS = "WKT (.wkt), GeoJSON, DXF, JuPedSim (.sqlite) or Vadere (.scenario)"
 def is_plan(path: Path) -> bool:
     """Return whether a path is that of a floor plan, or of what may be one: a file that is no scenario file of crowd_env."""
     suffix = path.suffix.lower()
-    if suffix in READERS:
-        return True
-    if suffix == ".toml":
-        return False
-    return _json_reader(path) is not None if suffix == ".json" else os.path.exists(path)
+    return (
+        _is_json_plan(path) if suffix == ".json" else suffix in READERS or (suffix != ".toml" and os.path.exists(path))
+    )
 
 
 def read_plan(path: str | Path, exits: Sequence[str] = (), *, unit: str | None = None) -> FloorPlan:
@@ -81,9 +101,8 @@ def read_plan(path: str | Path, exits: Sequence[str] = (), *, unit: str | None =
         drawing = _reader(path)(path, meters)
         if exits:
             if drawing.exits:
-                drawing.notes.append(
-                    f"the exits of the file are left out for those that are given: {listed(drawing.exits)}"
-                )
+                left_out = f"the exits of the file are left out for those that are given: {listed(drawing.exits)}"
+                drawing.notes.append(left_out)
             drawing.exits = {f"exit-{number}": parse_exit(text) for number, text in enumerate(exits)}
         return _plan(path, drawing, meters)
     except ValueError as error:
@@ -104,21 +123,14 @@ def _reader(path: Path) -> Reader:
     suffix = path.suffix.lower()
     if suffix in READERS:
         return READERS[suffix]
-    if suffix == ".json":
-        return _json_reader(path) or read_geojson
     try:
         with path.open("rb") as file:
             kind = foreign_kind(file.read(4096))
     except OSError as error:
         raise ValueError(f"cannot read the floor plan {path}: {error.strerror or error}") from None
-    if kind == "JSON":
-        return _json_reader(path) or read_geojson
-    if kind is None:
-        return read_wkt
     if kind not in _BY_CONTENT:
-        raise ValueError(
-            f"{path} is {kind}; a floor plan is read from well-known text, {PLANS}, or from a scenario file (.toml, .json)"
-        )
+        forms = f"well-known text, {PLANS}, or from a scenario file (.toml, .json)"
+        raise ValueError(f"{path} is {kind}; a floor plan is read from {forms}")
     return _BY_CONTENT[kind]
 
 
@@ -132,14 +144,14 @@ def _require_size(path: Path) -> None:
         )
 
 
-def _json_reader(path: Path) -> Reader | None:
-    """Return what reads the plan in a JSON file; None = it holds none that is known, or cannot be read."""
+def _is_json_plan(path: Path) -> bool:
+    """Return whether a JSON file holds a plan; False too if it cannot be read."""
     try:
         _require_size(path)
         content = json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError):
-        return None
-    return next((reader for is_kind, reader in _JSON if is_kind(content)), None)
+        return False
+    return any(holds(content) for holds, _ in _IN_JSON)
 
 
 def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
@@ -184,9 +196,8 @@ def _collected(shapes: list[BaseGeometry], notes: list[str]) -> BaseGeometry:
     """Return the walkable parts as one shape, without slivers if there is anything else."""
     parts = tidied(shapes, "walkable area", notes)
     if _nested([part for part in parts if part.geom_type == "Polygon" and part.is_valid]):
-        notes.append(
-            "walkable area: an outline lies within another one, and is walkable too; draw as an obstacle what is a hole"
-        )
+        within = "an outline lies within another one, and is walkable too; draw as an obstacle what is a hole"
+        notes.append(f"walkable area: {within}")
     if not any(part.geom_type == "Polygon" for part in parts):
         parts = shapes  # reading them gives the better message
     return parts[0] if len(parts) == 1 else shapely.GeometryCollection(parts)

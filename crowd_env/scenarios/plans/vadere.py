@@ -1,7 +1,6 @@
 """Scenarios of Vadere (JSON): what is within the bounds and no obstacle is walkable, targets are exits, sources are starts."""
 
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import Any
 
 import shapely
@@ -9,7 +8,6 @@ from shapely.geometry import Point, Polygon, box
 
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, number
 from crowd_env.scenarios.plans.floor_plan import Drawing
-from crowd_env.scenarios.plans.geojson import read_json_text
 
 _BOX = ("x", "y", "width", "height")
 _LEFT_OUT = ("stairs", "targetChangers", "absorbingAreas", "teleporter")  # what changes how people walk, beside targets
@@ -21,11 +19,8 @@ def is_vadere(content: Any) -> bool:
     return isinstance(scenario, dict) and "topography" in scenario
 
 
-def read_vadere(path: Path, meters: float | None) -> Drawing:
+def read_vadere(content: Mapping[str, Any]) -> Drawing:
     """Read the topography of a scenario, releases 1 to 4; targets that nobody leaves by are regions."""
-    content = read_json_text(path)
-    if not is_vadere(content):
-        raise ValueError("it is JSON, but not a scenario of Vadere: it has no 'topography' in 'scenario'")
     places = content["scenario"]["topography"]
     try:
         drawing = Drawing(unit="m", meters=1.0)
@@ -41,9 +36,8 @@ def read_vadere(path: Path, meters: float | None) -> Drawing:
         if any(not _leave_by_all(source, targets) for source in sources):
             drawing.notes.append("left out: to which targets the people of a source walk; they choose among all exits")
         if not all(map(_at_once, sources)):
-            drawing.notes.append(
-                "left out: that people of a source come one after the other; they stand there at the start"
-            )
+            late = "that people of a source come one after the other; they stand there at the start"
+            drawing.notes.append(f"left out: {late}")
     except (AttributeError, KeyError, TypeError) as error:
         raise ValueError(f"its topography lacks or has in another form than Vadere's: {error}") from None
     for what in _LEFT_OUT:
