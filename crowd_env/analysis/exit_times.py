@@ -34,17 +34,14 @@ def read_exits(path: str | Path) -> list[RunExits]:
         until_then = row.cells.get("out") == "0" and not row.cells["time"] and bool(row.cells.get("until"))
         time = table.number(row, "until" if until_then else "time", what)
         if time < 0:
-            raise ValueError(
-                f"{table.path}: {what}: time is {time:g} s; it must be >= 0, counted from the start of the run"
-            )
+            raise ValueError(f"{table.path}: {what}: time is {time:g} s; it must be >= 0, from the start of the run")
         out = row.cells.get("out") or "1"
         if out not in ("0", "1"):
             raise ValueError(f"{table.path}: {what}: out is {out!r}; it must be 1 (got out) or 0 (watched until then)")
-        times.setdefault(run, [])
-        exits.setdefault(run, [])
+        of_run, taken = times.setdefault(run, []), exits.setdefault(run, [])
         if out == "1":
-            times[run].append(time)
-            exits[run].append(row.cells.get("exit") or "")
+            of_run.append(time)
+            taken.append(row.cells.get("exit") or "")
         elif until_then and until.get(run) == time:
             pass  # one more of those who were inside then
         elif run in until:

@@ -73,7 +73,11 @@ def narrowest_passages(geometry: Geometry, terrain: Terrain, starts: Floats) -> 
             if gap is not None:
                 gaps[k] = gap
         seen[near] = True
-    return {name: _passage(name, goal, own, neighbors, half, gaps, people) for name, (goal, own) in goals.items()}
+    passages: dict[str, Passage | None] = dict.fromkeys(goals)
+    for name, (goal, own) in goals.items():
+        if goal >= 0:
+            passages[name] = _passage(name, own, _ways(goal, neighbors, half), gaps, people)
+    return passages
 
 
 def _goal(geometry: Geometry, walls: Floats, terrain: Terrain, name: str) -> tuple[int, Gap]:
@@ -138,18 +142,8 @@ def _critical(narrowest: Ints, value: Floats, people: Floats) -> tuple[int, floa
     return int(narrowest[rows[k]]), width, float(share[value[rows] <= width + 1e-9][-1])
 
 
-def _passage(
-    name: str,
-    goal: int,
-    own: Gap,
-    neighbors: Sequence[Sequence[tuple[int, int]]],
-    half: Floats,
-    gaps: dict[int, Gap],
-    people: Floats,
-) -> Passage | None:
-    if goal < 0:
-        return None
-    narrowest, value = _ways(goal, neighbors, half)
+def _passage(name: str, own: Gap, way: Way, gaps: dict[int, Gap], people: Floats) -> Passage | None:
+    narrowest, value = way
     found, width, behind = _critical(narrowest, value, people)
     if np.isnan(width):
         return None

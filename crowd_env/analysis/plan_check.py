@@ -214,14 +214,12 @@ def plain_check(check: PlanCheck) -> dict[str, Any]:
     geometry = check.geometry
 
     def plain_exit(name: str, width: float) -> dict[str, Any]:
-        lines = [
-            line.tolist() for line, other in zip(geometry.exits, geometry.exit_names, strict=True) if other == name
-        ]
+        lines = geometry.exits[[other == name for other in geometry.exit_names]].tolist()
         found = check.passages[name]
-        narrowest = found and {
-            **{"width": found.gap.width, "line": found.gap.line.tolist()},
-            **{"is_exit": found.is_exit, "share_of_people": found.behind},
-        }
+        narrowest = None
+        if found is not None:
+            gap = {"width": found.gap.width, "line": found.gap.line.tolist()}
+            narrowest = {**gap, "is_exit": found.is_exit, "share_of_people": found.behind}
         return {"name": name, "width": width, "lines": lines, "narrowest_passage": narrowest}
 
     return {
@@ -244,6 +242,7 @@ def cells(check: PlanCheck) -> dict[str, str]:
     """Return the rows of the table of a place: label -> cell."""
     geometry = check.geometry
     x0, y0, x1, y1 = geometry.bounds
+    lost = ["{:.3g} m2 around ({:.2f}, {:.2f})".format(area, *_inside(part)) for part, area in check.unreached]
     exits = [f"{name} {width:.2f} m" for name, width in check.widths.items()]
     rows = {
         "plan": f"{geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m",
@@ -252,9 +251,7 @@ def cells(check: PlanCheck) -> dict[str, str]:
         "narrowest passage": _rows([_passage(check, name) for name in check.passages]),
         "regions": _rows([f"{name} {geometry.area_of(name):.1f} m2" for name in geometry.regions]),
         "doors": _rows(list(geometry.doors)),
-        "no exit reaches": _rows(
-            ["{:.3g} m2 around ({:.2f}, {:.2f})".format(area, *_inside(part)) for part, area in check.unreached]
-        ),
+        "no exit reaches": _rows(lost),
         "people": f"{counted(check.people.people, 'person', 'people')}, bodies {body_width(check)} wide",
         "room for": f"at most {check.capacity} people on the {check.start_area:.1f} m2 where they start",
         "  centers of bodies": f"{check.free_area:.1f} m2",

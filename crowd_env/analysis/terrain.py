@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.kernels.jit import kernel
+from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.routing.fields import grid
 
 _FINEST = 0.05  # m; spacing of the nodes, finer in plans of a few meters ...
@@ -45,8 +47,10 @@ def survey(geometry: Geometry) -> Terrain:
     walls, _ = geometry.walls_when(())
     # With coordinates of millions of meters, differences are taken first.
     clearance = grid.capped_distance(walls - origin, shape, np.zeros(2), spacing, _CAP)
-    border = np.concatenate([geometry.walls[~geometry.two_sided], geometry.exits])
-    clearance[~_inside(border - origin, shape, spacing)] = 0.0
+    points, outside = grid.node_points(origin, spacing, shape).reshape(-1, 2), np.zeros(clearance.size, dtype=np.bool_)
+    everyone = np.array([0, clearance.size]), np.ones(clearance.size, dtype=np.bool_)
+    mark_outside(struct_ref(border_of([geometry.walkable])), np.zeros(1, dtype=np.int64), *everyone, points, outside)
+    clearance.ravel()[outside] = 0.0
     # Of two neighbors on both sides of a thin wall one is nearer to it than half their distance: no way leads across.
     free = np.flatnonzero(clearance.ravel() > 0.7072 * spacing)
     order = free[np.argsort(-clearance.ravel()[free], kind="stable")]
@@ -55,26 +59,6 @@ def survey(geometry: Geometry) -> Terrain:
     count = np.zeros(1, dtype=np.int64)
     _flood(order, shape[1], basin, root, passes, count)
     return Terrain(origin, spacing, clearance, basin.reshape(shape), passes[: count[0]].copy())
-
-
-def _inside(border: Floats, shape: tuple[int, int], spacing: float) -> Bools:
-    """Return (rows, cols) which nodes lie within a closed border (N, 2, 2): an odd number of its edges is left of them."""
-    crossings = np.zeros((shape[0], shape[1] + 1), dtype=np.int32)
-    _cross(border, spacing, crossings)
-    return np.asarray(np.cumsum(crossings[:, :-1], axis=1) % 2 == 1)
-
-
-@kernel
-def _cross(border: Floats, spacing: float, crossings: NDArray[np.int32]) -> None:
-    """Count at the first node to the right of it each edge that a row of nodes crosses."""
-    rows, cols = crossings.shape
-    for k in range(len(border)):
-        ax, ay, bx, by = border[k, 0, 0], border[k, 0, 1], border[k, 1, 0], border[k, 1, 1]
-        first, last = int(np.ceil(min(ay, by) / spacing)), int(np.ceil(max(ay, by) / spacing))
-        for row in range(max(first, 0), min(last, rows)):
-            x = ax + (row * spacing - ay) / (by - ay) * (bx - ax)
-            col = int(np.ceil(x / spacing))
-            crossings[row, min(max(col, 0), cols - 1)] += 1
 
 
 @kernel

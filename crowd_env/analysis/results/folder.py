@@ -22,6 +22,7 @@ from crowd_env.scenarios.scenario import Scenario
 
 CONFIG, SUMMARY, KEPT = "config.json", "summary.json", "runs"
 
+_NUMBERS = ("seed", "end", "time_limit")
 _ARRAYS = ("exit_time", "exit_index", "radius", "desired_speed")
 
 
@@ -84,20 +85,14 @@ def encode(episode: Episode) -> dict[str, Any]:
     """Return a run, ready for JSON to the last bit, without what a recorder kept of it."""
     numbers = {name: [json_number(one) for one in getattr(episode, name).tolist()] for name in _ARRAYS}
     metrics = {name: json_number(one) for name, one in episode.metrics._asdict().items()}
-    return {
-        "seed": episode.seed,
-        "end": episode.end,
-        "time_limit": episode.time_limit,
-        "metrics": metrics,
-        **numbers,
-    }
+    return {**{name: getattr(episode, name) for name in _NUMBERS}, "metrics": metrics, **numbers}
 
 
 def decode(run: int, content: dict[str, Any]) -> Episode:
     """Return the run of the number ``run`` that was encoded."""
     index = np.array(content["exit_index"], dtype=np.int64)
     told: dict[str, Any] = {name: np.array(content[name], dtype=np.float64) for name in _ARRAYS if name != "exit_index"}
-    told |= {name: content[name] for name in ("seed", "end", "time_limit")}
+    told |= {name: content[name] for name in _NUMBERS}
     metrics: dict[str, Any] = {name: float("nan") if one is None else one for name, one in content["metrics"].items()}
     return Episode(run, metrics=EpisodeMetrics(**metrics), exit_index=index, **told)
 
@@ -132,15 +127,8 @@ def _groups(scenario: Scenario) -> np.ndarray:
 
 
 def _run(episode: Episode) -> list[object]:
-    metrics = [_cell(value) for value in episode.metrics]
-    first = (episode.run, episode.seed, len(episode.exit_time))
-    return [
-        *first,
-        _cell(episode.end),
-        _cell(episode.time_limit),
-        _cell(time_of_share(episode.exit_time, 0.95)),
-        *metrics,
-    ]
+    times = (episode.end, episode.time_limit, time_of_share(episode.exit_time, 0.95))
+    return [episode.run, episode.seed, len(episode.exit_time), *map(_cell, (*times, *episode.metrics))]
 
 
 def _exits(scenario: Scenario, groups: np.ndarray, episode: Episode) -> list[tuple[object, ...]]:
@@ -149,10 +137,9 @@ def _exits(scenario: Scenario, groups: np.ndarray, episode: Episode) -> list[tup
     order = np.argsort(episode.exit_time, kind="stable")  # nan go last
     rows: list[tuple[object, ...]] = []
     for k in order:
-        out = bool(np.isfinite(episode.exit_time[k]))
-        body = (_cell(float(one)) for one in (episode.radius[k], episode.desired_speed[k]))
-        first = (episode.run, _cell(float(episode.exit_time[k])), names[k], int(out), int(k))
-        rows.append((*first, *body, groups[k], "" if out else _cell(episode.end)))
+        time, *body = (_cell(float(one[k])) for one in (episode.exit_time, episode.radius, episode.desired_speed))
+        until = "" if time else _cell(episode.end)
+        rows.append((episode.run, time, names[k], int(bool(time)), int(k), *body, groups[k], until))
     return rows
 
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,8 @@ from crowd_env.physics.pressure import contact_pressure
 
 REACH = 1.0  # m  the density at a point: the number of people within this distance, over the area of the disc
 CELL = 0.25  # m  of the maps
-INJURY = (
-    1600.0  # N/m  people who bear more are injured (Helbing, Farkas, Vicsek 2000, Nature 407:487); friction counts here
-)
+# People who bear more are injured (Helbing, Farkas, Vicsek 2000, Nature 407:487); friction counts here.
+INJURY = 1600.0  # N/m
 _FELT = 0.25  # m  the pressure on a body is drawn up to this distance from its center
 
 
@@ -163,17 +162,11 @@ class MeasurementRecorder:
 
     def measured(self, episodes: Sequence[Episode]) -> Measured:
         """Return all that was measured of finished evacuations."""
-        columns = zip(*(episode.record for episode in episodes), strict=True)
-        of_runs = dict(zip(RunMeasurements._fields, (np.array(column) for column in columns), strict=True))
-        computing, replanning = self._spent.tolist()
-        return Measured(
-            **of_runs,
-            maps=self.maps,
-            grid=self.grid,
-            simulated=sum(episode.end for episode in episodes),
-            computing=computing,
-            replanning=replanning,
-        )
+        columns = map(np.array, zip(*(episode.record for episode in episodes), strict=True))
+        of_runs: dict[str, Any] = dict(zip(RunMeasurements._fields, columns, strict=True))
+        spent: dict[str, Any] = dict(zip(("computing", "replanning"), self._spent.tolist(), strict=True))
+        simulated = sum(episode.end for episode in episodes)
+        return Measured(**of_runs, maps=self.maps, grid=self.grid, simulated=simulated, **spent)
 
     @staticmethod
     def _seconds(env: CrowdEnv) -> Floats:
