@@ -70,6 +70,7 @@ class DEM(ContactScheme):
     stiffness: float = 1.2e5
 
     ALLOWED = {"stiffness": POSITIVE.because("the contact force k |D| (eq 5) has to push")}
+    shares_crowds = True  # the slabs of a large one
 
     @property
     def info(self) -> SchemeInfo:
@@ -92,11 +93,6 @@ class DEM(ContactScheme):
     def slabs(self, people: int, driving: bool) -> int:
         """Return into how many slabs a crowd of so many is cut; the social force is not shared out."""
         return 1 if self.social is not None and driving else int(count_slabs(people))
-
-    @property
-    def shares_crowds(self) -> bool:
-        """Yes: threads share the slabs of a large crowd."""
-        return True
 
     @property
     def kernel(self) -> Callable[..., None]:

@@ -59,9 +59,8 @@ INFO = SchemeInfo(
 )
 
 # The paper as printed: walls rub like people do and have no social force.
-LITERAL = replace(
-    INFO, name="hertz-literal", title="Hertz contact, friction with memory, rotation, social force; as printed"
-)
+_TITLE = "Hertz contact, friction with memory, rotation, social force; as printed"
+LITERAL = replace(INFO, name="hertz-literal", title=_TITLE)
 
 # How far an environment is, in `History.phase`.  The forces at the end of a step are those at the start of the next, hence
 # KNOWN between two steps.  A step that has moved people, and then stops for want of room for the contacts at the new positions,

@@ -134,9 +134,8 @@ def crowd_pressure(simulation: Simulation, radius: float = 1.0) -> Floats:
         here = begin + np.flatnonzero(state.active[begin:end])
         i, j = pairs_within(state.position[here], radius)
         count = np.bincount(i)  # oneself included
-        moments = [
-            np.bincount(i, values[here][j]) / count for values in (*state.velocity.T, (state.velocity**2).sum(axis=1))
-        ]
-        variance = moments[2] - moments[0] ** 2 - moments[1] ** 2
+        x, y = state.velocity[here].T
+        mean_x, mean_y, mean_square = (np.bincount(i, values[j]) / count for values in (x, y, x**2 + y**2))
+        variance = mean_square - mean_x**2 - mean_y**2
         out[here] = count / (np.pi * radius**2) * np.maximum(variance, 0.0)
     return out

@@ -29,9 +29,8 @@ class SchemeInfo:
     uses: tuple[str, ...]  # of what arrays of `workspace` need; a social force adds its own
     contacts_at: Literal["start", "end"] = "start"  # of the step: where the listed contacts are those of the positions
     default_dt: float = 0.01  # s  physics step unless a caller gives one: the paper's
-    impulses_are_forces: bool = (
-        True  # impulse over time is the force that a body bears; else it only keeps bodies apart
-    )
+    # Impulse over time is the force that a body bears; else it only keeps bodies apart.
+    impulses_are_forces: bool = True
 
 
 @dataclass(frozen=True)
@@ -52,6 +51,8 @@ class ContactScheme(ABC):
     social: SocialForce | None = None
 
     ALLOWED: ClassVar[Mapping[str, Range]] = {}  # of its numbers, by name; any finite number if not said
+    # Whether several threads can step one crowd together: the kernel then takes ``thread, threads`` last.
+    shares_crowds: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "social", make_social(self.social))
@@ -69,11 +70,6 @@ class ContactScheme(ABC):
     @abstractmethod
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return the overlap [m] below which the scheme stays in a room of people who push at their desired speed."""
-
-    @property
-    def shares_crowds(self) -> bool:
-        """Whether several threads can step one crowd together: the kernel then takes ``thread, threads`` last."""
-        return False
 
     @property
     def turns_bodies(self) -> bool:

@@ -139,12 +139,6 @@ class SortedCrowd:
             *zip(copies.results[:-1], arrays.results[:-1], strict=True),
         ]
 
-    def by_slot(
-        self, i: Ints, j: Ints, normal: Floats, disc_i: Ints, disc_j: Ints
-    ) -> tuple[Ints, Ints, Floats, Ints, Ints, Ints]:
-        """Return contacts between slots, i < j, sorted by (i, j, discs), walls last; and the order they had."""
-        return _between(self.slot, i, j, normal, disc_i, disc_j)
-
 
 def _stretches(chosen: Bools, env_start: Ints) -> list[slice]:
     """Return whose people the chosen environments are, those that follow one another together."""
@@ -185,14 +179,14 @@ def _renumber(begin: int, rank: Ints, contacts: Contacts, rows: slice) -> None:
     """Let the contacts ``rows`` of an environment follow people to their new places ``rank``, sorted as they must be."""
     i, j = contacts.i[rows] - begin, contacts.j[rows]
     others = contacts.normal[rows], contacts.disc_i[rows], contacts.disc_j[rows]
-    *renumbered, order = _between(begin + rank, i, np.where(j >= 0, j - begin, j), *others)
+    *renumbered, order = between(begin + rank, i, np.where(j >= 0, j - begin, j), *others)
     for name, array in zip(("i", "j", "normal", "disc_i", "disc_j"), renumbered, strict=True):
         getattr(contacts, name)[rows] = array
     for array in (contacts.gap, contacts.impulse, contacts.history):
         array[rows] = array[rows][order]
 
 
-def _between(
+def between(
     number: Ints, i: Ints, j: Ints, normal: Floats, disc_i: Ints, disc_j: Ints
 ) -> tuple[Ints, Ints, Floats, Ints, Ints, Ints]:
     """Return contacts between people who get another ``number``, i < j, sorted by (i, j, discs); and the order they had."""

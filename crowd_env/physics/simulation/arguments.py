@@ -141,13 +141,9 @@ def check_command(asked: Command, people: int) -> Command:
     ValueError
         If an array has another shape or holds something that is not finite.
     """
-    return Command(
-        None if asked.command is None else vectors("command", asked.command, people),
-        _flags("relative", asked.relative, people),
-        None if asked.external_force is None else vectors("external_force", asked.external_force, people),
-        _flags("gives_way", asked.gives_way, people),
-    )
+    kinds: Any = zip((vectors, _flags, vectors, _flags), Command._fields, asked, strict=True)
+    return Command._make(None if values is None else check(name, values, people) for check, name, values in kinds)
 
 
-def _flags(name: str, values: Any, people: int) -> Bools | None:
-    return None if values is None else np.ascontiguousarray(array(name, values, (people,), "biuf"), dtype=np.bool_)
+def _flags(name: str, values: Any, people: int) -> Bools:
+    return np.ascontiguousarray(array(name, values, (people,), "biuf"), dtype=np.bool_)

@@ -62,11 +62,6 @@ def save_history(history: History, neighbors: NeighborList) -> SavedHistory:
     return SavedHistory(copy_arrays(history), contacts.number.copy(), of_contacts)
 
 
-def has_room(workspace: Workspace, then: SavedHistory) -> bool:
-    """Whether the contacts of then fit."""
-    return bool((then.contacts <= np.diff(workspace.neighbors.entry_start)).all())
-
-
 def load_history(history: History, workspace: Workspace, then: SavedHistory) -> None:
     """Write it back in place; the lists of neighbors are made anew at the next step."""
     write_arrays(history, then.arrays)

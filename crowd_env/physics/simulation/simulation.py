@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env.core.arrays.headway import Manner, make_manner
-from crowd_env.core.arrays.outline import NO_OUTLINE, BodyShape, Outline, make_outline
+from crowd_env.core.arrays.outline import NO_OUTLINE, BodyShape, make_outline
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints, check_bodies, check_state, make_state
 from crowd_env.core.checks import known, whole
 from crowd_env.core.kernels.struct_ref import struct_ref
@@ -17,21 +17,10 @@ from crowd_env.physics import ContactScheme, check_outline, make_scheme
 from crowd_env.physics.contacts import ContactList, rows_of
 from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.physics.scheme import arrays_of
-from crowd_env.physics.simulation.arguments import (
-    check_command,
-    check_drive,
-    check_routes,
-    check_step,
-    fields_of,
-    motivation_of,
-    routes_of,
-    vectors,
-    which_geometry,
-)
+from crowd_env.physics.simulation import arguments
 from crowd_env.physics.simulation.checkpoint import (
     Checkpoint,
     fingerprint,
-    has_room,
     load_history,
     require_checkpoint,
     require_same,
@@ -39,11 +28,10 @@ from crowd_env.physics.simulation.checkpoint import (
     write_arrays,
 )
 from crowd_env.physics.simulation.stepper import Stepper
-from crowd_env.physics.spatial_order import SortedCrowd
+from crowd_env.physics.spatial_order import SortedCrowd, between
 from crowd_env.physics.workspace import (
     Batch,
     Command,
-    Control,
     World,
     add_diagnostics,
     allocate_control,
@@ -62,31 +50,6 @@ from crowd_env.routing.replanning import RoutePlanner
 from crowd_env.routing.route_set import RouteSet
 
 _IN_PLACE = ("world", "state", "bodies", "results", "history", "workspace")  # others hold on to their arrays
-
-
-def build(
-    bodies: Bodies,
-    state: CrowdState,
-    control: Control,
-    scheme: ContactScheme,
-    boundary: Boundary,
-    geometry_of_env: Ints,
-    planner: RoutePlanner,
-    doors: int,
-    outline: Outline | None,
-) -> Batch:
-    """Return all that a step of ``scheme`` works on: the world around these people, room for results, history and scratch."""
-    guidance, keeps_headway = planner.guidance, control.keeps_headway
-    walls = make_wall_grid(boundary, control.headway.sight + 1.0 if keeps_headway else None)
-    body = NO_OUTLINE if outline is None else outline.params()
-    uses = arrays_of(scheme, keeps_headway, outline is not None)
-    workspace = allocate_workspace(bodies, uses=uses, discs=len(body.radius))
-    signs = int(np.diff(guidance.rule.start).max(initial=0))
-    history = allocate_history(bodies, workspace.neighbors, signs, doors, uses)
-    history.followed[:] = state.route
-    world = World(boundary, by_reference(planner.field), geometry_of_env, guidance, walls, body)
-    results = allocate_results(len(bodies.radius), len(state.time))
-    return Batch(world, bodies, state, control, results, history, workspace)
 
 
 class Simulation:
@@ -148,13 +111,13 @@ class Simulation:
         self.driving, self.allow_unstable = driving, allow_unstable
         self.manner = headway = make_manner(manner)
         self.threads = whole("threads", threads)
-        self.max_drive = check_drive(max_drive, driving)
+        self.max_drive = arguments.check_drive(max_drive, driving)
         self.scheme.check(driving, self.max_drive)
         self.outline = shape = make_outline(outline)
         check_outline(shape, self.scheme)
-        check_step(self.scheme, bodies, dt, allow_unstable, shape)
-        self.fields = fields_of(self.geometries, fields, bodies)
-        which = which_geometry(geometry_of_env, len(state.time), len(self.geometries))
+        arguments.check_step(self.scheme, bodies, dt, allow_unstable, shape)
+        self.fields = arguments.fields_of(self.geometries, fields, bodies)
+        which = arguments.which_geometry(geometry_of_env, len(state.time), len(self.geometries))
         boundary = join_boundaries(self.geometries)
         keep_distance = headway is not None
         self.planner = RoutePlanner(self.fields, which, boundary, replan_every, keep_distance=keep_distance)
@@ -164,10 +127,8 @@ class Simulation:
         self._door_schedule = DoorSchedule(self.geometries, closed, events, which)
         routes = (self.planner.guidance.field_of_route >= 0).sum(axis=1)
         self._routes_of_person = np.repeat(routes, np.diff(bodies.env_start))
-        check_routes(state.route, self._routes_of_person)
-        control = allocate_control(len(bodies.radius), driving, not allow_unstable, headway, self.max_drive)
-        doors = max(len(place.doors) for place in self.geometries)
-        batch = build(bodies, state, control, self.scheme, boundary, which, self.planner, doors, shape)
+        arguments.check_routes(state.route, self._routes_of_person)
+        batch = self._build(boundary, which)
         self.world, self.results = batch.world, batch.results
         self.history, self.workspace = batch.history, batch.workspace
         # Overlaps, residuals and solver effort since the start of each environment.
@@ -183,6 +144,24 @@ class Simulation:
             self.close_doors(e, self._door_schedule.restart(e))
         self.listeners: list[Callable[[], object]] = []  # called after every physics step; bits stay, speed does not
         self.times_restored = 0  # whoever keeps books beside the simulation sees that they are of another moment
+
+    def _build(self, boundary: Boundary, geometry_of_env: Ints) -> Batch:
+        """Return all that a step works on: the world around the people, room for results, history and scratch."""
+        bodies, guidance, outline = self.bodies, self.planner.guidance, self.outline
+        control = allocate_control(
+            len(bodies.radius), self.driving, not self.allow_unstable, self.manner, self.max_drive
+        )
+        walls = make_wall_grid(boundary, control.headway.sight + 1.0 if control.keeps_headway else None)
+        body = NO_OUTLINE if outline is None else outline.params()
+        uses = arrays_of(self.scheme, control.keeps_headway, outline is not None)
+        workspace = allocate_workspace(bodies, uses=uses, discs=len(body.radius))
+        signs = int(np.diff(guidance.rule.start).max(initial=0))
+        doors = max(len(place.doors) for place in self.geometries)
+        history = allocate_history(bodies, workspace.neighbors, signs, doors, uses)
+        history.followed[:] = self.state.route
+        world = World(boundary, by_reference(self.planner.field), geometry_of_env, guidance, walls, body)
+        results = allocate_results(len(bodies.radius), len(self.state.time))
+        return Batch(world, bodies, self.state, control, results, history, workspace)
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse to replace what observers and environments hold on to: they would go on looking at dead arrays."""
@@ -229,10 +208,10 @@ class Simulation:
         FloatingPointError
             If someone would move further in one step than the own radius, or a position is no longer finite.
         """
-        asked = check_command(Command(command, relative, external_force, gives_way), len(self.bodies.radius))
+        asked = arguments.check_command(Command(command, relative, external_force, gives_way), len(self.bodies.radius))
         if n_substeps < 0:
             raise ValueError(f"n_substeps is {n_substeps}; it must be >= 0")
-        check_routes(self.state.route, self._routes_of_person)
+        arguments.check_routes(self.state.route, self._routes_of_person)
         self._stepper.begin(asked)
         target = 0
         while target < n_substeps:
@@ -297,16 +276,15 @@ class Simulation:
         check_bodies(bodies)
         if len(bodies.radius) != count:
             raise ValueError(f"environment {e} holds {count} people, not {len(bodies.radius)}")
-        check_step(self.scheme, bodies, self.dt, self.allow_unstable, self.outline)
-        stand = vectors("position", position, count)
-        walk = None if velocity is None else vectors("velocity", velocity, count)
-        routes = routes_of(route, self._routes_of_person[people])
-        for name in Bodies._fields[:-1]:
-            getattr(self.bodies, name)[people] = getattr(bodies, name)
-        self._set_inertia(people)
+        arguments.check_step(self.scheme, bodies, self.dt, self.allow_unstable, self.outline)
+        stand = arguments.vectors("position", position, count)
+        walk = None if velocity is None else arguments.vectors("velocity", velocity, count)
+        routes = arguments.routes_of(route, self._routes_of_person[people])
         start = make_state(stand, walk)
-        for name in CrowdState._fields[:-1]:
-            getattr(self.state, name)[people] = getattr(start, name)
+        arrays = (*self.bodies[:-1], *self.state[:-1])
+        for array, values in zip(arrays, (*bodies[:-1], *start[:-1]), strict=True):
+            array[people] = values
+        self._set_inertia(people)
         self.state.route[people], self.state.time[e] = routes, 0.0
         begin_history(e, people, self.history, self.bodies, routes)
         begin_results(e, people, self.results, self.diagnostics)
@@ -354,7 +332,7 @@ class Simulation:
         """
         require_checkpoint(checkpoint, Checkpoint, "a simulation")
         require_same(self._made_by(), checkpoint.made_by)
-        while not has_room(self.workspace, checkpoint.history):
+        while (checkpoint.history.contacts > np.diff(self.workspace.neighbors.entry_start)).any():
             self._stepper.grow()
         load_history(self.history, self.workspace, checkpoint.history)
         for name in ("bodies", "state", "results", "diagnostics"):
@@ -376,7 +354,7 @@ class Simulation:
             If there is no such way.
         """
         people = self._people(e)
-        wanted = routes_of(route, self._routes_of_person[people])
+        wanted = arguments.routes_of(route, self._routes_of_person[people])
         self.state.route[people] = wanted
         self.history.followed[people] = wanted
         self.history.directions_known[e] = False
@@ -400,12 +378,11 @@ class Simulation:
         """
         people = self._people(e)
         if self.manner is None:
-            raise ValueError(
-                "people walk at full speed here, whatever is in front: a motivation needs a manner of the simulation"
-            )
+            needed = "a motivation needs a manner of the simulation"
+            raise ValueError(f"people walk at full speed here, whatever is in front: {needed}")
         count = people.stop - people.start
         given = {name: value for name, value in (("time_gap", time_gap), ("push", push)) if value is not None}
-        wanted = {name: motivation_of(name, value, count) for name, value in given.items()}
+        wanted = {name: arguments.motivation_of(name, value, count) for name, value in given.items()}
         for name, values in wanted.items():
             getattr(self.bodies, name)[people] = values
         if self._sorted is not None:
@@ -418,7 +395,7 @@ class Simulation:
         names = ("i", "j", "gap", "normal", "impulse", "disc_i", "disc_j")
         i, j, gap, normal, impulse, disc_i, disc_j = (getattr(contacts, name)[rows].copy() for name in names)
         if self._sorted is not None:
-            i, j, normal, disc_i, disc_j, order = self._sorted.by_slot(i, j, normal, disc_i, disc_j)
+            i, j, normal, disc_i, disc_j, order = between(self._sorted.slot, i, j, normal, disc_i, disc_j)
             gap, impulse = gap[order], impulse[order]
         discs = (disc_i, disc_j) if len(contacts.disc_i) else (None, None)
         return ContactList(i - first, np.where(j >= 0, j - first, j), gap, normal, impulse, converged, *discs)
