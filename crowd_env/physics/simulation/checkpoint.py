@@ -1,6 +1,5 @@
 """All that the future of a simulation depends on, copied: to go back to, or to go on from in another process."""
 
-import hashlib
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ from crowd_env.core.checks import shown
 from crowd_env.physics.contacts import Contacts, of_a_contact, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
 from crowd_env.physics.spatial_order import Order
-from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace, World
+from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace
 from crowd_env.routing.door_schedule import DoorState
 from crowd_env.routing.replanning import PlannerState
 
@@ -83,14 +82,6 @@ def require_checkpoint(checkpoint: Any, kind: type, of: str) -> None:
     """Raise TypeError unless this is a checkpoint of that kind."""
     if not isinstance(checkpoint, kind):
         raise TypeError(f"restore takes a checkpoint() of {of}, not {type(checkpoint).__name__}")
-
-
-def fingerprint(world: World) -> str:
-    """Return a digest of the places that a batch is in, and of how many ways there are."""
-    digest = hashlib.sha256()
-    for array in (*world.boundary, world.geometry_of_env, world.guidance.goal, world.guidance.following):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
 
 
 def require_same(now: dict[str, Any], then: dict[str, Any]) -> None:

@@ -9,6 +9,7 @@ from crowd_env.core.arrays.headway import Manner, make_manner
 from crowd_env.core.arrays.outline import NO_OUTLINE, BodyShape, make_outline
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints, check_bodies, check_state, make_state
 from crowd_env.core.checks import known, whole
+from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.geometry.geometry import Boundary, Geometry, join_boundaries
 from crowd_env.geometry.inside import border_of, mark_outside
@@ -20,7 +21,6 @@ from crowd_env.physics.scheme import arrays_of
 from crowd_env.physics.simulation import arguments
 from crowd_env.physics.simulation.checkpoint import (
     Checkpoint,
-    fingerprint,
     load_history,
     require_checkpoint,
     require_same,
@@ -300,7 +300,9 @@ class Simulation:
         """Return what a simulation must have in common with this one to take up a checkpoint of it."""
         chosen = {name: getattr(self, name) for name in ("scheme", "manner", "max_drive", "outline", "dt", "driving")}
         env_start, sorting = self.bodies.env_start.tolist(), self._sorted is not None
-        batch = {"env_start": env_start, "sorting": sorting, "place": fingerprint(self.world)}
+        world, guidance = self.world, self.world.guidance
+        place = fingerprint(world.boundary, world.geometry_of_env, guidance.goal, guidance.following)
+        batch = {"env_start": env_start, "sorting": sorting, "place": place}
         return {**chosen, "replan_every": self.planner.interval, **batch}
 
     def checkpoint(self) -> Checkpoint:
