@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from crowd_env.analysis.clogging import RunExits, exit_gaps, exits_of_run
+from crowd_env.core.checks import at
 from crowd_env.core.files.csv_table import read_table, write_csv
 
 
@@ -58,10 +59,8 @@ def read_exits(path: str | Path) -> list[RunExits]:
     runs = []
     for run, of_run in times.items():
         inside = [np.nan] if run in until else []
-        try:
+        with at(f"{table.path}: run {run!r}"):
             runs.append(exits_of_run([*of_run, *inside], until.get(run, np.nan), [*exits[run], *([""] * len(inside))]))
-        except ValueError as error:
-            raise ValueError(f"{table.path}: run {run!r}: {error}") from None
     return runs
 
 

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.analysis.results.plain import plain
-from crowd_env.core.arrays.headway import Manner, plain_manner
-from crowd_env.core.arrays.outline import BodyShape, plain_outline
+from crowd_env.core.arrays.headway import plain_manner
+from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.arrays.state import MAX_SPEED, Floats, Ints
 from crowd_env.core.checks import counted
 from crowd_env.core.files.json_file import json_number
@@ -49,15 +49,13 @@ def report(
     scenario: Scenario,
     scheme: str | ContactScheme,
     episodes: Sequence[Episode],
-    manner: Manner | None = None,
-    outline: BodyShape | None = None,
     *,
     dt: float | None = None,
     strategy: str = "shortest",
 ) -> dict[str, Any]:
     """Return the figures of many evacuations, ready for JSON: times in s, flow in 1/s, lengths in mm, residual in m/s.
 
-    ``manner``, ``outline``, ``dt`` [s] and ``strategy`` are those of the run, by default the scenario's or the scheme's.
+    ``dt`` [s] and ``strategy`` are those of the run, by default the scheme's and the shortest way.
 
     ``blocked`` lists the runs in which the exits blocked: the number of the run, since when [s], and how many were left.
     ``evacuation_time``, ``t95`` (95 % of the people are out) and ``flow`` (per-run least-squares slopes) are over the runs in
@@ -71,8 +69,8 @@ def report(
     return {
         "scenario": scenario.name,
         "scheme": chosen.info.name,
-        "manner": plain_manner(scenario.manner_of_run(manner)),
-        "outline": plain_outline(scenario.outline_of_run(outline)),
+        "manner": plain_manner(scenario.manner_of_run()),
+        "outline": plain_outline(scenario.outline_of_run()),
         "strategy": strategy,
         "seed": episodes[0].seed - episodes[0].run,
         "dt": chosen.info.default_dt if dt is None else dt,

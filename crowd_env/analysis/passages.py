@@ -164,11 +164,7 @@ def _passage(name: str, own: Gap, way: Way, gaps: dict[int, Gap], people: Floats
 
 def distances(points: Floats, segments: Floats) -> Floats:
     """Return the distance (K,) of points (K, 2) to the nearest of ``segments`` (W, 2, 2) [m]; inf without any."""
-    found = np.full(len(points), np.inf)
-    if len(segments):
-        for k, point in enumerate(points):
-            found[k] = np.hypot(*(_nearest(point, segments) - point).T).min()
-    return found
+    return np.array([np.hypot(*(_nearest(point, segments) - point).T).min(initial=np.inf) for point in points])
 
 
 def _nearest(point: Floats, segments: Floats) -> Floats:
@@ -214,11 +210,8 @@ def gap_at(walls: Floats, at: Floats, half: float, reach: float) -> Gap | None:
 
 def _within(walls: Floats, at: Floats, reach: float) -> Floats:
     """Return the walls whose box comes within ``reach`` of a point."""
-    near = np.ones(len(walls), dtype=np.bool_)
-    for k in (0, 1):
-        near &= np.minimum(walls[:, 0, k], walls[:, 1, k]) <= at[k] + reach
-        near &= np.maximum(walls[:, 0, k], walls[:, 1, k]) >= at[k] - reach
-    return np.asarray(walls[near])
+    near = (walls.min(axis=1) <= at + reach) & (walls.max(axis=1) >= at - reach)
+    return np.asarray(walls[near.all(axis=1)])
 
 
 def across(walls: Floats, at: Floats) -> Gap:

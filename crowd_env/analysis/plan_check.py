@@ -160,11 +160,10 @@ def _starts(terrain: Terrain, people: People, geometry: Geometry, position: Floa
 
 def _of_size(geometry: Geometry) -> Iterable[str]:
     x0, y0, x1, y1 = geometry.bounds
-    size = f"the plan is {x1 - x0:.1f} m x {y1 - y0:.1f} m"
-    if max(x1 - x0, y1 - y0) > _LARGE:
-        yield f"{size}, which is large: are its coordinates in meters?"
-    if max(x1 - x0, y1 - y0) < _SMALL:
-        yield f"{size}, which is small: are its coordinates in meters?"
+    across = max(x1 - x0, y1 - y0)
+    if not _SMALL <= across <= _LARGE:
+        size = f"{x1 - x0:.1f} m x {y1 - y0:.1f} m, which is {'large' if across > _LARGE else 'small'}"
+        yield f"the plan is {size}: are its coordinates in meters?"
 
 
 def _of_exits(widths: dict[str, float], passages: dict[str, Passage | None], people: People) -> Iterable[str]:

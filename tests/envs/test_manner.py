@@ -76,7 +76,7 @@ def test_a_rollout_and_its_report_know_the_manner():
     usual, calm = (run_episodes(place, 2, manner=manner) for manner in (None, "calm"))
     assert min(one.end for one in calm) > max(one.end for one in usual)
     assert report(place, "nsm2", usual)["manner"] == "competitive"
-    assert report(place, "nsm2", calm, "calm")["manner"] == "calm"
+    assert report(replace(place, manner="calm"), "nsm2", calm)["manner"] == "calm"
     assert report(replace(place, manner={"time_gap": 0.7}), "nsm2", calm)["manner"]["time_gap"] == 0.7
 
 

@@ -74,7 +74,7 @@ def test_a_rollout_and_its_report_know_the_outline():
     place = make_scenario("room-v0", people=8, side=5.0)
     episodes = run_episodes(place, 2, scheme="hertz", outline="torso")
     assert report(place, "hertz", episodes)["outline"] == "disc"
-    assert report(place, "hertz", episodes, outline="torso")["outline"] == "torso"
+    assert report(replace(place, outline="torso"), "hertz", episodes)["outline"] == "torso"
     assert all(one.metrics.unfinished == 0 and one.metrics.escaped == 0 for one in episodes)
 
 
