@@ -195,8 +195,7 @@ def _leaving(axes: "Axes", people: int, curves: Sequence[Curve], *, every: bool)
                     axes.plot(at[-1], len(exits), "x", color=curve.color, ms=7, mew=1.6, zorder=5, clip_on=False)
         if curve.paper is not None:
             axes.plot(float(curve.paper), people, **_PAPER, mec=curve.color, clip_on=False)
-    axes.set_xlim(left=0.0)
-    axes.set_ylim(0.0, 1.06 * people)
+    axes.set(xlim=(0.0, None), ylim=(0.0, 1.06 * people))
     marks, grey = axes.get_legend_handles_labels()[0], hex_of(QUIET)
     if any(line.get_marker() == "x" for line in axes.get_lines()):
         marks.append(mark("blocked from here on", marker="x", ls="", color=grey))

@@ -115,8 +115,7 @@ def window_flows(flows: Mapping[tuple[int, float], Sequence[Floats]], found: Sam
         text = f"{speed:g} m/s" + (f", {lost} of {len(draws)} blocked" if lost else "")
         color = BLOCKED if lost else "black"
         axes.text(0.995, 0.97, text, transform=axes.transAxes, ha="right", va="top", fontsize=9.5, color=color)
-        axes.set_xlim(left=0.0)
-        axes.set_ylim(-0.06, 2.0)
+        axes.set(xlim=(0.0, None), ylim=(-0.06, 2.0))
         if row == 0:
             name_panel(axes, f"{'abc'[column]}. {people} people")
     lines = grid[0, 0].get_legend_handles_labels()

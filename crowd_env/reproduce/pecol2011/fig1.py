@@ -1,6 +1,7 @@
 """Figure 1: two identical pedestrians who run into each other, for several relaxation times."""
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -80,14 +81,10 @@ def recoil(meeting: Meeting) -> tuple[float, float]:
 
 def reproduce(settings: PecolSettings, runs: Mapping[str, object]) -> Result:
     """Return Figure 1."""
-    rows, drawn, measured = [], [], []
-    for tau in TAUS:
-        rows += _head_on(tau)
-        measured.append([row.here for row in rows[-2:]])
-    for tau in TAUS:
-        meeting = meet(_ELASTIC, tau, offset=OFFSET, dt=_DRAWN_STEP, duration=2.0 + 4.0 * tau)
-        drawn.append(meeting)
-        rows += _sideways(tau, meeting)
+    head_on = [_head_on(tau) for tau in TAUS]
+    drawn = [meet(_ELASTIC, tau, offset=OFFSET, dt=_DRAWN_STEP, duration=2.0 + 4.0 * tau) for tau in TAUS]
+    sideways = [_sideways(tau, meeting) for tau, meeting in zip(TAUS, drawn, strict=True)]
+    rows, measured = [*chain(*head_on, *sideways)], [[row.here for row in both] for both in head_on]
     remarks = [
         f"nsm2-printed with K_N → ∞ and dem with k = 1.2e5 N/m. Recoil: exactly head-on, h = {_STEP:g} s, from where the "
         f"bodies part; shift: as drawn, after one contact, h = {_DRAWN_STEP:g} s.",
@@ -138,18 +135,12 @@ def draw(meetings: Sequence[Meeting], recoils: Sequence[Sequence[float | None]])
     touch = int(np.argmax(meetings[0].touching)) - 1  # until then they walk at their desired speed, for every tau
     _draw_ways(left, [meeting.position[touch:] for meeting in meetings])
     quiet_axes(right, r"relaxation time $\tau$ [s]", "recoil, exactly head-on [m]", grid=True)
-    right.plot(
-        taus,
-        [recoil_distance(SPEED, SPEED, tau) for tau in taus],
-        color=hex_of(INK),
-        lw=1.3,
-        label=r"$\tau v_d\,(1-\ln 2)$, from eq. 11",
-    )
+    closed = [recoil_distance(SPEED, SPEED, tau) for tau in taus]
+    right.plot(taus, closed, color=hex_of(INK), lw=1.3, label=r"$\tau v_d\,(1-\ln 2)$, from eq. 11")
     labels = ("NSM2, $K_N \\to \\infty$", "DEM, $k = 1.2\\times10^5$ N/m")
     for k, (label, values) in enumerate(zip(labels, np.array(recoils, dtype=np.float64).T, strict=True)):
         right.plot(TAUS, values, "os"[k], color=series(k), markersize=6.5, label=label)
-    right.set_xlim(0.0, taus[-1])
-    right.set_ylim(bottom=0.0)
+    right.set(xlim=(0.0, taus[-1]), ylim=(0.0, None))
     right.legend(frameon=False, fontsize=9.5, loc="upper left")
     return figure
 
@@ -166,9 +157,7 @@ def _draw_ways(axes: "Axes", trajectories: Sequence[Floats]) -> None:
         for who in (0, 1):
             label = None if who else rf"$\tau$ = {tau:g} s"
             axes.plot(*positions[:, who].T, color=shade(k / (len(TAUS) - 1)), lw=1.7, zorder=3, label=label)
-    axes.set_xlim(-1.35, 1.35)
-    axes.set_aspect("equal", adjustable="box")
-    axes.set_ylim(-0.86, 0.86)
+    axes.set(aspect="equal", xlim=(-1.35, 1.35), ylim=(-0.86, 0.86))
     axes.set_xlabel("$x$ [m]", fontsize=10)
     axes.set_ylabel("$y$ [m]", fontsize=10)
     axes.legend(frameon=False, fontsize=9.5, loc="lower left", handlelength=1.6)

@@ -174,9 +174,7 @@ def draw(traces: Sequence[Sequence[Instant]]) -> "Figure":
             if k in (0, _DRAWN - 1):
                 axes.text(at.x + 0.05, at.y, f"$t$ = {0.1 * k:.1g} s", fontsize=8.5, color=color, zorder=7)
         name_panel(axes, f"{panel}. {title}")
-        axes.set_aspect("equal")
-        axes.set_xlim(-0.28, 1.2)
-        axes.set_ylim(-0.88, 0.36)
+        axes.set(aspect="equal", xlim=(-0.28, 1.2), ylim=(-0.88, 0.36))
         axes.set_xlabel("$x$ [m]", fontsize=10)
         axes.set_ylabel("$y$ [m]", fontsize=10)
         axes.label_outer()

@@ -138,8 +138,7 @@ def exits_against_time(exit_times: Floats, slope: float, start: float, title: st
     if np.isfinite(slope):
         label = f"linear regression, {slope:.2f} /s ({printed} /s)"
         axes.plot([0.0, end], [start, start + slope * end], color="black", lw=2.0, label=label, zorder=3)
-    axes.set_xlim(0.0, end)
-    axes.set_ylim(0.0, 1.04 * people)
+    axes.set(xlim=(0.0, end), ylim=(0.0, 1.04 * people))
     axes.legend(frameon=False, fontsize=9.5, loc="lower right")
     return figure
 

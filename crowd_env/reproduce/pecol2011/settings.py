@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from crowd_env.core.checks import COUNT, Range
-from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme, make_scheme
+from crowd_env.physics import DEM, NSM2, ContactScheme, make_scheme
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.paper import TARGET_HELP, Settings, flag, option
 from crowd_env.routing.route_set import Target
@@ -55,7 +55,6 @@ class PecolSettings(Settings):
             return DEM(self.stiffness)
         if isinstance(scheme, NSM2):
             return replace(scheme, normal_dissipation=self.k_normal, tangential_dissipation=self.k_tangent)
-        assert isinstance(scheme, NSM1)
         return scheme
 
     def cases(self, schemes: Collection[str]) -> dict[str, Case]:

@@ -53,14 +53,10 @@ def reproduce(settings: PecolSettings, runs: Mapping[str, object]) -> Result:
         "12.147106052612919.",
         "At h = 1e-05 s the printed text has 13 decimals where the other rows have 14; the row mended puts a zero back.",
     ]
-    raw = RawTable(
-        ("h_s", "u_x", "u_y", "error", "printed"),
-        [(step, *map(repr, map(float, after[k])), float(error[k]), text) for k, (step, text) in printed]
-        + [
-            (float(step), repr(float(u)), VELOCITY[1], abs(float(u) - 2.0), "")
-            for step, u in zip(_SWEEP, sweep, strict=True)
-        ],
-    )
+    raw = [(step, *map(repr, map(float, after[k])), float(error[k]), text) for k, (step, text) in printed]
+    for step, u in zip(_SWEEP.tolist(), sweep.tolist(), strict=True):
+        raw.append((step, repr(u), VELOCITY[1], abs(u - 2.0), ""))
+    table = RawTable(("h_s", "u_x", "u_y", "error", "printed"), raw)
 
     def draw() -> "Figure":
         figure = new_figure((6.4, 4.2))
@@ -76,7 +72,7 @@ def reproduce(settings: PecolSettings, runs: Mapping[str, object]) -> Result:
         axes.legend(frameon=False, fontsize=9.5, loc="upper left")
         return figure
 
-    return Result("table3", TITLE, rows, {"velocities": raw}, draw, remarks, unit="m/s")
+    return Result("table3", TITLE, rows, {"velocities": table}, draw, remarks, unit="m/s")
 
 
 def _after_contact(h: float) -> Floats:

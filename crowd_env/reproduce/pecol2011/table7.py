@@ -26,7 +26,7 @@ from crowd_env.reproduce.pecol2011.room import PAPER_MARK
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pecol2011.theatre import IMPLIED, PRINTED, ROUTES, Egress, mean_row
 from crowd_env.reproduce.result import Result
-from crowd_env.routing.fields.field import NavigationField
+from crowd_env.routing.fields.grid import nearest_nodes
 from crowd_env.scenarios.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -92,7 +92,8 @@ def _plan(axes: "Axes", scenario: Scenario) -> None:
     draw_geometry(axes, geometry, wall=1.6, exit=3.0, margin=0.03)
     assert people.starts is not None
     fields = {route.name: route.field for route in scenario.route_set().routes}
-    nearer = np.argmin([[_time(fields[name], at) for name in ROUTES] for at in people.starts], axis=1)
+    nodes = nearest_nodes(people.starts, fields["A"].origin, fields["A"].spacing, fields["A"].travel_time.shape)
+    nearer = np.argmin([fields[name].travel_time[nodes] for name in ROUTES], axis=0)
     for k, name in enumerate(ROUTES):
         mine = people.starts[nearer == k]
         draw_bodies(axes, mine, people.radius.low, facecolor=series(k), edgecolor="white", linewidth=0.4, zorder=2)
@@ -104,11 +105,6 @@ def _plan(axes: "Axes", scenario: Scenario) -> None:
         axes.text(x0 + 0.14, y1 - 0.1, rule.region, fontsize=10.5, va="top", zorder=6)
     said = f"{len(people.starts)} people by their shortest path; dashed: where people are counted"
     name_panel(axes, f"Synthetic theatre: {said}")
-
-
-def _time(field: NavigationField, at: Floats) -> float:
-    j, i = np.rint((np.asarray(at) - field.origin) / field.spacing).astype(int)
-    return float(field.travel_time[i, j])
 
 
 def _times(axes: "Axes", done: Mapping[str, Egress]) -> None:
@@ -169,8 +165,7 @@ def egress_panels(done: Egress) -> "Figure":
         quiet_axes(axes, "time [s]", "people out" if name == "all" else "", title=title, grid=True)
         _egress(axes, done.time if name == "all" else done.by(name), end)
         _printed(axes, name, IMPLIED.get(f"people by {name}", (people, people)))
-        axes.set_xlim(0.0, end)
-        axes.set_ylim(0.0, 1.05 * people)
+        axes.set(xlim=(0.0, end), ylim=(0.0, 1.05 * people))
     figure.legend(
         handles=[
             mark(f"{runs} simulation{'s' if runs > 1 else ''}, synthetic plan", color=_RUN, lw=1.2),

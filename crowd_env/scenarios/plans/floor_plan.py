@@ -1,5 +1,6 @@
 """What a reader finds in a file of a floor plan, in the file's units, and what becomes of it: a plan in meters."""
 
+import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -84,10 +85,7 @@ def _join(shapes: dict[str, BaseGeometry], name: str, shape: BaseGeometry) -> No
 
 
 def _numbered(word: str, taken: Mapping[str, object]) -> str:
-    number = 0
-    while f"{word}-{number}" in taken:
-        number += 1
-    return f"{word}-{number}"
+    return next(name for name in (f"{word}-{number}" for number in itertools.count()) if name not in taken)
 
 
 def listed(names: Iterable[str], most: int = 4) -> str:

@@ -98,8 +98,7 @@ def _add_unmarked(drawing: Drawing, unmarked: list[Any]) -> None:
     if not drawing.walkable:
         drawing.walkable += polygons
     if left:
-        words = ", ".join((*WORDS, "obstacle", "exit"))
         drawing.notes.append(
             f"left out: {counted(left, 'feature', 'features')} without a word of what it is; a property 'kind' may be one of "
-            f"{', '.join(dict.fromkeys(words.split(', ')))}"
+            f"{', '.join(WORDS)}"
         )

@@ -139,8 +139,8 @@ def pillar(*, door_width: float = 1.0, radius: float = 0.3, distance: float = 0.
     title = f"room of 8 x 8 m, exit of {door_width:.10g} m, {column}"
     paper = "Helbing, Buzna, Johansson, Werner, Transportation Science 39 (2005)"
     source = f"drawn for this project, after the column before an exit of {paper}"
-    blocked_after = 30.0  # some schemes build arches that hold
-    return Scenario("pillar-v0", geometry, people, 120.0, title, source, blocked_after=blocked_after)
+    # Some schemes build arches that hold.
+    return Scenario("pillar-v0", geometry, people, 120.0, title, source, blocked_after=30.0)
 
 
 @_place(width=Range(0.8, 6.0))
