@@ -72,7 +72,7 @@ def default_config(
         "options": options,
         "people": place.population.people,
         "routing": None if routing is None else dict(routing),
-        "strategy": "shortest" if routing is None else "fastest",
+        "strategy": place.strategy_of_run() if routing is None else "fastest",
         "scheme": scheme,
         "seed": seed,
         "envs": envs,

@@ -33,14 +33,15 @@ from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios import SCENARIOS, make_scenario
 from crowd_env.scenarios.groups import Groups
-from crowd_env.scenarios.population import LogNormal, Normal, Population, Uniform
-from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.population import TABLE_4, LogNormal, Normal, Population, Uniform
+from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 from crowd_env.scenarios.starts import read_starts
 
 ROUTING = "crowd_env/Routing-v0"  # one controller that sends people to exits
 
 __all__ = [
     "DEM",
+    "FULL_SPEED",
     "MANNERS",
     "NSM1",
     "NSM2",
@@ -48,6 +49,7 @@ __all__ = [
     "SCENARIOS",
     "SCHEMES",
     "SOCIAL_FORCES",
+    "TABLE_4",
     "ActionKind",
     "Bodies",
     "Comfort",

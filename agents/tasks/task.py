@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 import tomllib
 
-from crowd_env import Scenario, make_scenario, make_scheme
+from crowd_env import FULL_SPEED, Scenario, make_scenario, make_scheme
 from crowd_env.core.arrays.headway import make_manner
 from crowd_env.core.checks import known, whole
 from crowd_env.core.files.fingerprint import fingerprint
@@ -115,8 +115,9 @@ class Task:
 
 
 def plain_place(place: Scenario) -> dict[str, Any]:
-    """Return everything in a scenario that decides what happens, as plain data."""
-    return {one.name: _plain(getattr(place, one.name)) for one in fields(place) if one.name not in _WORDS}
+    """Return everything in a scenario that decides what happens, as plain data; what is as in the papers goes unsaid."""
+    unsaid = [*_WORDS, *(name for name in ("strategy", "max_drive") if getattr(place, name) == FULL_SPEED[name])]
+    return {one.name: _plain(getattr(place, one.name)) for one in fields(place) if one.name not in unsaid}
 
 
 def place_digest(place: Scenario) -> str:

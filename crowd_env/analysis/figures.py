@@ -51,7 +51,7 @@ def report(
     episodes: Sequence[Episode],
     *,
     dt: float | None = None,
-    strategy: str = "shortest",
+    strategy: str | None = None,
 ) -> dict[str, Any]:
     """Return the figures of many evacuations, ready for JSON: times in s, flow in 1/s, lengths in mm, residual in m/s.
 
@@ -71,7 +71,7 @@ def report(
         "scheme": chosen.info.name,
         "manner": plain_manner(scenario.manner_of_run()),
         "outline": plain_outline(scenario.outline_of_run()),
-        "strategy": strategy,
+        "strategy": scenario.strategy_of_run(strategy),
         "seed": episodes[0].seed - episodes[0].run,
         "dt": chosen.info.default_dt if dt is None else dt,
         "time_limit": episodes[0].time_limit,
@@ -230,10 +230,15 @@ def cells(place: Scenario, figures: Mapping[str, Any]) -> dict[str, str]:
         "plan": f"{place.geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m",
         "exits": listed(widths),
     }
+    ended = figures["runs"] - figures["unfinished_runs"]
+    of = f", of the {ended} of {figures['runs']} runs that ended" if ended < figures["runs"] else ""
     for name, figure in FIGURES.items():
-        rows[figure.title] = spread(figures[name], figure.unit)
+        rows[figure.title] = spread(figures[name], figure.unit) + (of if name == "evacuation_time" else "")
         if name == "evacuation_time" and (bounds := interval(figures[name], figure.unit)):
             rows["  95 % interval of the mean"] = bounds
+    flows = {name: number(taken["flow_per_meter"]["mean"]) for name, taken in figures["exits"].items()}
+    parts = [f"{name} {flow}" if len(flows) > 1 else flow for name, flow in flows.items()]
+    rows["flow per meter of exit"] = f"{listed(parts)} 1/(s m); at most {HIGHEST_FLOW:g} was ever measured"
     if len(figures["exits"]) > 1:
         shares = [(name, taken["share"]["mean"]) for name, taken in figures["exits"].items()]
         parts = [f"{name} {'-' if mean is None else f'{100.0 * mean:.0f} %'}" for name, mean in shares]

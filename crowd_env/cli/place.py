@@ -13,7 +13,7 @@ from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
 from crowd_env.scenarios.floor_plan import people_on, scenario_on
 from crowd_env.scenarios.plans.reading import read_plan
 from crowd_env.scenarios.plans.units import unit_in_meters
-from crowd_env.scenarios.population import DRAWN, Uniform
+from crowd_env.scenarios.population import DRAWN, TABLE_4, Uniform
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.starts import read_starts
 from crowd_env.scenarios.titles import with_manner
@@ -57,13 +57,12 @@ def place_of(given: Mapping[str, Any]) -> Setting:
             raise ValueError(f"--set {name}: nothing has this name; {there}")
     drawn, of_physics, _ = ({name: changes[name] for name in names if name in changes} for names in owners.values())
     outline, social = drawn.pop("outline", None), of_physics.pop("social", None)
-    of_place = {name: given.get(name) for name in ("unit", "people", "starts", "time_limit")}
+    of_place = {name: given.get(name) for name in ("unit", "people", "starts", "time_limit", "crowd")}
     found = read_place(given.get("scenario") or "room-v0", exits=given.get("exit"), drawn=drawn, **of_place)
     place = with_manner(found, given.get("crowd"), outline)
     numbers = {name: _value(text) for name, text in of_physics.items()}
-    options: dict[str, Any] = {"strategy": given.get("routing") or "shortest", "dt": numbers.pop("dt", None)}
-    if "max_drive" in numbers:
-        options["max_drive"] = numbers.pop("max_drive")
+    options: dict[str, Any] = {"strategy": place.strategy_of_run(given.get("routing")), "dt": numbers.pop("dt", None)}
+    options |= {name: numbers.pop(name) for name in ("max_drive",) if name in numbers}
     options["rules"] = flag("--set signs", _value(changes.get("signs", "yes")))
     return Setting(place, replace(make_scheme(scheme, social), **numbers), options)
 
@@ -77,6 +76,7 @@ def read_place(
     starts: str | Path | None = None,
     time_limit: float | None = None,
     drawn: Mapping[str, str] | None = None,
+    crowd: str | None = None,
 ) -> Scenario:
     """Return the place that a command line names, with its people changed as the options say; None = as they are.
 
@@ -89,19 +89,20 @@ def read_place(
     starts : CSV file of starting positions.
     time_limit : s.
     drawn : radius, speed and other properties of people, each as "0.2" or "0.2,0.25".
+    crowd : manner of the people; competitive ones on a floor plan are those of the papers, `TABLE_4`.
 
     Raises
     ------
     ValueError
         If there is no such place, something in its file is wrong, or an option does not suit it.
     """
-    crowd = people_options(people, starts, unit, drawn)
+    fields = people_options(people, starts, unit, drawn)
     timing: dict[str, Any] = {} if time_limit is None else {"time_limit": time_limit}
     options = plan_options(name, exits, unit)
     if kind_of_place(name) == "plan":
         plan = read_plan(name, **options)
-        return scenario_on(plan, people_on(plan, **crowd), **timing)
-    population = {"population": make_scenario(name).population.changed(**crowd)} if crowd else {}
+        return scenario_on(plan, people_on(plan, **{**(TABLE_4 if crowd == "competitive" else {}), **fields}), **timing)
+    population = {"population": make_scenario(name).population.changed(**fields)} if fields else {}
     return make_scenario(name, **timing, **population)
 
 

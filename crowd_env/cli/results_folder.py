@@ -67,7 +67,7 @@ def config_of(
         scheme,
         given["runs"],
         seed=given["seed"],
-        **options,
+        **{"max_drive": place.max_drive, **options},
         command=["crowd-env", *sys.argv[1:]],
         arguments=arguments,
         files=list(files.values()),

@@ -49,7 +49,7 @@ def run(
     people: options.PeopleCount = None,
     starts: options.Starts = None,
     crowd: options.CrowdName = None,
-    routing: options.RoutingName = "shortest",
+    routing: options.RoutingName = None,
     physics: options.PhysicsName = "nsm2",
     set: options.Changes = None,
     runs: options.Runs = 50,
@@ -102,7 +102,7 @@ def run(
     else:
         who = counted(figures["people"], "person", "people"), counted(figures["runs"], "run", "runs")
         title = run_title(place, scheme.info.name, people=who[0], runs=who[1])
-        settings = f"seed {seed}, step {figures['dt']:g} s, {routing}; {time.monotonic() - begin:.1f} s of computing"
+        settings = f"seed {seed}, step {figures['dt']:g} s, {figures['strategy']}; {time.monotonic() - begin:.1f} s"
         show_table(title, {"": cells(place, figures)}, caption=settings)
         if figures["doubts"]:
             Console(highlight=False).print(f"[yellow]check:[/] {escape(figures['doubts'])}", soft_wrap=True)

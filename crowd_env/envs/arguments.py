@@ -9,13 +9,14 @@ import numpy as np
 from crowd_env.core.arrays.headway import MANNERS, Headway, Manner, plain_manner
 from crowd_env.core.arrays.outline import OUTLINES, BodyShape, Outline, plain_outline
 from crowd_env.core.arrays.state import Bodies, Bools, make_bodies
-from crowd_env.core.checks import NOT_NEGATIVE, refuse, whole
+from crowd_env.core.checks import NOT_NEGATIVE, Range, number, refuse, whole
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario
 
 Place: TypeAlias = str | Path | Mapping[str, Any] | Scenario
 """How callers say what is evacuated: a name, a file, a table of a name and options, or a Scenario."""
 
+DRIVE = Range(0.0, above=True, infinite=True)
 MOST_PEOPLE_IN_BATCH = 10_000_000
 NUMBERS = "biuf"  # kinds of dtype that an action may have
 
@@ -64,6 +65,24 @@ def manner_and_outline(
             way = f"physics=Physics(outline={next(iter(OUTLINES))!r})"
             raise ValueError(f"the people of one batch have one outline, not {both}; say which: {way}")
     return walk, shape
+
+
+def one_drive(scenarios: Sequence[Scenario], given: float | None, drives: bool) -> float | None:
+    """Return the largest drive [N] of the people of a batch: as is given, or as the scenarios say; None = no limit.
+
+    Raises
+    ------
+    ValueError
+        If the scenarios do not say the same.
+    """
+    found = {one.max_drive for one in scenarios} if given is None else {number("max_drive", given, DRIVE, "N")}
+    if len(found) > 1:
+        both = " and ".join(f"{drive:g} N" for drive in sorted(found))
+        raise ValueError(
+            f"the people of one batch drive alike, not with at most {both}; say which: Physics(max_drive=300.0)"
+        )
+    limit = found.pop()
+    return None if np.isinf(limit) or (given is None and not drives) else limit
 
 
 def parts_of(what: str, duration: float, parts: str, part: float) -> int:

@@ -13,7 +13,15 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints, make_state
 from crowd_env.core.checks import COUNT, POSITIVE, Range, array, flag, number, whole
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.envs.action import ActionKind, make_action, to_command
-from crowd_env.envs.arguments import Place, bodies_before_reset, manner_and_outline, parts_of, scenarios_of, seed_words
+from crowd_env.envs.arguments import (
+    Place,
+    bodies_before_reset,
+    manner_and_outline,
+    one_drive,
+    parts_of,
+    scenarios_of,
+    seed_words,
+)
 from crowd_env.envs.episode import EnvCheckpoint, init_transition, metrics_of, update_episode
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout, make_layout
@@ -103,7 +111,7 @@ class CrowdEnv:
         num_envs: int = 1,
         physics: AsPhysics = "nsm2",
         walking: AsWalking = None,
-        routing: AsRouting = "shortest",
+        routing: AsRouting = None,
         action: str | Mapping[str, Any] | ActionKind = "continuous",
         observation: ObservationLayout | Mapping[str, Any] | None = None,
         reward: RewardWeights | Mapping[Any, Any] | None = None,
@@ -115,7 +123,7 @@ class CrowdEnv:
         self.physics = physics = Physics.of(physics)
         self.walking = walking = Walking.of(walking)
         self.routing = routing = Routing.of(routing)
-        scheme, dt, threads, strategy = physics.law, physics.step, physics.threads, routing.strategy
+        scheme, dt, threads = physics.law, physics.step, physics.threads
         self.decision_dt = decision_dt = number("decision_dt", decision_dt, POSITIVE, "s")
         self.n_substeps = parts_of("decision_dt", decision_dt, "physics steps of dt", dt)
         if time_limit is not None:
@@ -137,7 +145,11 @@ class CrowdEnv:
         slots = len(bodies.radius)
         self.env_start = bodies.env_start
         self.env_of_person = np.repeat(np.arange(num_envs), np.diff(self.env_start))
-        self.route_set = [each.route_set(strategy, rules=routing.signs, ways=choosing) for each in self.scenarios]
+        self.strategies = [each.strategy_of_run(routing.strategy) for each in self.scenarios]
+        self.route_set = [
+            each.route_set(strategy, rules=routing.signs, ways=choosing)
+            for each, strategy in zip(self.scenarios, self.strategies, strict=True)
+        ]
         self._usual_route: list[Ints | None] = [None] * len(self.scenarios)  # known where it is that of every episode
         self.simulation = Simulation(
             [each.geometry for each in self.scenarios],
@@ -150,7 +162,7 @@ class CrowdEnv:
             threads=threads,
             manner=manner,
             outline=shape,
-            max_drive=physics.max_drive,
+            max_drive=one_drive(self.scenarios, physics.max_drive, scheme.drives),
         )
         self.simulation.state.active[:] = False  # nobody is there before the first reset
         in_world = self.action_kind.frame == "world"
@@ -312,9 +324,9 @@ class CrowdEnv:
         if route is None:
             route_set = self.simulation.planner.route_set(e)  # as the doors stand at the start
             assert route_set is not None
-            chosen = scenario.choose(route_set, self.routing.strategy, position)
+            chosen = scenario.choose(route_set, self.strategies[kind], position)
             self.simulation.send(e, chosen)
-            if not scenario.depends_on_place(self.routing.strategy):
+            if not scenario.depends_on_place(self.strategies[kind]):
                 self._usual_route[kind] = chosen
         people, transition = self.people(e), self._transition
         self._choice.chosen_at[people], transition.impulse[people], transition.inside[people] = -np.inf, 0.0, True

@@ -114,8 +114,8 @@ class Physics(Part):
     dt : s, physics step; by default that of the scheme.
     outline : shape of all bodies: a name in ``OUTLINES``, an `Outline`, or a table of its parameters.  By default the scenario
         decides, and if it says nothing bodies are discs.  Only schemes that turn bodies take another: `hertz`, `hertz-literal`.
-    max_drive : N, the largest force with which a pedestrian drives forwards; by default as large as the papers make it, up to
-        2 kN.  No scheme without a driving force takes it (`nsm1`).
+    max_drive : N, the largest force with which a pedestrian drives forwards, infinite = as large as the papers make it, up to
+        2 kN; by default the scenario decides.  No scheme without a driving force takes it (`nsm1`).
     threads : spread environments over threads; results do not depend on it.
 
     Raises
@@ -155,8 +155,7 @@ class Walking(Part):
 
     Parameters
     ----------
-    manner : a name in ``MANNERS``, a `Headway`, or a table of its parameters.  By default the scenario decides, and if it says
-        nothing people walk at full speed whatever is in front of them.
+    manner : a name in ``MANNERS``, a `Headway`, or a table of its parameters; by default the scenario decides.
     acts_on : "everyone": also those who have an action, which then says what one would do with nobody in front.  "scripted":
         only those who have no action; the others walk as their action says.
 
@@ -180,7 +179,8 @@ class Routing(Part):
 
     Parameters
     ----------
-    strategy : a name in `crowd_env.routing.strategies.STRATEGIES`, or that of a route or exit of the scenario.
+    strategy : a name in `crowd_env.routing.strategies.STRATEGIES`, or that of a route or exit of the scenario; by default the
+        scenario decides.
     signs : whether the control rules of the scenario send people another way.
 
     Raises
@@ -189,7 +189,7 @@ class Routing(Part):
         If one of them is something else; the environment looks whether its scenario has the route.
     """
 
-    strategy: str = "shortest"
+    strategy: str | None = None
     signs: bool = True
 
     def __post_init__(self) -> None:
@@ -198,7 +198,7 @@ class Routing(Part):
 
 AsPhysics: TypeAlias = Physics | str | Mapping[str, Any] | ContactScheme
 AsWalking: TypeAlias = Walking | str | Mapping[str, Any] | Headway | None
-AsRouting: TypeAlias = Routing | str | Mapping[str, Any]
+AsRouting: TypeAlias = Routing | str | Mapping[str, Any] | None
 
 
 class EnvArguments(TypedDict, total=False):

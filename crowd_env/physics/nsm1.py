@@ -72,6 +72,11 @@ class NSM1(IterativeScheme):
         """Return 2 h tolerance: h times the residual, twice for safety against rounding."""
         return 2.0 * dt * self.tolerance
 
+    @property
+    def drives(self) -> bool:
+        """Only the inertial form has a driving force."""
+        return self.trial == "inertial"
+
     def check(self, driving: bool, max_drive: float | None = None) -> None:
         """Refuse passive grains without inertia, and a limit of the drive where there is none."""
         if not driving and self.trial == "spontaneous":

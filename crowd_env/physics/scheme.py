@@ -76,6 +76,11 @@ class ContactScheme(ABC):
         """Whether contacts turn bodies: only then they may have an outline."""
         return False
 
+    @property
+    def drives(self) -> bool:
+        """Whether people are driven by a force, which a largest drive limits."""
+        return True
+
     def check(self, driving: bool, max_drive: float | None = None) -> None:  # noqa: B027  # most schemes accept all
         """Raise ValueError if the scheme has no use for pedestrians (``driving``), passive grains, or a limited drive."""
 

@@ -32,7 +32,7 @@ def facts_of(env: CrowdEnv, e: int, *, every: int, contacts: bool, seed: int | N
         "every": every * env.decision_dt,
         "run": run,
         "seed": seed,
-        "strategy": env.routing.strategy,
+        "strategy": env.strategies[e % len(env.strategies)],
         "manner": plain_manner(simulation.manner),
         "outline": plain_outline(simulation.outline),
         "time_limit": float(env.time_limit[e]),

@@ -25,6 +25,9 @@ COMMON = ("people", "population", "time_limit", "blocked_after", "target")
 
 _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
 
+# How people walk in the papers: `Scenario(..., **FULL_SPEED)`.
+FULL_SPEED: Mapping[str, Any] = {"manner": None, "strategy": "shortest", "max_drive": np.inf}
+
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
@@ -35,7 +38,11 @@ class Scenario:
     nearest point of its whole "width".  The straight ones are for comparison with models that have no path planning.
 
     ``manner`` says how people walk before they touch, unless the run says otherwise: a name in ``MANNERS``, a Headway, or a
-    table of its parameters; by default at full speed, whatever is in front of them.
+    table of its parameters; None = at full speed, whatever is in front of them.  By default people keep a distance and do not
+    drive harder than a person can; ``**FULL_SPEED`` gives the people of the papers, who do neither.
+
+    ``strategy`` is how people choose their way, unless the run says otherwise.  By default it is the fastest where there are
+    several exits and nothing else says who takes which (routes, rules, one-way doors, a straight ``target``), else the shortest.
 
     ``outline`` is the shape of all bodies, unless the run says otherwise: a name in ``OUTLINES``, an Outline, or a table of its
     parameters; by default they are discs.  People are placed with room to turn.
@@ -65,8 +72,10 @@ class Scenario:
     door_events: tuple[DoorEvent, ...] = ()  #: doors that open or close
     one_way: tuple[OneWay, ...] = ()  #: doors that people mean to pass one way only
     comfort: Comfort = field(default_factory=Comfort)  #: what the strategy ``"comfortable"`` avoids
-    manner: Manner | None = None  #: how people walk
+    manner: Manner | None = "hurried"  #: how people walk
     outline: BodyShape | None = None  #: the shape of all bodies
+    strategy: str | None = None  #: how people choose their way
+    max_drive: float = 300.0  #: N, the largest force with which one drives forwards; infinite = as the papers have it
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "population", as_people(self.population))
@@ -76,7 +85,13 @@ class Scenario:
         shape = make_outline(self.outline)
         if not isinstance(self.outline, str):
             object.__setattr__(self, "outline", shape)
-        check_fields(f"scenario {shown(self.name)}", self, time_limit=POSITIVE, blocked_after=_PERHAPS_NEVER)
+        check_fields(
+            f"scenario {shown(self.name)}",
+            self,
+            time_limit=POSITIVE,
+            blocked_after=_PERHAPS_NEVER,
+            max_drive=_PERHAPS_NEVER,
+        )
         if len(self.geometry.exits) == 0:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
         require_grid(self.geometry, self.population.radius.low)
@@ -85,6 +100,7 @@ class Scenario:
             require_names("exit", part.exits, self.exits)
             require_names("route", [part.route], [*(route.name for route in self.routes), *self.exits])
         require_room(self.geometry, self.population.parts, room_of(shape))
+        self.strategy_of_run()
 
     def manner_of_run(self, manner: Manner | None = None) -> Headway | None:
         """Return how people walk in a run of this ``manner``; None = as the scenario says.
@@ -105,6 +121,23 @@ class Scenario:
             If the outline is unknown.
         """
         return make_outline(self.outline if outline is None else outline)
+
+    def strategy_of_run(self, strategy: str | None = None) -> str:
+        """Return how people choose their way in a run of this ``strategy``; None = as the scenario says.
+
+        Raises
+        ------
+        ValueError
+            If the strategy is unknown.
+        """
+        strategy = self.strategy if strategy is None else strategy
+        if strategy is None:
+            said = self.routes or self.rules or self.one_way or self.target != "path" or len(self.exits) == 1
+            return "shortest" if said else "fastest"
+        known = (*STRATEGIES, *(route.name for route in self.routes), *self.exits)
+        if not isinstance(strategy, str) or strategy not in known:
+            raise ValueError(f"{self.name}: unknown strategy {shown(strategy)}; known: {', '.join(known)}")
+        return strategy
 
     @property
     def exits(self) -> tuple[str, ...]:
@@ -135,10 +168,7 @@ class Scenario:
             If the strategy is unknown or a route leads nowhere.
         """
         flag("rules", rules)
-        routes = list(self.routes)
-        known = (*STRATEGIES, *(route.name for route in routes), *self.exits)
-        if not isinstance(strategy, str) or strategy not in known:
-            raise ValueError(f"{self.name}: unknown strategy {shown(strategy)}; known: {', '.join(known)}")
+        strategy, routes = self.strategy_of_run(strategy), list(self.routes)
         for part in self.population.parts:
             names = [OUT, *(route.name for route in routes)]
             routes += [route for route in self._taken(part, strategy) if route.name not in names]

@@ -5,11 +5,13 @@ from typing import Any
 
 from crowd_env.core.arrays.headway import make_manner, plain_manner
 from crowd_env.core.arrays.outline import make_outline, plain_outline
-from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 
 
 def with_manner(place: Scenario, manner: str | None, outline: str | None = None) -> Scenario:
     """Return a scenario in which people walk in this manner and have this outline; None = as it says.
+
+    Competitive people drive as hard as in the papers.
 
     Raises
     ------
@@ -19,6 +21,8 @@ def with_manner(place: Scenario, manner: str | None, outline: str | None = None)
     make_manner(manner)
     make_outline(outline)
     given: dict[str, Any] = {"manner": manner or place.manner, "outline": outline or place.outline}
+    if manner == "competitive":
+        given["max_drive"] = FULL_SPEED["max_drive"]
     return replace(place, **given)
 
 

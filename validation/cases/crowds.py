@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env import Bodies, CrowdState, Geometry, Scenario, Simulation, make_state
+from crowd_env import Bodies, CrowdState, Geometry, Scenario, Simulation, make_scheme, make_state
+from crowd_env.core.arrays.headway import make_manner
 from crowd_env.envs.metrics import flow_slope
 from validation.cases.case import Setting
 
@@ -114,6 +115,8 @@ def crowds_at(
     every = Bodies._make([*columns, np.cumsum([0, *map(len, position)])])
     state = make_state(np.concatenate(position), environments=len(drawn))
     how: dict[str, Any] = {"scheme": setting.scheme, "manner": setting.manner, "outline": setting.outline}
+    if make_manner(setting.manner) is not None and make_scheme(setting.scheme).drives:
+        how["max_drive"] = Scenario.max_drive  # of people who keep a distance
     return Crowds(Simulation(place, every, state, **how, **options), draws)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from shapely.geometry import box
 
-from crowd_env import Geometry, Hertz, Population, Scenario, make_scheme
+from crowd_env import FULL_SPEED, TABLE_4, Geometry, Hertz, Population, Scenario, make_scheme
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.physics import ContactScheme
 from validation.cases.case import Row, Setting, row
@@ -26,7 +26,9 @@ def narrow_door(width: float, jamb_radius: float) -> Scenario:
     low, high = 0.5 * (_SIDE - width), 0.5 * (_SIDE + width)
     door = {"door": [(_SIDE, low), (_SIDE, high)]}
     geometry = Geometry.from_polygon(box(0.0, 0.0, _SIDE, _SIDE), exits=door, jamb_radius=jamb_radius)
-    return Scenario("narrow-door", geometry, Population(_PEOPLE), 600.0, blocked_after=_STUCK_AFTER)
+    return Scenario(
+        "narrow-door", geometry, Population(_PEOPLE, **TABLE_4), 600.0, blocked_after=_STUCK_AFTER, **FULL_SPEED
+    )
 
 
 def run(setting: Setting) -> Iterator[Row]:

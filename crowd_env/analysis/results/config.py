@@ -31,7 +31,7 @@ def run_config(
     dt: float | None,
     strategy: str,
     rules: bool,
-    max_drive: float | None = None,
+    max_drive: float,
     command: Sequence[str] = (),
     arguments: Mapping[str, Any] | None = None,
     files: Sequence[Path] = (),
@@ -42,7 +42,7 @@ def run_config(
     ----------
     scenario : with manner and outline of the run.
     dt : s, physics step; None = the scheme's.
-    max_drive : N, see `crowd_env.physics.simulation.simulation.Simulation`.
+    max_drive : N, of people; of no account to a scheme that does not drive them.
     command : the words of the command line.
     arguments : its options by their names, as it was given them.
     files : what it read.
@@ -61,7 +61,7 @@ def run_config(
         "outline": plain_outline(scenario.outline_of_run()),
         "strategy": strategy,
         "rules": rules,
-        "max_drive": max_drive,
+        "max_drive": plain(max_drive),
         "scheme": {"name": scheme.info.name, **plain(scheme)},
         "dt": scheme.info.default_dt if dt is None else dt,
         "decision_dt": DECISION_DT,

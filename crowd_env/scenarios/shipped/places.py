@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,8 @@ from crowd_env.routing.spec import ControlRule
 from crowd_env.routing.speed_map import SpeedZone
 from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
 from crowd_env.scenarios.groups import Groups
-from crowd_env.scenarios.population import Population
-from crowd_env.scenarios.scenario import COMMON, Scenario, changed_place
+from crowd_env.scenarios.population import TABLE_4, Population
+from crowd_env.scenarios.scenario import COMMON, FULL_SPEED, Scenario, changed_place
 
 _SLIM = Uniform(0.18, 0.22)  # m
 _WALKING = Normal(1.34, 0.26, 0.8, 1.9)  # m/s
@@ -33,7 +34,7 @@ def _place(**bounds: Range) -> Callable[[Callable[..., Scenario]], Callable[...,
             for name, default in defaults.items():
                 check = whole if isinstance(default, int) else number
                 sizes[name] = check(f"{title}: {name}", options.get(name, default), bounds[name])
-            return changed_place(make(**sizes), options)
+            return changed_place(replace(make(**sizes), **FULL_SPEED), options)
 
         made.__kwdefaults__ = {**defaults, **dict.fromkeys(COMMON)}  # type: ignore[attr-defined]  # a function has them
         return made
@@ -50,8 +51,12 @@ def _grid(thing: ArrayLike, columns: int, rows: int, step: tuple[float, float]) 
     return [np.asarray(thing) + np.multiply(step, (column, row)) for row in range(rows) for column in range(columns)]
 
 
+def _people(people: int, **fields: Any) -> Population:
+    return Population(people, **{**TABLE_4, **fields})
+
+
 def _groups(*parts: dict[str, Any], **shared: Any) -> Groups:
-    return Groups(tuple(Population(**shared, **part) for part in parts))
+    return Groups(tuple(_people(**shared, **part) for part in parts))
 
 
 @_place(side=POSITIVE, door_width=POSITIVE)
@@ -65,7 +70,7 @@ def room(*, side: float = 5.0, door_width: float = 0.82) -> Scenario:
     geometry = Geometry.from_polygon(box(0.0, 0.0, side, side), exits={"door": [(side, low), (side, high)]})
     title = f"square room of {side:g} m, one door of {door_width:g} m, people in a hurry"
     source = "Pécol, Dal Pont, Erlicher, Argoul 2011, section 4.2 and Table 4"
-    return Scenario("room-v0", geometry, Population(20), 60.0, title, source)
+    return Scenario("room-v0", geometry, _people(20), 60.0, title, source)
 
 
 @_place(side=POSITIVE, door_width=POSITIVE, desired_speed=NOT_NEGATIVE, exit_depth=Range(0.0, 5.0))
@@ -105,7 +110,7 @@ def two_exit_hall(*, length: float = 20.0, depth: float = 12.0, door_width: floa
     )
     size = f"hall of {length:.10g} x {depth:.10g} m"
     title = f"{size}, an exit of {door_width:.10g} m in each short wall, the crowd in the western half"
-    people = Population(150, start_region="start")
+    people = _people(150, start_region="start")
     return Scenario("two-exit-hall-v0", geometry, people, 120.0, title, "drawn for this project")
 
 
@@ -117,7 +122,7 @@ def bottleneck(*, width: float = 1.0, length: float = 2.8) -> Scenario:
         exits={"end": [(length, -width / 2), (length, width / 2)]},
         regions={"waiting": _box(-10.0, -3.5, -2.0, 3.5)},
     )
-    people = Population(60, _SLIM, desired_speed=_WALKING, start_region="waiting")
+    people = _people(60, radius=_SLIM, desired_speed=_WALKING, start_region="waiting")
     title = f"bottleneck of {width:.10g} m, {length:.10g} m long, behind a waiting area"
     source = "after Seyfried et al., Transportation Science 43 (2009), experiment on bottlenecks of 0.8 to 1.2 m; the waiting "
     return Scenario("bottleneck-v0", geometry, people, 180.0, title, f"{source}area is drawn for this project")
@@ -134,7 +139,7 @@ def pillar(*, door_width: float = 1.0, radius: float = 0.3, distance: float = 0.
         exits={"door": [(8.0, 4 - door_width / 2), (8.0, 4 + door_width / 2)]},
         regions={"back": _box(0.0, 0.0, 5.5, 8.0)},
     )
-    people = Population(80, start_region="back")
+    people = _people(80, start_region="back")
     column = f"a round pillar of {2 * radius:.10g} m stands {distance:.10g} m before it"
     title = f"room of 8 x 8 m, exit of {door_width:.10g} m, {column}"
     paper = "Helbing, Buzna, Johansson, Werner, Transportation Science 39 (2005)"
@@ -151,7 +156,7 @@ def l_corridor(*, width: float = 2.0) -> Scenario:
         exits={"end": [(12 - width, 12.0), (12.0, 12.0)]},
         regions={"start": _box(0.0, 0.0, 6.0, width)},
     )
-    people = Population(20, desired_speed=_WALKING, start_region="start")
+    people = _people(20, desired_speed=_WALKING, start_region="start")
     title = f"corridor of {width:.10g} m with a corner of 90 degrees"
     source = "the corner of RiMEA test 6 (persons walking around a corner, corridor of 2 m), with arms of 12 m"
     return Scenario("l-corridor-v0", geometry, people, 60.0, title, source)
@@ -218,7 +223,7 @@ def classroom(*, door_width: float = 0.9, rows: int = 6) -> Scenario:
     )
     seats = np.array([seat for x in (1.4, 4.3) for seat in _grid((x, 3.65), 2, rows, (0.8, 1.2))])
     speed, late = Uniform(1.0, 1.6), LogNormal(3.0, 0.5, 12.0)
-    people = Population(4 * rows, _SLIM, desired_speed=speed, response_time=late, starts=seats)
+    people = _people(4 * rows, radius=_SLIM, desired_speed=speed, response_time=late, starts=seats)
     title = f"classroom with {4 * rows} seats at desks, one door of {door_width:.10g} m"
     drawn = "drawn for this project: desks of 1.6 x 0.4 m for two, 0.8 m between the rows, a middle aisle of 1.3 m"
     return Scenario("classroom-v0", geometry, people, 90.0, title, drawn)
@@ -264,7 +269,7 @@ def stadium_sector(*, rows: int = 10, vomitory: float = 1.8) -> Scenario:
     )
     seats = np.array([seat for x in (1.625, 10.825) for seat in _grid((x, 2.4), 14, rows, (0.55, 0.8))])
     speed, late = Uniform(0.9, 1.5), LogNormal(6.0, 0.6, 40.0)
-    people = Population(28 * rows, _SLIM, desired_speed=speed, response_time=late, starts=seats)
+    people = _people(28 * rows, radius=_SLIM, desired_speed=speed, response_time=late, starts=seats)
     title = f"stadium sector: {rows} rows of 28 seats, stepped aisles, two vomitories in front and one at the back"
     steps = "on steps 0.6 of the speed on the flat, about what Fruin, Pedestrian Planning and Design (1971), gives for stairs"
     source = f"drawn for this project: seats 0.55 m apart, rows 0.8 m deep, aisles of 1.2 m; {steps}"

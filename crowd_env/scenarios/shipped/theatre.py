@@ -36,8 +36,8 @@ from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.routing.spec import ControlRule
 from crowd_env.routing.speed_map import SpeedZone
 from crowd_env.scenarios.groups import People, as_people
-from crowd_env.scenarios.population import Population, Uniform
-from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.population import TABLE_4, Population, Uniform
+from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 
 REFERENCE = "synthetic plan; people and rules of Pécol, Dal Pont, Erlicher, Argoul 2011, section 4.3 and Table 6"
 
@@ -86,14 +86,14 @@ def theatre(
     most = [whole(f"theatre: crowded[{k}]", many) for k, many in enumerate(crowded)]
     hold, commits = number("theatre: hold", hold, NOT_NEGATIVE, "s"), flag("theatre: commits", commits)
     stair_speed = number("theatre: stair_speed", stair_speed, POSITIVE, "m/s")
-    # Body parameters are the defaults: Table 6 has those of Table 4.
     late = Uniform(0.0, 4.0)
-    crowd = as_people(population) or Population(people, response_time=late, starts=seats()[taken_seats(people)])
+    bodies: dict[str, Any] = {**TABLE_4, "response_time": late}  # Table 6 has the bodies of Table 4
+    crowd = as_people(population) or Population(people, **bodies, starts=seats()[taken_seats(people)])
     turned = zip(("1", "2", "3"), most, ("B", "B", "A"), strict=True)
     rules = tuple(ControlRule(where, many, way, hold=hold, commits=commits) for where, many, way in turned)
     zones = tuple(SpeedZone(stairs, stair_speed) for stairs in ("upper aisle", "lower aisle", "flight"))
     title = f"movie theatre (synthetic), {len(seats())} seats, {crowd.people} people, routes A and B"
-    return Scenario("theatre-v0", plan(), crowd, time_limit, title, REFERENCE, zones=zones, rules=rules)
+    return Scenario("theatre-v0", plan(), crowd, time_limit, title, REFERENCE, zones=zones, rules=rules, **FULL_SPEED)
 
 
 def seats() -> Floats:
