@@ -324,7 +324,7 @@ class CrowdEnv:
         if route is None:
             route_set = self.simulation.planner.route_set(e)  # as the doors stand at the start
             assert route_set is not None
-            chosen = scenario.choose(route_set, self.strategies[kind], position)
+            chosen = scenario.choose(route_set, self.strategies[kind], position, bodies.radius)
             self.simulation.send(e, chosen)
             if not scenario.depends_on_place(self.strategies[kind]):
                 self._usual_route[kind] = chosen

@@ -206,12 +206,20 @@ class RouteSet:
             raise ValueError(f"unknown route {name!r}; known: {', '.join(n for n in names if '/' not in n)}")
         return names.index(name)
 
-    def nearest(self, exits: Sequence[str], position: Floats) -> Ints:
-        """Return for each position (K, 2) the number of the route, among those of open ``exits``, that is shortest there."""
+    def nearest(self, exits: Sequence[str], position: Floats, radius: Floats | float = 0.0) -> Ints:
+        """Return for each position (K, 2) the number of the route, among those of open ``exits``, that is shortest there.
+
+        Ways that are too narrow for bodies of ``radius`` (K,) [m] count where there is no other.
+        """
         numbers = [self.number(name) for name in exits]
         numbers = [k for k in numbers if not self.routes[k].is_closed] or numbers
-        times = np.stack([self.routes[k].field.travel_time_near(position) for k in numbers])
-        return np.array(numbers, dtype=np.int64)[np.nanargmin(times, axis=0)]
+        size = np.broadcast_to(radius, len(position))
+        times = np.stack([self.routes[k].field.travel_time_for(position, size) for k in numbers])
+        stuck = ~np.isfinite(times).any(axis=0)
+        if stuck.any():
+            none = np.zeros(int(stuck.sum()))
+            times[:, stuck] = [self.routes[k].field.travel_time_for(position[stuck], none) for k in numbers]
+        return np.array(numbers, dtype=np.int64)[np.argmin(np.where(np.isnan(times), np.inf, times), axis=0)]
 
 
 def _check_routes(plan: RoutePlan) -> None:

@@ -42,7 +42,7 @@ class Scenario:
     drive harder than a person can; ``**FULL_SPEED`` gives the people of the papers, who do neither.
 
     ``strategy`` is how people choose their way, unless the run says otherwise.  By default it is the fastest where there are
-    several exits and nothing else says who takes which (routes, rules, one-way doors, a straight ``target``), else the shortest.
+    several exits and nothing else says who takes which (routes, rules, one-way doors, a straight ``target``), or the shortest.
 
     ``outline`` is the shape of all bodies, unless the run says otherwise: a name in ``OUTLINES``, an Outline, or a table of its
     parameters; by default they are discs.  People are placed with room to turn.
@@ -208,8 +208,10 @@ class Scenario:
         """Return whether the route that people mean to take depends on where they start."""
         return any(len(self._taken(part, strategy)) > 1 for part in self.population.parts)
 
-    def choose(self, route_set: RouteSet, strategy: str, position: Floats) -> Ints:
+    def choose(self, route_set: RouteSet, strategy: str, position: Floats, radius: Floats) -> Ints:
         """Return the number (K,) of the route that each of the people at ``position`` (K, 2) means to take.
+
+        Their bodies, of ``radius`` (K,) [m], have to get through.
 
         Raises
         ------
@@ -225,7 +227,9 @@ class Scenario:
             begin, end = end, len(position) if len(parts) == 1 else end + part.people
             names = [route.name for route in self._taken(part, strategy)]
             one = len(names) == 1
-            chosen[begin:end] = route_set.number(names[0]) if one else route_set.nearest(names, position[begin:end])
+            chosen[begin:end] = (
+                route_set.number(names[0]) if one else route_set.nearest(names, position[begin:end], radius[begin:end])
+            )
         return chosen
 
 

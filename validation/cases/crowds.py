@@ -95,10 +95,12 @@ def draw_crowds(scenarios: Sequence[Scenario], setting: Setting) -> Crowds:
     which = np.repeat(np.arange(len(scenarios)), setting.draws)
     places = [each.geometry for each in scenarios]
     crowds = crowds_at(places, drawn, setting, setting.draws, fields=fields, geometry_of_env=which)
-    for e, (_, position) in enumerate(drawn):
+    for e, (bodies, position) in enumerate(drawn):
         route_set = crowds.simulation.planner.route_set(e)
         assert route_set is not None  # every scenario has an exit
-        crowds.simulation.send(e, scenarios[e // setting.draws].choose(route_set, setting.strategy, position))
+        crowds.simulation.send(
+            e, scenarios[e // setting.draws].choose(route_set, setting.strategy, position, bodies.radius)
+        )
     return crowds
 
 

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Collection, Iterable, Iterator
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ _NODES = 4e5  # a big plan gets a coarser grid than _SPACING above this
 _FINEST = 0.01  # m; narrow passages are looked for down to this spacing ...
 _FINE_NODES = 1.6e6  # ... and up to this many nodes ...
 _SLACK = 0.75  # spacings; ... and half as wide as this too narrow, so that four neighbors connect in any direction
+_SIZES = 5  # of bodies, for each of which ways are looked for where larger ones do not get out
 _MAX_NODES = 3e7
 _MOST_DILATION = 0.4  # m, half a door: in the largest places
 _SMALL_BODY = 0.1  # m; the grid of smaller ones is not made coarser: their passages would not be seen
@@ -184,70 +186,99 @@ def _make_grid(plan: Plan, spacing: float) -> Grid:
     return Grid(origin, spacing, inside, distance(plan.walls, plan.radius + 2 * spacing))
 
 
-def _attempts(plan: Plan, spacing: float) -> Iterator[tuple[float, float, float]]:
-    """Yield (body radius, dilation, spacing) in the order of preference: the full radius, finer grids, smaller radii."""
+class Level(NamedTuple):
+    """The nodes from which bodies of one size get out, and smaller ones."""
+
+    radius: float  # m, of the body
+    dilation: float  # m, of the walls
+    reached: Bools  # (rows, cols)  where the center may be, those of larger bodies included
+    parts: Ints  # (rows, cols)  1 = reached, 2, 3 ... = parts that are not, 0 = too near to a wall
+    closed: set[str]  # exits that such a body cannot pass
+
+
+def _levels(plan: Plan, nodes: Grid, spacing: float) -> Iterator[Level]:
+    """Yield a level for each size of body: the largest first, since whoever is smaller may go where that one goes."""
     least = max(plan.min_radius, 2 * spacing)  # nodes on both sides of a thin wall must be no neighbors
-    most = max(plan.radius, least)
-    finer = [spacing]
-    while finer[-1] / 2 >= _FINEST - 1e-9 and np.prod([1.0 * n for n in _nodes(plan.geometry, finer[-1] / 2)]) < min(
-        _FINE_NODES, _MAX_NODES
-    ):
-        finer.append(finer[-1] / 2)
-    fits = min(plan.widest.values(), default=np.inf) / 2 + _TOUCH
-    for body in np.linspace(most, least, 5 if least < most else 1).tolist():
-        if body > fits:
-            continue
-        last = body in (most, least)
-        yield from ((body, body, h) for h in (finer if last else finer[:2]))
-        if last:  # a passage exactly as wide as the body holds no chain of nodes, unless one lies on its axis: allow it
-            yield body, body - _SLACK * finer[-1], finer[-1]
+    sizes = np.linspace(max(plan.radius, least), least, _SIZES if least < plan.radius else 1).tolist()
+    before = np.zeros_like(nodes.inside)
+    # A passage exactly as wide as the body holds no chain of nodes, unless one lies on its axis: the last level allows it.
+    for body, dilation in [*zip(sizes, sizes, strict=True), (sizes[-1], sizes[-1] - _SLACK * nodes.spacing)]:
+        free = nodes.inside & (nodes.clearance >= dilation - _TOUCH)
+        seeds, closed = free & (in_goal(plan, nodes) | before), set(plan.widest)
+        for segment, name in zip(plan.exits, plan.names, strict=True):
+            near = free & (source_distance(segment[None], nodes, dilation) < SOURCE * nodes.spacing)
+            if plan.widest[name] >= 2 * body - _TOUCH and near.any():
+                seeds |= near
+                closed.discard(name)
+        parts = grid.connected_parts(free, seeds)
+        before = parts == 1
+        yield Level(body, dilation, before, parts, closed)
 
 
-def dilate(plan: Plan, spacing: float) -> tuple[Grid, float, Bools]:
-    """Return the grid, the dilation [m] at which all of the area reaches an exit, and the nodes that do.
+def _finer(plan: Plan, spacing: float) -> Iterator[float]:
+    """Yield smaller and smaller spacings [m], as long as they have few enough nodes."""
+    while (spacing := spacing / 2) >= _FINEST - 1e-9 and np.prod(
+        [float(n) for n in _nodes(plan.geometry, spacing)]
+    ) < _FINE_NODES:
+        yield spacing
+
+
+def _most_open(plan: Plan, spacing: float) -> Grid:
+    """Return the grid on which the largest bodies get furthest: the coarsest of those that show as much."""
+    smallest, most, best = max(plan.min_radius, 2 * spacing), -np.inf, None
+    for h in chain([spacing], () if plan.partial else _finer(plan, spacing)):
+        nodes = _make_grid(plan, h)
+        first = next(_levels(plan, nodes, spacing))
+        area = float(first.reached.sum()) * h**2
+        if best is None or area > most + np.pi * smallest**2:
+            best, most = nodes, area
+        if not first.closed and _lost_part(first.parts, nodes, smallest) is None:
+            break
+    assert best is not None
+    return best
+
+
+def dilate(plan: Plan, spacing: float) -> tuple[Grid, list[Level]]:
+    """Return the grid, and the levels that lead all of the area to an exit: one, unless only small bodies get out of a part.
 
     Raises
     ------
     ValueError
         If at the smallest radius an exit, or a part of the area larger than a body, is still closed off.
     """
-    nodes: Grid | None = None
-    narrowest = min(plan.widest, key=plan.widest.__getitem__, default="")
-    problem = f"exit {narrowest!r} is too narrow"  # if nothing can be tried
-    for body, radius, h in _attempts(plan, spacing):
-        if nodes is None or nodes.spacing != h:
-            nodes = _make_grid(plan, h)
-        free = nodes.inside & (nodes.clearance >= radius - _TOUCH)
-        seeds = free & in_goal(plan, nodes)
-        closed = set(plan.widest)
-        for segment, name in zip(plan.exits, plan.names, strict=True):
-            near = free & (source_distance(segment[None], nodes, radius) < SOURCE * h)
-            seeds |= near
-            if near.any():
-                closed.discard(name)
-        label = grid.connected_parts(free, seeds)
-        smallest = max(plan.min_radius, 2 * spacing)
-        lost = _lost_part(label, nodes, smallest)
-        if lost is not None and plan.partial:
+    smallest, best = max(plan.min_radius, 2 * spacing), _most_open(plan, spacing)
+    for nodes in chain([best], (_make_grid(plan, h) for h in _finer(plan, best.spacing))):
+        levels: list[Level] = []
+        lost, closed = None, set(plan.widest)
+        for level in _levels(plan, nodes, spacing):
+            if level.reached.any() and (not levels or (level.reached & (levels[-1].parts > 1)).any()):
+                if lost is not None:
+                    warnings.warn(
+                        f"the way out from ({lost[0]:.2f}, {lost[1]:.2f}) is too narrow for a body of radius {plan.radius:g} m: "
+                        f"it is made for {level.radius:.3g} m, larger people will squeeze",
+                        stacklevel=3,
+                    )
+                levels.append(level)
+            lost, closed = _lost_part(level.parts, nodes, smallest), closed & level.closed
+            if levels and lost is None and not closed:
+                return nodes, levels
+        if plan.partial and levels and lost is not None and not closed:
             warnings.warn(
                 f"as the doors stand, no exit can be reached from ({lost[0]:.2f}, {lost[1]:.2f}): people wait there",
                 stacklevel=3,
             )
-            lost = None
-        if not closed and lost is None:
-            if body < plan.radius:
-                warnings.warn(
-                    f"the way out is too narrow for a body of radius {plan.radius:g} m: the field is made for "
-                    f"{body:.3g} m, larger people will squeeze",
-                    stacklevel=3,
-                )
-            return nodes, radius, label == 1
-        if closed:
-            problem = f"the way to exit {sorted(closed)[0]!r} is blocked right in front of it"
-        else:
-            what = "no exit can" if plan.goal is None else "the region that the way leads to cannot"
-            problem = f"{what} be reached from ({lost[0]:.2f}, {lost[1]:.2f})"  # type: ignore[index]
-    smallest = max(plan.min_radius, 2 * spacing)
+            return nodes, levels
+    if closed:
+        narrowest = min(closed, key=plan.widest.__getitem__)
+        narrow = plan.widest[narrowest] < 2 * smallest - _TOUCH
+        problem = (
+            f"exit {narrowest!r} is too narrow"
+            if narrow
+            else f"the way to exit {narrowest!r} is blocked right in front of it"
+        )
+    else:
+        what = "no exit can" if plan.goal is None else "the region that the way leads to cannot"
+        problem = f"{what} be reached from ({lost[0]:.2f}, {lost[1]:.2f})"  # type: ignore[index]
     raise ValueError(f"{problem} for a body of diameter {2 * smallest:.2f} m; widen the passage or open an exit there")
 
 

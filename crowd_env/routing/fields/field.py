@@ -19,6 +19,7 @@ from crowd_env.routing.fields.directions import cell_kinds, descend, go_straight
 from crowd_env.routing.fields.domain import (
     SOURCE,
     Grid,
+    Level,
     Plan,
     choose_spacing,
     dilate,
@@ -29,7 +30,7 @@ from crowd_env.routing.fields.domain import (
 )
 from crowd_env.routing.fields.extension import extend_once, fill_from_nearest
 from crowd_env.routing.fields.lookup import FieldArrays
-from crowd_env.routing.fields.marching import gate, lead_through, march, march_through
+from crowd_env.routing.fields.marching import gate, lead_through, march, march_on, march_through
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,8 @@ class NavigationField:
         (rows, cols) bit k: the way from the node leads through region k of the geometry; None = not known.
     free
         (rows, cols) whether the center of the disc can be there; None = not known.
+    fits
+        (rows, cols) radius of the largest body that gets out from the node [m]; nan = too near to a wall; None = not known.
     """
 
     travel_time: Floats
@@ -104,6 +107,7 @@ class NavigationField:
     margin: float = float("nan")
     through: Ints | None = None
     free: Bools | None = None
+    fits: Floats | None = None
 
     def nodes(self) -> Floats:
         """Return where the nodes lie (rows, cols, 2) [m]."""
@@ -114,6 +118,13 @@ class NavigationField:
         return np.asarray(
             self.travel_time[grid.nearest_nodes(position, self.origin, self.spacing, self.travel_time.shape)]
         )
+
+    def travel_time_for(self, position: Floats, radius: Floats) -> Floats:
+        """Return the travel time [s] (K,) of bodies of ``radius`` (K,) at ``position`` (K, 2) [m]; inf if they do not get out."""
+        known = self.travel_time if self.fits is None else np.where(np.isnan(self.fits), np.nan, self.travel_time)
+        node = grid.nearest_known(position, known, self.origin, self.spacing)
+        time = self.travel_time[node]
+        return time if self.fits is None else np.where(self.fits[node] >= radius - 1e-9, time, np.inf)
 
 
 _NO_CODES = np.empty((0, 0), dtype=np.int64)
@@ -164,10 +175,10 @@ def travel_time_field(
         If a region or exit is unknown, an exit is too narrow for the smallest body, or a part of the area reaches no exit.
     """
     plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius, goal, closed)
-    nodes, used, reached = dilate(plan, choose_spacing(plan))
+    nodes, levels = dilate(plan, choose_spacing(plan))
     local_speed = None if speed is None else speed(nodes.points())
     lines = [line for door in one_way if door.door not in closed for line in door.lines(geometry)]
-    return _solve(plan, nodes, used, reached, local_speed, lines)
+    return _solve(plan, nodes, levels, local_speed, lines)
 
 
 def straight_field(field: NavigationField, geometry: Geometry, margin: float) -> NavigationField:
@@ -227,13 +238,12 @@ def rows_in_batch(exits: Ints, first: int) -> Ints:
 
 
 def _solve(
-    plan: Plan, nodes: Grid, radius: float, reached: Bools, speed: Floats | None, one_way: Sequence[Floats] = ()
+    plan: Plan, nodes: Grid, levels: Sequence[Level], speed: Floats | None, one_way: Sequence[Floats] = ()
 ) -> NavigationField:
     """March through the free nodes, extend to all walkable ones, and find directions and straight lines."""
-    h = nodes.spacing
-    # Half a spacing of fringe, so that the ragged edge of the nodes lies at the radius on average, not beyond it.
-    free = grid.with_fringe(reached, nodes.inside & (nodes.clearance >= radius - h / 2))
-    local_speed = np.ones(reached.shape) if speed is None else np.asarray(speed, dtype=np.float64)
+    h, radius = nodes.spacing, levels[0].dilation
+    free = _free(nodes, levels[0])
+    local_speed = np.ones(free.shape) if speed is None else np.asarray(speed, dtype=np.float64)
     time, level = _sources(plan, nodes, radius, free, local_speed)
     start = SOURCE * h if plan.goal is None else 0.0
     gates = [gate(line, free, nodes.points(), h) for line in one_way]
@@ -241,6 +251,11 @@ def _solve(
         time = march_through(time, level, free, local_speed, h, start, gates)
     else:
         time = march(time, level, free, local_speed, h, start)
+    fits = np.where(np.isnan(time), np.nan, levels[0].radius)
+    for smaller in levels[1:]:
+        sources, _ = _sources(plan, nodes, smaller.dilation, _free(nodes, smaller), local_speed)
+        time = march_on(np.fmin(time, sources) if plan.goal is None else time, _free(nodes, smaller), local_speed, h)
+        fits[np.isnan(fits) & ~np.isnan(time)] = smaller.radius
     direction = descend(time, h)
     lead_through(time, direction, gates)
     band, reach = radius, radius + SOURCE * h
@@ -266,7 +281,16 @@ def _solve(
         spacing=h,
         radius=radius,
         free=free,
+        fits=fits,
     )
+
+
+def _free(nodes: Grid, level: Level) -> Bools:
+    """Return where the center of a body of this size is on its way.
+
+    That is half a spacing more, so that the ragged edge of the nodes lies at the radius on average, not beyond it.
+    """
+    return grid.with_fringe(level.reached, nodes.inside & (nodes.clearance >= level.dilation - nodes.spacing / 2))
 
 
 def _sources(plan: Plan, nodes: Grid, radius: float, free: Bools, speed: Floats) -> tuple[Floats, Floats]:

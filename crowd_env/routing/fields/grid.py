@@ -10,6 +10,7 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.kernels.jit import inner_kernel, kernel
 from crowd_env.routing.fields.lookup import crosses
 
+_AROUND = 8  # nodes
 RIGHT, UP, DIAGONAL, ANTIDIAGONAL = 1, 2, 4, 8  # lines between the nodes of the cell right of and above a node
 
 
@@ -24,6 +25,24 @@ def nearest_nodes(position: Floats, origin: Floats, spacing: float, shape: tuple
     rows, cols = shape
     nearest = np.rint((position - origin) / spacing).astype(np.int64)
     return np.clip(nearest[..., 1], 0, rows - 1), np.clip(nearest[..., 0], 0, cols - 1)
+
+
+def nearest_known(position: Floats, values: Floats, origin: Floats, spacing: float) -> tuple[Ints, Ints]:
+    """Return rows and columns (K,) of the nodes nearest to ``position`` (K, 2) [m] among those whose value is not nan."""
+    row, col = nearest_nodes(position, origin, spacing, values.shape)
+    reach = np.arange(-_AROUND, _AROUND + 1)
+    around = np.stack(np.meshgrid(reach, reach, indexing="ij"), axis=-1).reshape(-1, 2)
+    around = around[np.argsort((around**2).sum(axis=1), kind="stable")]
+    lost = np.flatnonzero(np.isnan(values[row, col]))
+    near = np.clip(np.column_stack([row, col])[lost, None] + around, 0, np.array(values.shape) - 1)
+    found = ~np.isnan(values[near[..., 0], near[..., 1]])
+    best = near[np.arange(len(lost)), np.argmax(found, axis=1)]
+    row[lost], col[lost] = best.T
+    for k in lost[~found.any(axis=1)]:  # seldom: most people are a body from free floor
+        rows, cols = np.nonzero(~np.isnan(values))
+        nearest = np.argmin((rows - row[k]) ** 2 + (cols - col[k]) ** 2) if len(rows) else 0
+        row[k], col[k] = (rows[nearest], cols[nearest]) if len(rows) else (row[k], col[k])
+    return row, col
 
 
 @inner_kernel

@@ -6,6 +6,8 @@ import numpy as np
 import skfmm
 
 from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.routing.fields import grid
+from crowd_env.routing.fields.extension import carried_along
 
 # A one-way door is a strip of nodes that the march does not enter: thick enough that side-by-side neighbors never skip it.
 _STRIP = 1.5  # spacings, on either side of the line
@@ -38,6 +40,17 @@ def march(time: Floats, level: Floats, free: Bools, speed: Floats, spacing: floa
         far = free & ~known & ~np.ma.getmaskarray(marched)
         time[far] = np.ma.getdata(marched)[far] + start
     return time
+
+
+def march_on(time: Floats, free: Bools, speed: Floats, spacing: float) -> Floats:
+    """Return ``time`` [s] (rows, cols) with the travel times of the ``free`` nodes beyond those that are known (not nan)."""
+    known = ~np.isnan(time)
+    edge = grid.with_fringe(free & ~known, known) & known
+    beyond = march(
+        np.where(edge, 0.0, np.nan), np.where(edge, -0.5, 0.5) * spacing, edge | (free & ~known), speed, spacing, 0.0
+    )
+    arrival = np.where(edge, time, 0.0)
+    return np.where(known, time, beyond + carried_along(beyond, arrival))
 
 
 def gate(line: Floats, free: Bools, points: Floats, spacing: float) -> Gate:
