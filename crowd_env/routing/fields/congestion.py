@@ -21,6 +21,8 @@ from crowd_env.routing.fields.fronts import Fronts
 from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram, weidmann
 
 SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall must hold a node
+_MOUTH = 0.6  # m around a passage within which the fine field leads through it
+_ALIKE = 0.5  # cosine between two directions that lead the same way
 _SMOOTHING = 0.5  # m, half width of the window that density is averaged over, twice
 
 
@@ -69,6 +71,7 @@ class CongestionField:
             width[known] = np.maximum(np.hypot(*(exits[:, 1] - exits[:, 0]).T) - 2.0 * fine.radius, 0.0)[row[known]]
         self._fronts = Fronts(self._first, self._free, self._speed, blocked, self.spacing, width)
         self._shortest = fine.direction[::stride, ::stride]
+        self._narrow = np.zeros_like(self._inside) if fine.free is None else _narrow(fine.free, stride) & self._inside
         level = self._first - SOURCE * self.spacing
         self._level = np.ma.MaskedArray(np.where(np.isfinite(level), level, 1e3), ~self._free)
 
@@ -110,13 +113,25 @@ class CongestionField:
             time[far] = np.ma.getdata(marched)[far] + start
         known = ~np.isnan(time)
         direction = descend(time, self.spacing)
-        direction[keeps_on & known] = self._shortest[keeps_on & known]
+        # In narrow places and where only small bodies get out, the fine field knows the way, if both lead the same way.
+        alike = self._narrow & ((direction * self._shortest).sum(axis=-1) > _ALIKE)
+        keeps = (keeps_on & known) | alike | (self._inside & ~self._free)
+        direction[keeps] = self._shortest[keeps]
         fill_from_nearest(time, direction, self._inside, known, self.spacing)
         if not keeps_on.any():
             return replace(self._template, travel_time=time, direction=direction)
         direct = np.where(keeps_on, self._direct, self._template.direct)
         cell = cell_kinds(self._template.travel_time, direct, self._blocked)
         return replace(self._template, travel_time=time, direction=direction, direct=direct, cell=cell)
+
+
+def _narrow(free: Bools, stride: int) -> Bools:
+    """Return for every stride-th node whether it lies in or near a passage that holds few nodes abreast."""
+    half = stride  # what a square of 2 half + 1 fine nodes does not fit into is a passage, or a corner
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(free, half), (2 * half + 1, 2 * half + 1))
+    core = windows.all(axis=(2, 3))
+    opened = np.lib.stride_tricks.sliding_window_view(np.pad(core, half), (2 * half + 1, 2 * half + 1)).any(axis=(2, 3))
+    return _any_near(free & ~opened, stride)
 
 
 def _any_near(fine: Bools, stride: int) -> Bools:

@@ -217,9 +217,10 @@ def _levels(plan: Plan, nodes: Grid, spacing: float) -> Iterator[Level]:
 
 def _finer(plan: Plan, spacing: float) -> Iterator[float]:
     """Yield smaller and smaller spacings [m], as long as they have few enough nodes."""
-    while (spacing := spacing / 2) >= _FINEST - 1e-9 and np.prod(
-        [float(n) for n in _nodes(plan.geometry, spacing)]
-    ) < _FINE_NODES:
+    while (spacing := spacing / 2) >= _FINEST - 1e-9:
+        rows, cols = _nodes(plan.geometry, spacing)
+        if rows * cols >= _FINE_NODES:
+            return
         yield spacing
 
 
@@ -254,8 +255,8 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, list[Level]]:
             if level.reached.any() and (not levels or (level.reached & (levels[-1].parts > 1)).any()):
                 if lost is not None:
                     warnings.warn(
-                        f"the way out from ({lost[0]:.2f}, {lost[1]:.2f}) is too narrow for a body of radius {plan.radius:g} m: "
-                        f"it is made for {level.radius:.3g} m, larger people will squeeze",
+                        f"the way out from ({lost[0]:.2f}, {lost[1]:.2f}) is too narrow for a body of radius {plan.radius:g} m:"
+                        f" it is made for {level.radius:.3g} m, larger people will squeeze",
                         stacklevel=3,
                     )
                 levels.append(level)

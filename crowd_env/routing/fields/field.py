@@ -120,7 +120,7 @@ class NavigationField:
         )
 
     def travel_time_for(self, position: Floats, radius: Floats) -> Floats:
-        """Return the travel time [s] (K,) of bodies of ``radius`` (K,) at ``position`` (K, 2) [m]; inf if they do not get out."""
+        """Return the travel time [s] (K,) of bodies of ``radius`` (K,) at ``position`` (K, 2) [m]; inf if none get out."""
         known = self.travel_time if self.fits is None else np.where(np.isnan(self.fits), np.nan, self.travel_time)
         node = grid.nearest_known(position, known, self.origin, self.spacing)
         time = self.travel_time[node]
