@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import shapely
 
 from crowd_env.analysis.figures import exit_widths, listed
 from crowd_env.analysis.passages import Gap, Passage, narrowest_passages
@@ -21,6 +22,8 @@ from crowd_env.scenarios.scenario import Scenario
 
 # Beyond these a plan is rarely what it is meant to be.
 _WIDE_EXIT, _LARGE, _SMALL = 20.0, 300.0, 2.0  # m
+_SIZES = 5  # of bodies that are looked at
+_EXACT = 0.999  # of a body has to fit
 _SHOWN = 12  # rows of a kind in a table
 
 
@@ -118,6 +121,7 @@ def check_plan(
     lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.exits, least) if widths else ())]
     passages = narrowest_passages(geometry, terrain, _starts(terrain, people, geometry, position)) if widths else {}
     remarks += _of_exits(widths, passages, people)
+    remarks += _of_stuck(geometry, people) if widths else []
     return PlanCheck(
         name=name,
         title=title,
@@ -182,6 +186,23 @@ def _of_exits(widths: dict[str, float], passages: dict[str, Passage | None], peo
             yield f"nobody who starts has a way to exit {name!r}"
         else:
             yield from _of_passage(passage, width, least, most)
+
+
+def _of_stuck(geometry: Geometry, people: People) -> Iterable[str]:
+    """Say which bodies cannot get out from where they may start, each place with the smallest of them."""
+    told: list[Any] = []
+    for part in people.parts:
+        if part.starts is not None:
+            starts = shapely.multipoints(part.starts)
+        else:
+            starts = geometry.walkable if part.start_region is None else geometry.regions[part.start_region]
+        for radius in np.linspace(part.radius.low, part.radius.high, _SIZES).tolist():
+            for place in closed_off(geometry.walkable, geometry.exits, radius, _EXACT):
+                here = shapely.intersection(place, starts)
+                if not here.is_empty and not any(place.intersects(known) for known in told):
+                    told.append(place)
+                    x, y = _inside(here)
+                    yield f"who starts around ({x:.2f}, {y:.2f}) and is {2 * radius:.2f} m wide or more cannot get out"
 
 
 def _of_passage(passage: Passage, width: float, least: float, most: float) -> Iterable[str]:

@@ -70,12 +70,13 @@ def split_by_exits(area: Area, openings: Floats) -> tuple[Area, list[Polygon]]:
     return (kept[0] if len(kept) == 1 else MultiPolygon(kept)), lost
 
 
-def closed_off(area: Area, openings: Floats, radius: float) -> list[Polygon]:
+def closed_off(area: Area, openings: Floats, radius: float, share: float = 0.9) -> list[Polygon]:
     """Return the parts of ``area`` from which a disc of ``radius`` [m] gets to none of the exits ``openings`` (X, 2, 2).
 
-    Only passages clearly too narrow count, by a tenth; what is in between is left to the grid of ways.
+    Only passages clearly too narrow count, narrower than a ``share`` of the disc; what is in between is left to the grid of
+    ways.
     """
-    narrow = 0.9 * radius
+    narrow = share * radius
     centers = list(shapely.get_parts(shapely.buffer(area, -narrow)))
     if len(centers) < 2:
         return []

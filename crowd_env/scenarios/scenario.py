@@ -208,7 +208,7 @@ class Scenario:
         """Return whether the route that people mean to take depends on where they start."""
         return any(len(self._taken(part, strategy)) > 1 for part in self.population.parts)
 
-    def choose(self, route_set: RouteSet, strategy: str, position: Floats, radius: Floats) -> Ints:
+    def choose(self, route_set: RouteSet, strategy: str, position: Floats, radius: Floats | float = 0.0) -> Ints:
         """Return the number (K,) of the route that each of the people at ``position`` (K, 2) means to take.
 
         Their bodies, of ``radius`` (K,) [m], have to get through.
@@ -221,14 +221,14 @@ class Scenario:
         parts = self.population.parts
         if len(parts) > 1 and len(position) != self.population.people:
             raise ValueError(f"{len(position)} positions for groups of {self.population.people} people")
-        chosen = np.zeros(len(position), dtype=np.int64)
+        chosen, size = np.zeros(len(position), dtype=np.int64), np.broadcast_to(radius, len(position))
         end = 0
         for part in parts:
             begin, end = end, len(position) if len(parts) == 1 else end + part.people
             names = [route.name for route in self._taken(part, strategy)]
             one = len(names) == 1
             chosen[begin:end] = (
-                route_set.number(names[0]) if one else route_set.nearest(names, position[begin:end], radius[begin:end])
+                route_set.number(names[0]) if one else route_set.nearest(names, position[begin:end], size[begin:end])
             )
         return chosen
 

@@ -201,8 +201,12 @@ def _levels(plan: Plan, nodes: Grid, spacing: float) -> Iterator[Level]:
     least = max(plan.min_radius, 2 * spacing)  # nodes on both sides of a thin wall must be no neighbors
     sizes = np.linspace(max(plan.radius, least), least, _SIZES if least < plan.radius else 1).tolist()
     before = np.zeros_like(nodes.inside)
-    # A passage exactly as wide as the body holds no chain of nodes, unless one lies on its axis: the last level allows it.
-    for body, dilation in [*zip(sizes, sizes, strict=True), (sizes[-1], sizes[-1] - _SLACK * nodes.spacing)]:
+    dilations = [(body, body) for body in sizes]
+    if next(_finer(plan, nodes.spacing), None) is None:
+        # A passage exactly as wide as a body holds no chain of nodes, unless one lies on its axis: the finest grid allows it.
+        slack = _SLACK * nodes.spacing
+        dilations = [dilations[0], (sizes[0], sizes[0] - slack), *dilations[1:], (sizes[-1], sizes[-1] - slack)]
+    for body, dilation in dilations:
         free = nodes.inside & (nodes.clearance >= dilation - _TOUCH)
         seeds, closed = free & (in_goal(plan, nodes) | before), set(plan.widest)
         for segment, name in zip(plan.exits, plan.names, strict=True):
@@ -229,12 +233,14 @@ def _most_open(plan: Plan, spacing: float) -> Grid:
     smallest, most, best = max(plan.min_radius, 2 * spacing), -np.inf, None
     for h in chain([spacing], () if plan.partial else _finer(plan, spacing)):
         nodes = _make_grid(plan, h)
-        first = next(_levels(plan, nodes, spacing))
-        area = float(first.reached.sum()) * h**2
-        if best is None or area > most + np.pi * smallest**2:
-            best, most = nodes, area
-        if not first.closed and _lost_part(first.parts, nodes, smallest) is None:
-            break
+        for level in _levels(plan, nodes, spacing):
+            if level.radius < plan.radius:
+                break
+            area = float(level.reached.sum()) * h**2
+            if best is None or area > most + np.pi * smallest**2:
+                best, most = nodes, area
+            if not level.closed and _lost_part(level.parts, nodes, smallest) is None:
+                return nodes
     assert best is not None
     return best
 
@@ -248,12 +254,13 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, list[Level]]:
         If at the smallest radius an exit, or a part of the area larger than a body, is still closed off.
     """
     smallest, best = max(plan.min_radius, 2 * spacing), _most_open(plan, spacing)
+    leads_anywhere = len(plan.rows) == len(plan.geometry.exits)  # of one exit alone it is not worth a word
     for nodes in chain([best], (_make_grid(plan, h) for h in _finer(plan, best.spacing))):
         levels: list[Level] = []
         lost, closed = None, set(plan.widest)
         for level in _levels(plan, nodes, spacing):
             if level.reached.any() and (not levels or (level.reached & (levels[-1].parts > 1)).any()):
-                if lost is not None:
+                if lost is not None and level.radius < plan.radius and leads_anywhere:
                     warnings.warn(
                         f"the way out from ({lost[0]:.2f}, {lost[1]:.2f}) is too narrow for a body of radius {plan.radius:g} m:"
                         f" it is made for {level.radius:.3g} m, larger people will squeeze",
