@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from typer.testing import CliRunner
 
-from crowd_env import ControlRule, CrowdEnv, Geometry, ObservationLayout, Population, Scenario, Uniform
+from crowd_env import FULL_SPEED, ControlRule, CrowdEnv, Geometry, ObservationLayout, Population, Scenario, Uniform
 from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.evaluation.evaluation import evaluate_driver
 from crowd_env.agents.networks import MLP
@@ -27,7 +27,7 @@ def hall(count=14, time_limit=25.0, *, starts=None, speed=None, **more):
         people["desired_speed"] = Uniform(speed, speed)
     number = count if starts is None else len(starts)
     population = Population(number, radius=Uniform(0.2, 0.2), **people)
-    return Scenario("hall", geometry, population, time_limit, **more)
+    return Scenario("hall", geometry, population, time_limit, **{**FULL_SPEED, **more})
 
 
 SMALL = hall()

@@ -5,7 +5,7 @@ from dataclasses import fields
 import numpy as np
 from shapely.geometry import box
 
-from crowd_env import Geometry, Groups, Population, Scenario
+from crowd_env import FULL_SPEED, Geometry, Groups, Population, Scenario
 from crowd_env.recording import Recording
 
 
@@ -23,7 +23,9 @@ def two_doors(*, people=12, time_limit=30.0, outline=None, **others):
         Population(half, name="quick", start_region="west", desired_speed=1.8, radius=(0.18, 0.22)),
         Population(people - half, name="slow", start_region="east", desired_speed=(0.5, 0.8), radius=0.2),
     )
-    return Scenario("two-doors", place, Groups(parts), time_limit=time_limit, outline=outline, **others)
+    return Scenario(
+        "two-doors", place, Groups(parts), time_limit=time_limit, outline=outline, **{**FULL_SPEED, **others}
+    )
 
 
 # How evacuations differ in what a recording has to hold: name -> scenario, options of the run, options of the recorder.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowd_env import Geometry, Population, Scenario, Uniform
+from crowd_env import FULL_SPEED, Geometry, Population, Scenario, Uniform
 from crowd_env.geometry.geometry import box
 
 
@@ -13,7 +13,7 @@ def hall(count=150, time_limit=120.0, *, exits=("west", "east"), doors=None, **p
     geometry = Geometry.from_polygon(
         box(0, 0, 20, 12), exits={name: lines[name] for name in exits}, regions=regions, doors=doors
     )
-    return Scenario("hall", geometry, Population(count, start_region="start", **people), time_limit)
+    return Scenario("hall", geometry, Population(count, start_region="start", **people), time_limit, **FULL_SPEED)
 
 
 def corridor(starts, *, exits=("west", "east"), regions=None, routes=(), doors=None, speed=1.5, time_limit=60.0):
@@ -28,4 +28,4 @@ def corridor(starts, *, exits=("west", "east"), regions=None, routes=(), doors=N
         desired_speed=Uniform(speed, speed),
         starts=np.array(starts, dtype=np.float64),
     )
-    return Scenario("corridor", geometry, people, time_limit, routes=routes)
+    return Scenario("corridor", geometry, people, time_limit, routes=routes, **FULL_SPEED)

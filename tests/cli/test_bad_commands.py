@@ -60,7 +60,7 @@ CASES = [
     ("run plan.wkt --exit 6,2,6,x", "plan.wkt x1,y1,x2,y2"),
     ("run plan.wkt --exit 6,2,6,nan", "exit finite"),
     ("run plan.wkt --exit 6,2,6,2", "length 0 m 0.02"),
-    ("run plan.wkt --exit 6,2,6,2.3", "0.30 m narrower 0.40 m"),
+    ("run plan.wkt --exit 6,2,6,2.2", "0.20 m narrower 0.30 m"),
     ("run plan.wkt --exit door", "plan.wkt door"),
     ("run plan.wkt --exit 'POINT (6 2)'", "Point LINESTRING"),
     ("run plan.wkt --exit 'POLYGON ((8 0, 9 0, 9 1, 8 1, 8 0))'", "does not touch 2 m"),

@@ -36,7 +36,7 @@ def test_it_says_how_large_a_plan_is_and_how_wide_its_exits(tmp_path):
     (door,) = head["exits"]
     assert (door["name"], door["width"]) == ("exit-0", 1.5)
     assert door["narrowest_passage"]["width"] == pytest.approx(1.5) and door["narrowest_passage"]["is_exit"]
-    assert head["people"] == 40 and head["body_diameter"] == [0.4, 0.5] and not head["remarks"]
+    assert head["people"] == 40 and head["body_diameter"] == [0.3, 0.38] and not head["remarks"]
     # A center keeps 0.2 m off all walls but the exit; the pillar keeps people off all around.
     assert 0.85 * head["area"] < head["free_area"] < head["area"]
     assert head["capacity"] == int(head["area"] / (np.sqrt(12) * 0.225**2))  # a hexagon around each disc
@@ -96,8 +96,8 @@ def test_what_no_exit_reaches_is_told_with_its_area_and_place(tmp_path):
 @looped(
     ("exit", "words"),
     [
-        ("14,4.5,14,4.8", "0.30 m wide, narrower than the smallest body (0.40 m): nobody passes"),
-        ("14,4.5,14,4.95", "0.45 m wide, narrower than the largest bodies (0.50 m)"),
+        ("14,4.5,14,4.78", "0.28 m wide, narrower than the smallest body (0.30 m): nobody passes"),
+        ("14,4.5,14,4.85", "0.35 m wide, narrower than the largest bodies (0.38 m)"),
     ],
 )
 def test_an_exit_narrower_than_a_body_is_remarked(tmp_path, exit, words):
@@ -110,11 +110,11 @@ def test_an_exit_narrower_than_a_body_is_remarked(tmp_path, exit, words):
 
 @pytest.mark.more
 def test_wide_exits_and_passages_narrower_than_bodies_are_remarked(tmp_path):
-    area = box(0, 0, 60, 30).difference(box(20, 0, 20.2, 14)).difference(box(20, 14.45, 20.2, 30))
+    area = box(0, 0, 60, 30).difference(box(20, 0, 20.2, 14)).difference(box(20, 14.35, 20.2, 30))
     plan = written(tmp_path / "hall.wkt", area)
     remarks = of(f"{plan} --exit 60,1,60,26", tmp_path / "hall.png")["remarks"]
     assert any("25.00 m wide, which is rare" in remark for remark in remarks)
-    assert any("pass 0.45 m at (20." in remark and "largest bodies" in remark for remark in remarks)
+    assert any("pass 0.35 m at (20." in remark and "largest bodies" in remark for remark in remarks)
 
 
 def test_more_people_than_fit_are_refused_in_one_sentence(tmp_path):

@@ -103,7 +103,7 @@ ROUTES = [
     ("Route without a name", lambda: Route(""), ("needs a name",)),
     *rows("Route.exits", of(Route, "exits", "r"), NO_NAMES),
     *rows("Route.via", of(Route, "via", "r"), NO_TEXT),
-    *rows("Route.strategy", of(Route, "strategy", "r"), (*NO_CHOICE, None)),
+    *rows("Route.strategy", of(Route, "strategy", "r"), NO_CHOICE),
     *[(f"SpeedZone({value!r})", lambda value=value: SpeedZone(value, 1.0), ("region", repr(value)[:20])) for value in NO_TEXT],
     ("SpeedZone that does nothing", lambda: SpeedZone("r"), ("'r'", "changes nothing", "speed or a factor")),
     *numeric("SpeedZone.speed", of(SpeedZone, "speed", "r"), "bounded", or_none=True)[:-1],
@@ -123,7 +123,7 @@ ROUTES = [
     *rows("DoorEvent.region", lambda x: DoorEvent("d", True, at_least=1, region=x), NO_TEXT),
     *rows("DoorEvent.exit", lambda x: DoorEvent("d", True, at_least=1, exit=x), NO_TEXT),
     *rows("OneWay.door", lambda x: OneWay(x, "left"), (*NO_TEXT, None)),
-    *rows("OneWay.to", lambda x: OneWay("d", x), (*NO_CHOICE, None)),
+    *rows("OneWay.to", lambda x: OneWay("d", x), NO_CHOICE),
 ]  # fmt: skip
 
 SCENARIO = [
@@ -132,14 +132,14 @@ SCENARIO = [
     *rows("Scenario.population", lambda x: scenario(population=x), (*NO_OBJECT, None, 20, [])),
     *numeric("Scenario.time_limit", lambda x: scenario(time_limit=x), "positive"),
     *numeric("Scenario.blocked_after", lambda x: scenario(blocked_after=x), "positive or infinite"),
-    *rows("Scenario.target", lambda x: scenario(target=x), (*NO_CHOICE, None)),
+    *rows("Scenario.target", lambda x: scenario(target=x), NO_CHOICE),
     *rows("Scenario.title", lambda x: scenario(title=x), (*NO_TEXT, None)),
     *[row for name in ("routes", "zones", "rules", "door_events", "one_way")
       for row in rows(f"Scenario.{name}", lambda x, name=name: scenario(**{name: x}), NO_PARTS)],
     *rows("Scenario.closed_doors", lambda x: scenario(closed_doors=x), NO_NAMES),
     *rows("Scenario.comfort", lambda x: scenario(comfort=x), ([], "flat", 3, Comfort, None, {"stars": 1})),
     ("Scenario without exits", lambda: scenario(geometry=Geometry.from_polygon([(0, 0), (5, 0), (5, 5)])), ("no exit",)),
-    *rows("Scenario.route_set.strategy", lambda x: scenario().route_set(x), (*NO_CHOICE, None)),
+    *rows("Scenario.route_set.strategy", lambda x: scenario().route_set(x), NO_CHOICE),
     *rows("Scenario.route_set.rules", lambda x: scenario().route_set(rules=x), NO_FLAG),
     *rows("read_starts the file", read_starts, (None, 3, b"x", ["a.csv"], Scenario)),
     ("read_starts no file", lambda: read_starts("nowhere.csv"), ("nowhere.csv",)),
@@ -192,14 +192,14 @@ PHYSICS = [
       for row in numeric(f"{make.__name__}.relative_tolerance", of(make, "relative_tolerance"), "positive", or_none=True)],
     *numeric("NSM1.max_iterations", of(NSM1, "max_iterations"), "count"),
     *rows("NSM2.max_iterations", of(NSM2, "max_iterations"), (NAN, 0, -1, "3", None, True)),
-    *rows("NSM1.trial", of(NSM1, "trial"), (*NO_CHOICE, None)),
-    *rows("NSM2.reaction", of(NSM2, "reaction"), (*NO_CHOICE, None)),
+    *rows("NSM1.trial", of(NSM1, "trial"), NO_CHOICE),
+    *rows("NSM2.reaction", of(NSM2, "reaction"), NO_CHOICE),
     *rows("NSM2.normal_dissipation", of(NSM2, "normal_dissipation"), (NAN, -1.0, "1", None, True)),
     *rows("NSM2.tangential_dissipation", of(NSM2, "tangential_dissipation"), (NAN, -1.0, "1", None, True)),
     *numeric("Hertz.youngs_modulus", of(Hertz, "youngs_modulus"), "positive"),
     *[row for name in ("normal_damping", "tangential_damping", "friction", "wall_friction")
       for row in rows(f"Hertz.{name}", of(Hertz, name), (NAN, -1.0, "1", None, True))],
-    *rows("Hertz.damping_unit", of(Hertz, "damping_unit"), (*NO_CHOICE, None)),
+    *rows("Hertz.damping_unit", of(Hertz, "damping_unit"), NO_CHOICE),
     *[row for make in (DEM, NSM1, NSM2, Hertz)
       for row in rows(f"{make.__name__}.social", of(make, "social"), ("lim", 3, SocialForce))],
     ("NSM2.social key", lambda: NSM2(social={"stregth": 1.0}), ("'stregth'", "strength")),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
-from crowd_env import ControlRule, CrowdEnv, DoorEvent, Geometry, Population, Route, Scenario, Uniform
+from crowd_env import FULL_SPEED, ControlRule, CrowdEnv, DoorEvent, Geometry, Population, Route, Scenario, Uniform
 from crowd_env.routing.fields.extension import carried_along
 from crowd_env.routing.fields.field import join_fields, travel_time_field
 from crowd_env.routing.fields.lookup import travel_time_at
@@ -26,7 +26,7 @@ def hall():
 def evacuation(count=4, starts=None, **options):
     speed = Uniform(1.5, 1.5) if starts is not None else Uniform(1.2, 1.8)
     people = Population(count, radius=SAME, desired_speed=speed, relaxation_time=Uniform(0.1, 0.1), starts=starts)
-    return Scenario("hall", hall(), people, 60.0, **options)
+    return Scenario("hall", hall(), people, 60.0, **{**FULL_SPEED, **options})
 
 
 def seen_time(env, observation):
@@ -57,7 +57,7 @@ def test_a_control_rule_cannot_be_farmed():
         relaxation_time=Uniform(0.1, 0.1),
         starts=np.array([[5.0, 3.5], [9.0, 2.0]]),
     )
-    farm = Scenario("farm", place, people, 600.0, rules=(ControlRule("w", 1, "east"),))
+    farm = Scenario("farm", place, people, 600.0, rules=(ControlRule("w", 1, "east"),), **FULL_SPEED)
     env = CrowdEnv(farm, action={"name": "continuous", "frame": "world"}, physics="nsm1", routing="west")
     first = seen_time(env, env.reset(seed=0)[0])
     total, sent = 0.0, 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from crowd_env import Geometry, Normal, Population, Scenario, Uniform, make_scenario, parallel_env
+from crowd_env import FULL_SPEED, Geometry, Normal, Population, Scenario, Uniform, make_scenario, parallel_env
 from crowd_env.geometry.geometry import box
 from crowd_env.routing.spec import DoorEvent
 
@@ -25,7 +25,7 @@ def corridor(origin=(0.0, 0.0), *, doors=None, **options):
         response_time=Uniform(0.25, 0.25),
         starts=np.array([[1.5, 2.0], [5.0, 2.5]]) + origin,
     )
-    return Scenario("corridor", geometry, people, 20.0, **options)
+    return Scenario("corridor", geometry, people, 20.0, **{**FULL_SPEED, **options})
 
 
 def test_the_state_of_two_people_by_hand():

@@ -8,7 +8,7 @@ import pytest
 from refusals import refuses
 
 import crowd_env
-from crowd_env import MANNERS, CrowdEnv, Headway, Walking, make_scenario
+from crowd_env import MANNERS, TABLE_4, CrowdEnv, Headway, Walking, make_scenario
 from crowd_env.analysis.figures import report
 from crowd_env.envs.parallel import env as aec_env
 from crowd_env.envs.rollout import run_episodes
@@ -55,7 +55,8 @@ def test_without_a_manner_nothing_changes_whatever_people_are_driven_by():
     usual = walked(CrowdEnv("room-v0"))
     assert np.array_equal(usual, walked(CrowdEnv("room-v0", walking="competitive")))
     assert np.array_equal(
-        usual, walked(CrowdEnv(make_scenario("room-v0", population={"people": 20, "push": (0, 1), "time_gap": 2})))
+        usual,
+        walked(CrowdEnv(make_scenario("room-v0", population={"people": 20, "push": (0, 1), "time_gap": 2, **TABLE_4}))),
     )
     assert not np.array_equal(usual, walked(CrowdEnv("room-v0", walking="calm")))
 

@@ -8,10 +8,20 @@ import shapely
 from cases import looped
 from crowds import cluttered
 
-from crowd_env import CrowdEnv, Geometry, ObservationLayout, Population, Scenario, Uniform, make_scenario
+from crowd_env import (
+    FULL_SPEED,
+    TABLE_4,
+    CrowdEnv,
+    Geometry,
+    ObservationLayout,
+    Population,
+    Scenario,
+    Uniform,
+    make_scenario,
+)
 from crowd_env.envs.observation.layout import TERMS
 
-CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
+CLUTTERED = Scenario("cluttered", cluttered(), Population(25, **TABLE_4), 60.0, **FULL_SPEED)
 FULL = ObservationLayout(tuple(TERMS), neighbors=7, rays=12, routes=1)
 
 
@@ -89,7 +99,9 @@ def way_out_of_the_room(start, radius):
 
 
 def test_direction_and_travel_time_are_those_of_the_shortest_path():
-    env = CrowdEnv(make_scenario("room-v0", population=Population(10, radius=Uniform(0.25, 0.25))), num_envs=10)
+    env = CrowdEnv(
+        make_scenario("room-v0", population=Population(10, **{**TABLE_4, "radius": Uniform(0.25, 0.25)})), num_envs=10
+    )
     observation, _ = env.reset(seed=3)
     state, bodies = env.simulation.state, env.simulation.bodies
     free = state.position[:, 0] < 4.7  # nearer to the wall the path leads away from it first
@@ -239,7 +251,7 @@ def test_rays_end_at_the_first_wall(frame):
 
 def test_nobody_is_seen_across_rooms():
     """A person alone in a room perceives nobody, whoever stands at the same place in the next."""
-    one = make_scenario("room-v0", population=Population(1, starts=np.array([[2.5, 2.5]])))
+    one = make_scenario("room-v0", population=Population(1, starts=np.array([[2.5, 2.5]]), **TABLE_4))
     env = CrowdEnv([one, make_scenario("room-v0")], num_envs=2)
     observation, _ = env.reset(seed=0)
     assert not observation[0, env.layout["neighbors"]].any()
@@ -289,7 +301,7 @@ def test_a_turned_room_is_perceived_as_turned(frame):
         people = Population(30, radius=Uniform(0.2, 0.2), starts=turn(starts))
         layout = ObservationLayout(tuple(TERMS))
         env = CrowdEnv(
-            Scenario("turned", geometry, people, 60.0),
+            Scenario("turned", geometry, people, 60.0, **FULL_SPEED),
             physics="dem",
             action={"name": "continuous", "frame": frame},
             observation=layout,

@@ -5,6 +5,8 @@ import pytest
 from crowds import cluttered
 
 from crowd_env import (
+    FULL_SPEED,
+    TABLE_4,
     CrowdEnv,
     ObservationLayout,
     ObservationTerm,
@@ -18,7 +20,7 @@ from crowd_env import (
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.envs.observation.layout import TERMS
 
-CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
+CLUTTERED = Scenario("cluttered", cluttered(), Population(25, **TABLE_4), 60.0, **FULL_SPEED)
 HALL = make_scenario("room-v0", people=300, side=16.0)
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from crowds import cluttered
 
-from crowd_env import CrowdEnv, ObservationLayout, Population, Scenario, Uniform, make_scenario
+from crowd_env import FULL_SPEED, TABLE_4, CrowdEnv, ObservationLayout, Population, Scenario, Uniform, make_scenario
 from crowd_env.envs.observation.layout import TERMS, USUAL
 from crowd_env.routing.fields.lookup import direction_at, travel_time_at
 
-CLUTTERED = Scenario("cluttered", cluttered(), Population(25), 60.0)
+CLUTTERED = Scenario("cluttered", cluttered(), Population(25, **TABLE_4), 60.0, **FULL_SPEED)
 LAYOUT = ObservationLayout(("lead", "ahead", "neighbors"), neighbors=4)
 
 

@@ -10,7 +10,19 @@ from refusals import refuses
 from shapely.geometry import box
 
 import crowd_env
-from crowd_env import OUTLINES, CrowdEnv, Geometry, Groups, Outline, Physics, Population, Scenario, make_scenario
+from crowd_env import (
+    FULL_SPEED,
+    OUTLINES,
+    TABLE_4,
+    CrowdEnv,
+    Geometry,
+    Groups,
+    Outline,
+    Physics,
+    Population,
+    Scenario,
+    make_scenario,
+)
 from crowd_env.analysis.figures import report
 from crowd_env.envs.parallel import env as aec_env
 from crowd_env.envs.rollout import run_episodes
@@ -80,11 +92,15 @@ def test_a_rollout_and_its_report_know_the_outline():
 
 def test_people_are_placed_with_room_to_turn():
     groups = Groups(
-        (Population(15, start_region="left"), Population(15), Population(5, starts=[[5, k] for k in range(1, 6)]))
+        (
+            Population(15, start_region="left", **TABLE_4),
+            Population(15, **TABLE_4),
+            Population(5, starts=[[5, k] for k in range(1, 6)], **TABLE_4),
+        )
     )
     place = Geometry.from_polygon(box(0, 0, 8, 6), exits=[[(8, 2), (8, 4)]], regions={"left": box(0, 0, 4, 6)})
-    for people in (Population(35), groups):
-        scenario = Scenario("hall", place, people, 60.0, outline="torso")
+    for people in (Population(35, **TABLE_4), groups):
+        scenario = Scenario("hall", place, people, 60.0, outline="torso", **FULL_SPEED)
         env = CrowdEnv(scenario, physics="hertz")
         env.reset(seed=1)
         position = env.simulation.state.position
@@ -97,8 +113,11 @@ def test_people_are_placed_with_room_to_turn():
 
 def test_too_many_people_with_shoulders_are_refused_before_any_is_drawn():
     place = Geometry.from_polygon(box(0, 0, 4, 4), exits=[[(4, 1), (4, 3)]])
-    Scenario("hall", place, Population(80), 60.0)
-    refuses(lambda: Scenario("hall", place, Population(80), 60.0, outline="torso"), ("80 people do not fit", "at most"))
+    Scenario("hall", place, Population(80, **TABLE_4), 60.0, **FULL_SPEED)
+    refuses(
+        lambda: Scenario("hall", place, Population(80, **TABLE_4), 60.0, outline="torso", **FULL_SPEED),
+        ("80 people do not fit", "at most"),
+    )
 
 
 def test_a_new_episode_has_the_inertia_of_the_outline_and_faces_the_way():

@@ -13,6 +13,7 @@ from refusals import refuses, table
 from shapely.geometry import box
 
 from crowd_env import (
+    FULL_SPEED,
     ActionKind,
     CrowdEnv,
     CrowdGymEnv,
@@ -42,7 +43,7 @@ def place(people=8, length=8.0, depth=5.0):
         regions={"start": box(0, 0, 0.5 * length, depth)},
     )
     crowd = Population(people, radius=Uniform(0.2, 0.25), desired_speed=Uniform(1.2, 2.0), start_region="start")
-    return Scenario(f"hall of {length:g} m", geometry, crowd, 60.0)
+    return Scenario(f"hall of {length:g} m", geometry, crowd, 60.0, **FULL_SPEED)
 
 
 def hall(people=8, length=8.0, depth=5.0, **options):

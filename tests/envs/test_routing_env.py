@@ -9,7 +9,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from routing_places import corridor, hall
 
-from crowd_env import EpisodeMetrics, Geometry, Population, Route, Scenario
+from crowd_env import FULL_SPEED, EpisodeMetrics, Geometry, Population, Route, Scenario
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.envs.routing.env import RoutingEnv, RoutingVectorEnv
 from crowd_env.geometry.geometry import box
@@ -115,7 +115,7 @@ def test_a_queue_does_not_reach_through_a_wall():
 def test_cells_without_floor_are_no_regions():
     exits = {"west": [(0, 1), (0, 2)], "east": [(4, 0.5), (4, 1.5)]}
     geometry = Geometry.from_polygon([(0, 0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)], exits=exits)
-    env = RoutingEnv(Scenario("corner", geometry, Population(3), 20.0), grid=(2, 2))
+    env = RoutingEnv(Scenario("corner", geometry, Population(3), 20.0, **FULL_SPEED), grid=(2, 2))
     assert env.layout.regions == ("cell-0-0", "cell-1-0", "cell-0-1")
     np.testing.assert_allclose(env.batch.regions.area, 4.0)
     np.testing.assert_allclose(env.batch.regions.center, [(1, 1), (3, 1), (1, 3)])

@@ -8,7 +8,7 @@ from shapely.geometry import box
 
 import crowd_env.physics.simulation.simulation
 import crowd_env.physics.spatial_order
-from crowd_env import CrowdEnv, Geometry, Physics, Population, Scenario, make_scenario
+from crowd_env import FULL_SPEED, TABLE_4, CrowdEnv, Geometry, Physics, Population, Scenario, make_scenario
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.workspace import allocate_workspace
 from crowd_env.routing.spec import DoorEvent
@@ -130,7 +130,15 @@ def test_doors_that_lock_everyone_in_at_the_start_leave_no_ways_of_the_episode_b
         doors={"west": "west", "east": "east"},
     )
     events = (DoorEvent("west", True, at=0.3),)
-    scene = Scenario("locked", place, Population(20), 100.0, closed_doors=("west", "east"), door_events=events)
+    scene = Scenario(
+        "locked",
+        place,
+        Population(20, **TABLE_4),
+        100.0,
+        closed_doors=("west", "east"),
+        door_events=events,
+        **FULL_SPEED,
+    )
     fresh, used = (CrowdEnv(scene, physics="dem") for _ in range(2))
     play(used, [1], 6)
     assert play(used, [3], 6) == play(fresh, [3], 6)
@@ -182,7 +190,7 @@ def test_memory_that_runs_full_in_the_midst_of_a_step_changes_nothing(scheme, dt
     # Near a round wall of many edges the lists hold more than they have room for at first.
     corners = 2.0 * np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0, 2 * np.pi, 1200, endpoint=False)])
     place = Geometry.from_polygon(corners, exits=[box(1.7, -0.6, 3, 0.6)])
-    scene = Scenario("round", place, Population(12), 100.0)
+    scene = Scenario("round", place, Population(12, **TABLE_4), 100.0, **FULL_SPEED)
     grown = []
 
     def found(per_person):

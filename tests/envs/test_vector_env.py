@@ -9,7 +9,7 @@ from cases import looped
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import vector as wrappers
 
-from crowd_env import CrowdGymEnv, CrowdVectorEnv, EpisodeMetrics, Geometry, Population, Scenario
+from crowd_env import FULL_SPEED, TABLE_4, CrowdGymEnv, CrowdVectorEnv, EpisodeMetrics, Geometry, Population, Scenario
 from crowd_env.envs.routing.env import RoutingEnv, RoutingVectorEnv
 from crowd_env.geometry.geometry import box
 
@@ -21,7 +21,7 @@ def hall():
     """8 x 6 m with an exit of 1 m in each short wall, 6 people."""
     exits = {"west": [(0, 2.5), (0, 3.5)], "east": [(8, 2.5), (8, 3.5)]}
     geometry = Geometry.from_polygon(box(0, 0, 8, 6), exits=exits)
-    return Scenario("hall", geometry, Population(6), 8.0)
+    return Scenario("hall", geometry, Population(6, **TABLE_4), 8.0, **FULL_SPEED)
 
 
 def room(**options):

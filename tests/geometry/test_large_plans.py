@@ -6,7 +6,7 @@ import shapely
 from cases import looped
 from evacuations import evacuated
 
-from crowd_env import Geometry, Population, Scenario, Uniform
+from crowd_env import FULL_SPEED, Geometry, Population, Scenario, Uniform
 from crowd_env.geometry.boundary import solid_depth
 from crowd_env.geometry.placement import closest_pair
 from crowd_env.routing.fields import domain as navigation_plan
@@ -51,7 +51,7 @@ def test_ways_on_a_coarse_grid_go_through_the_gap_not_the_wall(coarse):
 @pytest.mark.filterwarnings("ignore:the plan is")
 def test_bodies_get_out_by_ways_on_a_coarse_grid(coarse):
     people = Population(12, starts=np.column_stack([np.repeat([1.0, 2.0, 3.0], 4), np.tile([1.0, 4.0, 7.0, 11.0], 3)]))
-    env = evacuated(Scenario("hall", divided(0.9), people, 120.0), physics="nsm1-inertial")
+    env = evacuated(Scenario("hall", divided(0.9), people, 120.0, **FULL_SPEED), physics="nsm1-inertial")
     assert env.metrics(0).unfinished == 0
 
 
@@ -70,9 +70,9 @@ def test_the_largest_places_are_refused_before_anything_is_allocated(monkeypatch
     monkeypatch.setattr(navigation_plan, "_make_grid", None)
     big = Geometry.from_polygon(shapely.box(0, 0, 1200, 1200), exits=[[(1200, 5), (1200, 7)]])
     with pytest.raises(ValueError, match=r"1200 m x 1200 m needs more than 3e\+07 nodes; check that its coordinates"):
-        Scenario("field", big, Population(10), 60.0)
+        Scenario("field", big, Population(10), 60.0, **FULL_SPEED)
     with pytest.raises(ValueError, match=r"bodies of radius 0\.001 m in a plan of 24\.0 m x 12\.0 m need more than"):
-        Scenario("hall", divided(2.0), Population(10, radius=Uniform(0.001, 0.25)), 60.0)
+        Scenario("hall", divided(2.0), Population(10, radius=Uniform(0.001, 0.25)), 60.0, **FULL_SPEED)
     navigation_plan.require_grid(Geometry.from_polygon(shapely.box(0, 0, 676, 672), exits=[[(676, 5), (676, 7)]]), 0.2)
 
 

@@ -7,7 +7,7 @@ import pytest
 import shapely
 from cases import looped
 
-from crowd_env import Geometry, Population, Scenario, make_scenario
+from crowd_env import FULL_SPEED, Geometry, Population, Scenario, make_scenario
 from crowd_env.geometry.parsing import place
 
 ROOM = shapely.box(0, 0, 6, 5)
@@ -39,7 +39,9 @@ def test_parts_that_were_meant_to_touch_are_joined(gap, angle):
         geometry = Geometry.from_polygon(shapely.MultiPolygon(shapes), exits=[exit_line])
     assert geometry.walkable.geom_type == "Polygon" and not geometry.left_out
     assert geometry.area == pytest.approx(ROOM.area + 2 + 20, abs=0.1)
-    assert Scenario("joined", geometry, Population(3), 60.0).field().travel_time.size  # every place has a way out
+    assert (
+        Scenario("joined", geometry, Population(3), 60.0, **FULL_SPEED).field().travel_time.size
+    )  # every place has a way out
     # The passages are as wide as they were drawn: no thread of wall is left in them.
     for inside in ([(5.5, 2.5), (7, 2.5)], [(0.5, 1), (-1, 1)], [(0.5, 0.2), (-1, 0.2)]):
         line = shapely.affinity.rotate(shapely.LineString(inside), angle, origin=(0, 0))
@@ -159,10 +161,16 @@ def test_what_comes_first_is_the_unit_not_the_crowd(tmp_path):
 
 def test_more_people_than_there_is_room_for_are_refused_before_any_is_drawn():
     with pytest.raises(ValueError, match=r"400000 people do not fit .* room for at most 21"):
-        Scenario("room", quietly(ROOM, exits=[DOOR]), Population(400_000), 60.0)
+        Scenario("room", quietly(ROOM, exits=[DOOR]), Population(400_000), 60.0, **FULL_SPEED)
     regions = {"west": shapely.box(0, 0, 2, 5)}
     with pytest.raises(ValueError, match=r"100 people do not fit without overlap into 10\.0 m2 of 'west'"):
-        Scenario("room", quietly(ROOM, exits=[DOOR], regions=regions), Population(100, start_region="west"), 60.0)
+        Scenario(
+            "room",
+            quietly(ROOM, exits=[DOOR], regions=regions),
+            Population(100, start_region="west"),
+            60.0,
+            **FULL_SPEED,
+        )
 
 
 @looped(

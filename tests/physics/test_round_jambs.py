@@ -10,7 +10,7 @@ from cases import looped
 from crowds import GRAIN_SCHEMES, every_scheme, kinetic_energy, people, scatter, tight
 from shapely.geometry import box
 
-from crowd_env import Geometry, Population, Scenario
+from crowd_env import FULL_SPEED, Geometry, Population, Scenario
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.physics import NSM1, SCHEMES
@@ -124,6 +124,6 @@ def test_grains_among_arcs_keep_momentum_and_energy(name):
 @pytest.mark.parametrize("name", ["dem", "nsm2"])
 def test_a_crowd_leaves_by_a_round_door_and_nobody_is_outside(name):
     geometry = Geometry.from_polygon(box(0, 0, 5, 5), exits=[[(5, 2), (5, 3)]], jamb_radius=0.1)
-    (episode,) = run_episodes(Scenario("door", geometry, Population(20), 60.0), 1, scheme=name)
+    (episode,) = run_episodes(Scenario("door", geometry, Population(20), 60.0, **FULL_SPEED), 1, scheme=name)
     assert episode.metrics.escaped == 0
     assert episode.metrics.unfinished == 0

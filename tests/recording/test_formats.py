@@ -10,7 +10,7 @@ from cases import looped
 from recordings import CASES, arrays_of, assert_equal, two_doors
 from shapely.geometry import Point, box
 
-from crowd_env import Geometry, Population, Scenario
+from crowd_env import FULL_SPEED, Geometry, Population, Scenario
 from crowd_env.envs.rollout import rollout
 from crowd_env.recording import FORMATS, Recording, RunRecorder, load, record
 from crowd_env.recording.writer import part_of
@@ -163,7 +163,7 @@ def test_a_missing_file_points_to_what_is_left_of_it(tmp_path):
 def test_a_long_plan_fits_into_every_format(tmp_path):
     """HDF5 keeps attributes of up to 64 kB only, unless told otherwise."""
     place = Geometry.from_polygon(Point(0, 0).buffer(10, quad_segs=1000), exits={"cut": box(9, -2, 11, 2)})
-    scenario = Scenario("ring", place, Population(3), time_limit=0.2)
+    scenario = Scenario("ring", place, Population(3), time_limit=0.2, **FULL_SPEED)
     for suffix in WRITTEN:
         assert len(load(record(scenario).save(tmp_path / f"run{suffix}")).walkable) > 70_000
 

@@ -18,7 +18,7 @@ from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import DoorEvent, Route
 from crowd_env.scenarios.population import Population, Uniform
-from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 
 EXITS = {"west": [(0, 1), (0, 3)], "east": [(10, 1), (10, 3)]}
 REGIONS = {"left": box(0, 0, 5, 4), "right": box(5, 0, 10, 4)}
@@ -279,7 +279,7 @@ def test_a_door_elsewhere_leaves_the_fastest_ways_as_they_are():
 def test_rays_see_closed_doors_and_see_through_open_ones():
     layout = ObservationLayout(terms=("walls",), rays=4)
     people = Population(1, radius=Uniform(0.2, 0.2), starts=np.array([[6.5, 2.0]]))
-    scenario = Scenario("doors", hall(), people, 30.0)
+    scenario = Scenario("doors", hall(), people, 30.0, **FULL_SPEED)
     env = CrowdEnv(scenario, num_envs=2, observation=layout, action={"name": "continuous", "frame": "world"})
     env.reset(seed=1)
     env.simulation.close_doors(1, ["gate"])

@@ -23,7 +23,7 @@ from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import ControlRule, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone, jutting_corners
 from crowd_env.scenarios.population import Population, Uniform
-from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 
 minimize_scalar = late("scipy.optimize", "minimize_scalar")
 
@@ -213,7 +213,7 @@ def test_nearest_is_the_exit_of_the_shortest_way_not_of_the_shortest_line():
     geometry = Geometry.from_polygon(
         box(0, 0, 8, 4), exits={"west": [(0, 0), (0, 1.5)], "east": [(8, 0), (8, 1.5)]}, thin_walls=[[(3, 0), (3, 3.2)]]
     )
-    scenario = Scenario("n", geometry, Population(3, radius=Uniform(RADIUS, RADIUS)), 10.0)
+    scenario = Scenario("n", geometry, Population(3, radius=Uniform(RADIUS, RADIUS)), 10.0, **FULL_SPEED)
     route_set = scenario.route_set("nearest")
     points = starts(geometry, 200, seed=5)
     by_length = np.array([[time_at(route_set, name, *point) for name in ("west", "east")] for point in points])
@@ -321,6 +321,6 @@ def test_other_impossible_ways_are_refused():
     inside_wall = hall(regions={"nook": box(5, 3.9, 5.1, 4)})
     with pytest.raises(ValueError, match=r"the region that the way leads to can.* be reached"):
         RoutePlan(inside_wall, RADIUS, routes=[Route("a", via="nook")]).build()
-    scenario = Scenario("n", hall(), Population(2), 10.0)
+    scenario = Scenario("n", hall(), Population(2), 10.0, **FULL_SPEED)
     with pytest.raises(ValueError, match="n: unknown strategy 'x'; known: shortest, nearest, fastest, comfortable, w"):
         scenario.route_set("x")

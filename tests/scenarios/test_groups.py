@@ -8,7 +8,7 @@ from cases import looped
 from crowds import HALL, clear
 from evacuations import evacuated
 
-from crowd_env import Geometry, Groups, LogNormal, Normal, Population, Scenario, Uniform
+from crowd_env import FULL_SPEED, TABLE_4, Geometry, Groups, LogNormal, Normal, Population, Scenario, Uniform
 from crowd_env.geometry.geometry import box
 from crowd_env.routing.spec import Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
@@ -18,9 +18,9 @@ def test_a_plain_population_draws_what_it_always_drew():
     # The hash was made before there were groups.
     digest = hashlib.sha256()
     crowds = [
-        Population(20),
-        Population(200),
-        Population(300),
+        Population(20, **TABLE_4),
+        Population(200, **TABLE_4),
+        Population(300, **TABLE_4),
         Population(
             30,
             radius=Normal(0.22, 0.02, 0.15, 0.3),
@@ -28,9 +28,9 @@ def test_a_plain_population_draws_what_it_always_drew():
             response_time=Uniform(0, 5),
             start_region="stage",
         ),
-        Population(45, start_region="stage"),
-        Population(2, starts=np.array([[1.0, 1.0], [4.0, 3.0]])),
-        Population(60, radius=Uniform(0.05, 0.5)),
+        Population(45, start_region="stage", **TABLE_4),
+        Population(2, starts=np.array([[1.0, 1.0], [4.0, 3.0]]), **TABLE_4),
+        Population(60, **{**TABLE_4, "radius": Uniform(0.05, 0.5)}),
     ]
     for seed, crowd in enumerate(crowds):
         bodies, position = crowd.draw(np.random.default_rng(seed), HALL)
@@ -40,7 +40,7 @@ def test_a_plain_population_draws_what_it_always_drew():
 
 
 def test_a_group_of_one_draws_as_the_population_itself():
-    people = Population(25, start_region="stage")
+    people = Population(25, start_region="stage", **TABLE_4)
     one, other = (crowd.draw(np.random.default_rng(3), HALL) for crowd in (people, Groups((people,))))
     np.testing.assert_array_equal(one[1], other[1])
     np.testing.assert_array_equal(one[0].mass, other[0].mass)
@@ -50,10 +50,10 @@ def test_a_group_of_one_draws_as_the_population_itself():
 def test_groups_stand_apart_in_their_places(seed):
     groups = Groups(
         (
-            Population(50),
-            Population(40, start_region="stage", radius=Uniform(0.15, 0.2)),
-            Population(3, starts=np.array([[9.0, 6.0], [1.0, 1.0], [9.6, 6.0]])),
-            Population(50, desired_speed=Uniform(0.5, 0.6)),
+            Population(50, **TABLE_4),
+            Population(40, start_region="stage", **{**TABLE_4, "radius": Uniform(0.15, 0.2)}),
+            Population(3, starts=np.array([[9.0, 6.0], [1.0, 1.0], [9.6, 6.0]]), **TABLE_4),
+            Population(50, **{**TABLE_4, "desired_speed": Uniform(0.5, 0.6)}),
         )
     )
     bodies, position = groups.draw(np.random.default_rng(seed), HALL)
@@ -74,12 +74,14 @@ def test_groups_that_share_a_full_place_are_packed_together():
 
 
 def test_bounds_of_groups_hold_all_of_them():
-    groups = Groups((Population(3, mass=Uniform(50, 60)), Population(3, response_time=LogNormal(5, 1, 60))))
+    groups = Groups(
+        (Population(3, mass=Uniform(50, 60), **TABLE_4), Population(3, response_time=LogNormal(5, 1, 60), **TABLE_4))
+    )
     assert groups.mass == (50, 100) and groups.response_time == (0, 60) and groups.radius == (0.2, 0.25)
 
 
 def test_another_number_is_shared_out_in_proportion():
-    groups = Groups((Population(100), Population(10), Population(1)))
+    groups = Groups((Population(100, **TABLE_4), Population(10, **TABLE_4), Population(1, **TABLE_4)))
     for count in (3, 4, 50, 110, 111, 112, 1000):
         assert sum(part.people for part in groups.changed(people=count).parts) == count
     assert [part.people for part in groups.changed(people=111).parts] == [100, 10, 1]
@@ -93,13 +95,15 @@ def test_another_number_is_shared_out_in_proportion():
 def test_more_seats_than_people():
     seats = np.array([[x, y] for x in (1.0, 3.0) for y in (1.0, 2.0, 6.0)])
     taken = {
-        tuple(p) for seed in range(30) for p in Population(2, starts=seats).draw(np.random.default_rng(seed), HALL)[1]
+        tuple(p)
+        for seed in range(30)
+        for p in Population(2, starts=seats, **TABLE_4).draw(np.random.default_rng(seed), HALL)[1]
     }
     assert taken == {tuple(p) for p in seats}
 
 
 def test_starts_of_two_groups_may_not_overlap():
-    groups = Groups(tuple(Population(1, starts=np.array([[1.0, y]])) for y in (1.0, 1.2)))
+    groups = Groups(tuple(Population(1, starts=np.array([[1.0, y]]), **TABLE_4) for y in (1.0, 1.2)))
     with pytest.raises(ValueError, match="starts 0 and 1 overlap"):
         groups.draw(np.random.default_rng(0), HALL)
 
@@ -109,7 +113,7 @@ def hall(*parts, **options):
     geometry = Geometry.from_polygon(
         box(0, 0, 10, 4), exits=exits, regions={"left": box(0, 0, 3, 4), "middle": box(3, 0, 7, 3)}
     )
-    return Scenario("hall", geometry, Groups(parts) if len(parts) > 1 else parts[0], 60.0, **options)
+    return Scenario("hall", geometry, Groups(parts) if len(parts) > 1 else parts[0], 60.0, **{**FULL_SPEED, **options})
 
 
 @looped(
@@ -125,10 +129,10 @@ def hall(*parts, **options):
 )
 def test_every_group_means_to_take_its_own_way(strategy, expected):
     place = hall(
-        Population(3, route="east", start_region="left"),
-        Population(4, route="loop", start_region="left"),
-        Population(5, exits=("east", "north"), start_region="left"),
-        Population(2, start_region="left"),
+        Population(3, route="east", start_region="left", **TABLE_4),
+        Population(4, route="loop", start_region="left", **TABLE_4),
+        Population(5, exits=("east", "north"), start_region="left", **TABLE_4),
+        Population(2, start_region="left", **TABLE_4),
         routes=(Route("loop", ("west", "east"), via="left"),),
     )
     route_set = place.route_set(strategy)
@@ -141,7 +145,7 @@ def test_every_group_means_to_take_its_own_way(strategy, expected):
 
 def test_groups_leave_by_their_own_exits():
     route_set = ({"route": "east"}, {"exits": ("north",)}, {"route": "west"})
-    place = hall(*(Population(8, start_region="middle", **way) for way in route_set))
+    place = hall(*(Population(8, start_region="middle", **{**TABLE_4, **way}) for way in route_set))
     env = evacuated(place)
     left_by = np.array(place.geometry.exit_names)[env.simulation.state.exit_index]
     assert left_by.tolist() == ["east"] * 8 + ["north"] * 8 + ["west"] * 8
@@ -150,18 +154,18 @@ def test_groups_leave_by_their_own_exits():
 def test_what_comfort_costs_reaches_the_way():
     times = []
     for comfort in (Comfort(stairs=0.0), Comfort(stairs=20.0)):
-        place = hall(Population(2), zones=(SpeedZone("left", factor=0.5),), comfort=comfort)
+        place = hall(Population(2, **TABLE_4), zones=(SpeedZone("left", factor=0.5),), comfort=comfort)
         route_set = place.route_set("comfortable")
         times.append(route_set.routes[route_set.number("comfortable")].field.travel_time)
     assert np.nanmax(times[1]) > np.nanmax(times[0]) + 1.0
 
 
 def test_a_plain_population_may_have_a_way_too():
-    place = hall(Population(5, route="north"))
+    place = hall(Population(5, route="north", **TABLE_4))
     route_set = place.route_set()
     assert place.choose(route_set, "shortest", np.ones((7, 2))).tolist() == [route_set.number("north")] * 7
 
 
 def test_groups_choose_for_as_many_as_they_are():
     with pytest.raises(ValueError, match="3 positions for groups of 4"):
-        hall(Population(2), Population(2)).choose(None, "shortest", np.zeros((3, 2)))
+        hall(Population(2, **TABLE_4), Population(2, **TABLE_4)).choose(None, "shortest", np.zeros((3, 2)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cases import looped
 
-from crowd_env import Geometry, Groups, LogNormal, Normal, Population, Scenario, Uniform, make_scenario
+from crowd_env import FULL_SPEED, Geometry, Groups, LogNormal, Normal, Population, Scenario, Uniform, make_scenario
 from crowd_env.geometry.geometry import box
 from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
@@ -70,7 +70,11 @@ def test_a_distribution_of_plain_data_is_the_object_and_draws_alike(name, plain,
 def test_groups_of_tables_are_groups_of_objects(form):
     parts = [WEST, EAST] if form is json.dumps else form([WEST, EAST])
     plain = json.loads(form(parts)) if form is json.dumps else parts
-    for crowd in (Groups(plain), Scenario("hall", HALL, plain, 60.0).population, Groups([WEST, people().parts[1]])):
+    for crowd in (
+        Groups(plain),
+        Scenario("hall", HALL, plain, 60.0, **FULL_SPEED).population,
+        Groups([WEST, people().parts[1]]),
+    ):
         assert [(part.route, part.exits, part.name) for part in crowd.parts] == [
             ("west", (), "west"),
             (None, ("east",), ""),
@@ -88,7 +92,10 @@ def test_a_file_and_python_take_the_same_tables(tmp_path):
 
 def test_starts_say_how_many_people_there_are():
     table = {"starts": [[1, 1], [2, 1], [3, 1]], "radius": 0.2}
-    for scenario in (Scenario("hall", HALL, table, 60.0), Scenario("hall", HALL, [table], 60.0)):
+    for scenario in (
+        Scenario("hall", HALL, table, 60.0, **FULL_SPEED),
+        Scenario("hall", HALL, [table], 60.0, **FULL_SPEED),
+    ):
         (part,) = scenario.population.parts
         assert part.people == 3 and part.starts.tolist() == table["starts"]
 
@@ -111,6 +118,7 @@ def test_routes_and_rules_of_a_scenario_may_be_tables():
         door_events=[{"door": "gate", "opens": False, "at": 3}],
         one_way=[{"door": "gate", "to": "left"}],
         comfort={"stairs": 2},
+        **FULL_SPEED,
     )
     assert plain.routes == (Route("loop", ("east",), "left"),)
     assert plain.zones == (SpeedZone("left", factor=0.5),)
@@ -147,13 +155,16 @@ def test_a_mistake_in_a_table_of_people_is_one_sentence(options, message):
     [
         (lambda: Groups([WEST, {"raduis": 1}]), "groups[1]: unknown key 'raduis'; known: people, radius"),
         (lambda: Groups([WEST, {"radius": 0.2}]), "groups[1]: key 'people' is missing"),
-        (lambda: Scenario("hall", HALL, [WEST, WEST], 60.0), "population: two groups have the name 'west'"),
         (
-            lambda: Scenario("hall", HALL, {**WEST, "route": "wets"}, 60.0),
+            lambda: Scenario("hall", HALL, [WEST, WEST], 60.0, **FULL_SPEED),
+            "population: two groups have the name 'west'",
+        ),
+        (
+            lambda: Scenario("hall", HALL, {**WEST, "route": "wets"}, 60.0, **FULL_SPEED),
             "unknown route 'wets'; known: west, east",
         ),
         (
-            lambda: Scenario("hall", HALL, WEST, 60.0, routes=[{"nmae": "a"}]),
+            lambda: Scenario("hall", HALL, WEST, 60.0, routes=[{"nmae": "a"}], **FULL_SPEED),
             "scenario 'hall': routes[0]: unknown key 'nmae'; known: name, exits, via, strategy",
         ),
     ],

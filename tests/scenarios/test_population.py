@@ -10,7 +10,7 @@ from shapely.geometry import box
 
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.placement import sample_positions
-from crowd_env.scenarios.population import Normal, Population, Uniform
+from crowd_env.scenarios.population import TABLE_4, Normal, Population, Uniform
 from crowd_env.scenarios.starts import check_starts
 
 ROOM = Geometry.from_polygon(box(0, 0, 5, 5), exits=[[(5, 2.09), (5, 2.91)]])
@@ -18,8 +18,8 @@ ROOM = Geometry.from_polygon(box(0, 0, 5, 5), exits=[[(5, 2.09), (5, 2.91)]])
 # ----------------------------------------------------------------------------------------------------- distributions
 
 
-def test_table_4_is_the_default():
-    bodies, _ = Population(4000).draw(np.random.default_rng(0), Geometry.from_polygon(box(0, 0, 60, 60)))
+def test_table_4_is_uniform():
+    bodies, _ = Population(4000, **TABLE_4).draw(np.random.default_rng(0), Geometry.from_polygon(box(0, 0, 60, 60)))
     for values, low, high in (
         (bodies.radius, 0.2, 0.25),
         (bodies.mass, 60, 100),

@@ -1,6 +1,7 @@
 """What a command ran: everything that decides its results, to be kept beside them."""
 
 import hashlib
+import math
 import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -31,7 +32,7 @@ def run_config(
     dt: float | None,
     strategy: str,
     rules: bool,
-    max_drive: float,
+    max_drive: float = math.inf,
     command: Sequence[str] = (),
     arguments: Mapping[str, Any] | None = None,
     files: Sequence[Path] = (),

@@ -15,6 +15,7 @@ from repository import ROOT
 from shapely.geometry import box
 
 from crowd_env import (
+    FULL_SPEED,
     ControlRule,
     CrowdEnv,
     Geometry,
@@ -47,6 +48,7 @@ HALL = Scenario(
     routes=(Route("quick", strategy="fastest"),),
     zones=(SpeedZone("right", factor=0.5),),
     rules=(ControlRule("left", 3, "east"),),
+    **FULL_SPEED,
 )
 
 

@@ -11,7 +11,7 @@ from shapely.geometry import box
 
 import crowd_env.physics.simulation.simulation
 import crowd_env.physics.spatial_order
-from crowd_env import CrowdEnv, Geometry, Physics, Population, Scenario, make_scenario
+from crowd_env import FULL_SPEED, CrowdEnv, Geometry, Physics, Population, Scenario, make_scenario
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics import DEM, SCHEMES, SOCIAL_FORCES, make_scheme
 from crowd_env.physics.simulation.simulation import Simulation
@@ -36,7 +36,7 @@ def hall(**options):
         routes=(Route("by-west", ("west",)), Route("by-east", ("east",))),
         rules=(ControlRule("middle", 8, "by-east", below=5, hold=0.3),),
         door_events=(DoorEvent("west", False, at=0.55), DoorEvent("west", True, at=1.25)),
-        **options,
+        **{**FULL_SPEED, **options},
     )
 
 

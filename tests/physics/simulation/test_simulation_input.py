@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cases import looped
 
-from crowd_env import SCHEMES, CrowdEnv, Geometry, Physics, Population, Scenario, Uniform, make_scenario
+from crowd_env import FULL_SPEED, SCHEMES, CrowdEnv, Geometry, Physics, Population, Scenario, Uniform, make_scenario
 from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_state
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.scenarios.groups import Groups, extreme_bodies
@@ -118,7 +118,7 @@ def test_recorded_starts_may_come_transposed_and_are_the_populations_own():
     starts = np.array([XS, YS]).T
     people = Population(3, starts=starts)
     starts[0] = 0.01, 0.01  # into a wall
-    env = CrowdEnv(Scenario("starts", ROOM, people, 10.0), num_envs=2)
+    env = CrowdEnv(Scenario("starts", ROOM, people, 10.0, **FULL_SPEED), num_envs=2)
     env.reset(seed=0)
     env.step(None)
     np.testing.assert_array_equal(people.starts, np.column_stack([XS, YS]))

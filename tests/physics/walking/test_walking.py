@@ -6,7 +6,7 @@ from cases import looped
 from shapely.geometry import LineString, box
 from walking_crowds import manner, standing, steps
 
-from crowd_env import Geometry, Scenario, Simulation, make_scenario
+from crowd_env import FULL_SPEED, Geometry, Scenario, Simulation, make_scenario
 from crowd_env.core.arrays.headway import MANNERS
 from crowd_env.core.arrays.state import make_bodies, make_state
 
@@ -63,7 +63,7 @@ def test_two_who_come_towards_each_other_in_a_corridor_pass(name, offset):
 def corner() -> tuple[Geometry, object]:
     """Return a place with a way round a corner, and its field."""
     place = Geometry.from_polygon([(0, 0), (6, 0), (6, 6), (3, 6), (3, 3), (0, 3)], exits=[[(6, 6), (3, 6)]])
-    return place, Scenario("corner", place, make_scenario("room-v0").population, 60.0).field()
+    return place, Scenario("corner", place, make_scenario("room-v0").population, 60.0, **FULL_SPEED).field()
 
 
 @pytest.mark.parametrize("name", [name for name, keeps in MANNERS.items() if keeps is not None])

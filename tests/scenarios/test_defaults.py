@@ -1,0 +1,92 @@
+"""Who walks if nobody says it: adults who keep a distance, but for the places of the papers."""
+
+import numpy as np
+import pytest
+from shapely.geometry import box
+
+from crowd_env import (
+    FULL_SPEED,
+    MANNERS,
+    SCENARIOS,
+    TABLE_4,
+    CrowdEnv,
+    Geometry,
+    Physics,
+    Population,
+    Scenario,
+    make_scenario,
+)
+from crowd_env.cli.place import read_place
+from crowd_env.envs.rollout import run_episodes
+
+HALL = Geometry.from_polygon(box(0, 0, 8, 8), exits={"door": [(8, 3.5), (8, 4.5)]})
+TWO = Geometry.from_polygon(box(0, 0, 8, 8), exits={"east": [(8, 3), (8, 5)], "west": [(0, 3), (0, 5)]})
+
+
+def test_adults_by_weidmann_or_table_4_when_asked():
+    for fields, radius, mean, sd in (({}, (0.15, 0.19), 1.34, 0.23), (TABLE_4, (0.2, 0.25), 1.6, 0.8 / 12**0.5)):
+        bodies = Population(4000, **fields).draw_bodies(np.random.default_rng(0))
+        assert radius[0] <= bodies.radius.min() < bodies.radius.max() <= radius[1]
+        assert bodies.desired_speed.mean() == pytest.approx(mean, abs=0.02)
+        assert bodies.desired_speed.std() == pytest.approx(sd, rel=0.05)  # 0.26, cut at two of them
+        assert 60 <= bodies.mass.min() < bodies.mass.max() <= 100
+
+
+def test_own_places_keep_a_distance_and_shipped_ones_are_as_in_the_papers(tmp_path):
+    (tmp_path / "hall.toml").write_text(
+        "[geometry]\nwalkable = { box = [0, 0, 8, 8] }\n[geometry.exits]\ndoor = [[8, 3], [8, 5]]\n[population]\npeople = 5\n"
+    )
+    (tmp_path / "hall.wkt").write_text("POLYGON ((0 0, 8 0, 8 8, 0 8, 0 0))")
+    own = [
+        Scenario("own", HALL, Population(5), 60.0),
+        make_scenario(tmp_path / "hall.toml"),
+        make_scenario(tmp_path / "hall.wkt", exits=["8,3,8,5"], people=5),
+    ]
+    for place in own:
+        env = CrowdEnv(place)
+        assert env.simulation.manner == MANNERS["hurried"] and env.simulation.max_drive == 300.0
+        assert place.population.radius.high == 0.19
+    for name in SCENARIOS:
+        place = make_scenario(name)
+        assert {word: getattr(place, word) for word in FULL_SPEED} == dict(FULL_SPEED), name
+    env = CrowdEnv("room-v0")
+    assert env.simulation.manner is None and env.simulation.max_drive is None and env.strategies == ["shortest"]
+
+
+def test_of_several_exits_people_take_the_fastest_unless_somebody_says_which():
+    assert Scenario("two", TWO, Population(5), 60.0).strategy_of_run() == "fastest"
+    assert Scenario("one", HALL, Population(5), 60.0).strategy_of_run() == "shortest"
+    assert Scenario("near", TWO, Population(5), 60.0, target="nearest").strategy_of_run() == "shortest"
+    west = Scenario("west", TWO, Population(5), 60.0, strategy="west")
+    assert west.strategy_of_run() == "west" and west.strategy_of_run("nearest") == "nearest"
+    assert CrowdEnv(west).strategies == ["west"]
+    with pytest.raises(ValueError, match="unknown strategy 'north'; known: shortest"):
+        Scenario("north", TWO, Population(5), 60.0, strategy="north")
+
+
+def test_the_drive_is_that_of_the_place_unless_the_physics_says_another():
+    place = Scenario("own", HALL, Population(5), 60.0)
+    for scheme in ("dem", "nsm2", "hertz", "nsm1-inertial"):
+        assert CrowdEnv(place, physics=scheme).simulation.max_drive == 300.0
+    assert CrowdEnv(place, physics=Physics("dem", max_drive=np.inf)).simulation.max_drive is None
+    assert CrowdEnv(place, physics=Physics("dem", max_drive=150.0)).simulation.max_drive == 150.0
+    assert CrowdEnv(place, physics="nsm1").simulation.max_drive is None  # which drives nobody
+    with pytest.raises(ValueError, match="300 N and inf N"):
+        CrowdEnv([place, make_scenario("room-v0")], walking="calm")
+
+
+def test_competitive_people_on_a_plan_are_those_of_the_papers(tmp_path):
+    (tmp_path / "hall.wkt").write_text("POLYGON ((0 0, 8 0, 8 8, 0 8, 0 0))")
+    place = read_place(str(tmp_path / "hall.wkt"), exits=["8,3,8,5"], crowd="competitive")
+    assert place.population.radius.high == 0.25 and place.population.desired_speed.high == 2.0
+    place = read_place(str(tmp_path / "hall.wkt"), exits=["8,3,8,5"], crowd="competitive", drawn={"radius": "0.3"})
+    assert place.population.radius.high == 0.3 and place.population.desired_speed.high == 2.0
+
+
+@pytest.mark.more
+def test_by_default_no_door_passes_more_people_than_were_ever_seen():
+    hall = Geometry.from_polygon(box(0, 0, 12, 12), exits={"door": [(12, 4.5), (12, 7.5)]})
+    runs = run_episodes(Scenario("hall", hall, Population(200), 200.0), 3)
+    for run in runs:
+        assert run.metrics.unfinished == 0
+        assert 1.0 < run.metrics.flow / 3.0 < 2.8  # 1/(s m)
