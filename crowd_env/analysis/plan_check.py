@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import shapely
 
 from crowd_env.analysis.figures import exit_widths, listed
 from crowd_env.analysis.passages import Gap, Passage, narrowest_passages
@@ -14,7 +13,7 @@ from crowd_env.core.arrays.outline import room_of
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import counted
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.geometry.parts import closed_off
+from crowd_env.geometry.parts import closed_off, stuck_bodies
 from crowd_env.geometry.placement import CLOSEST_PACKING
 from crowd_env.routing.fields.grid import nearest_nodes
 from crowd_env.scenarios.groups import People
@@ -23,7 +22,6 @@ from crowd_env.scenarios.scenario import Scenario
 # Beyond these a plan is rarely what it is meant to be.
 _WIDE_EXIT, _LARGE, _SMALL = 20.0, 300.0, 2.0  # m
 _SIZES = 5  # of bodies that are looked at
-_EXACT = 0.999  # of a body has to fit
 _SHOWN = 12  # rows of a kind in a table
 
 
@@ -189,20 +187,13 @@ def _of_exits(widths: dict[str, float], passages: dict[str, Passage | None], peo
 
 
 def _of_stuck(geometry: Geometry, people: People) -> Iterable[str]:
-    """Say which bodies cannot get out from where they may start, each place with the smallest of them."""
-    told: list[Any] = []
+    """Say which bodies cannot get out from where they may start."""
     for part in people.parts:
-        if part.starts is not None:
-            starts = shapely.multipoints(part.starts)
-        else:
-            starts = geometry.walkable if part.start_region is None else geometry.regions[part.start_region]
-        for radius in np.linspace(part.radius.low, part.radius.high, _SIZES).tolist():
-            for place in closed_off(geometry.walkable, geometry.exits, radius, _EXACT):
-                here = shapely.intersection(place, starts)
-                if not here.is_empty and not any(place.intersects(known) for known in told):
-                    told.append(place)
-                    x, y = _inside(here)
-                    yield f"who starts around ({x:.2f}, {y:.2f}) and is {2 * radius:.2f} m wide or more cannot get out"
+        where = geometry.walkable if part.start_region is None else geometry.regions[part.start_region]
+        radii = np.linspace(part.radius.low, part.radius.high, _SIZES).tolist()
+        starts = where if part.starts is None else part.starts
+        for radius, (x, y) in stuck_bodies(geometry.walkable, geometry.exits, radii, starts):
+            yield f"who starts around ({x:.2f}, {y:.2f}) and is {2 * radius:.2f} m wide or more cannot get out"
 
 
 def _of_passage(passage: Passage, width: float, least: float, most: float) -> Iterable[str]:

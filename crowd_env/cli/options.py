@@ -72,6 +72,9 @@ _CHANGES = (
 Changes = Annotated[list[str] | None, of_people(_CHANGES, names=("--set",), metavar="NAME=VALUE")]
 ONE_PHYSICS = f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."
 PhysicsName = Annotated[str, of_physics(ONE_PHYSICS, names=("--physics",), among=SCHEMES)]
-_ROUTING = "How people choose their route: shortest, nearest, fastest, comfortable, or the name of a route or an exit."
-RoutingName = Annotated[str, of_people(_ROUTING, names=("--routing",), among=STRATEGIES)]
+_ROUTING = (
+    "How people choose their route: shortest, nearest, fastest, comfortable, or the name of a route or an exit; default the "
+    "scenario's; where that says nothing the fastest of several exits."
+)
+RoutingName = Annotated[str | None, of_people(_ROUTING, names=("--routing",), among=STRATEGIES)]
 TimeLimit = Annotated[float | None, of_runs("People who are inside after this many seconds are unfinished.")]

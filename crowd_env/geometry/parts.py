@@ -4,7 +4,7 @@ A note (a warning) says so each time: nothing that is drawn disappears without a
 """
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import shapely
@@ -13,6 +13,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.parsing import Area, place
 
+_EXACT = 0.999  # of a body has to fit
 GAP = 0.01  # m; parts nearer to each other than this were meant to touch
 _INTO = 1e-6  # m; how far a corner is moved into the other part, so that the two overlap
 
@@ -88,6 +89,24 @@ def closed_off(area: Area, openings: Floats, radius: float, share: float = 0.9) 
         return []
     around = shapely.intersection(shapely.buffer(shapely.union_all(lost), narrow), area)
     return [part for part in shapely.get_parts(around) if part.geom_type == "Polygon" and part.area > np.pi * radius**2]
+
+
+def stuck_bodies(
+    area: Area, openings: Floats, radii: Iterable[float], starts: Area | Floats
+) -> Iterator[tuple[float, tuple[float, float]]]:
+    """Yield the smallest of the ascending ``radii`` [m] that gets stuck, and a place (x, y) [m], of each part of the area.
+
+    Only parts count that hold some of ``starts``, an area or points (K, 2).
+    """
+    where = shapely.multipoints(starts) if isinstance(starts, np.ndarray) else starts
+    told: list[Polygon] = []
+    for radius in radii:
+        for part in closed_off(area, openings, radius, _EXACT):
+            here = shapely.intersection(part, where)
+            if not here.is_empty and not any(part.intersects(known) for known in told):
+                told.append(part)
+                at = here.representative_point()
+                yield radius, (at.x, at.y)
 
 
 def say_left_out(parts: Sequence[Polygon]) -> None:

@@ -39,7 +39,7 @@ def test_it_says_how_large_a_plan_is_and_how_wide_its_exits(tmp_path):
     assert head["people"] == 40 and head["body_diameter"] == [0.3, 0.38] and not head["remarks"]
     # A center keeps 0.2 m off all walls but the exit; the pillar keeps people off all around.
     assert 0.85 * head["area"] < head["free_area"] < head["area"]
-    assert head["capacity"] == int(head["area"] / (np.sqrt(12) * 0.225**2))  # a hexagon around each disc
+    assert head["capacity"] == int(head["area"] / (np.sqrt(12) * 0.17**2))  # a hexagon around each disc
 
 
 @pytest.mark.more

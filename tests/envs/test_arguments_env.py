@@ -80,7 +80,7 @@ CONSTRUCTOR = [
     *rows("CrowdEnv.acts_on", of("acts_on"), (*NO_CHOICE, None)),
     *rows("CrowdEnv.autoreset", of("autoreset"), NO_FLAG),
     *rows("CrowdEnv.signs", of("signs"), NO_FLAG),
-    *[(f"routing {value!r}", lambda value=value: CrowdEnv(routing=value), ("strategy",)) for value in (None, 3, b"x", "slow")],
+    *[(f"routing {value!r}", lambda value=value: CrowdEnv(routing=value), ("strategy",)) for value in (3, b"x", "slow")],
     *[(f"physics {value!r}", lambda value=value: CrowdEnv(physics=value), ("scheme",)) for value in (None, 3, NSM2, ["nsm2"])],
     *[(f"walking {value!r}", lambda value=value: CrowdEnv(walking=value), ("manner",)) for value in (3, ["calm"], "slow")],
     ("scheme unknown", lambda: CrowdEnv(physics="nsm3"), ("'nsm3'", "nsm2")),
