@@ -217,8 +217,7 @@ class RouteSet:
         times = np.stack([self.routes[k].field.travel_time_for(position, size) for k in numbers])
         stuck = ~np.isfinite(times).any(axis=0)
         if stuck.any():
-            none = np.zeros(int(stuck.sum()))
-            times[:, stuck] = [self.routes[k].field.travel_time_for(position[stuck], none) for k in numbers]
+            times[:, stuck] = [self.routes[k].field.travel_time_for(position[stuck], 0.0) for k in numbers]
         return np.array(numbers, dtype=np.int64)[np.argmin(np.where(np.isnan(times), np.inf, times), axis=0)]
 
 

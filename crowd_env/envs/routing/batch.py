@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.core.arrays.state import Bools, Floats, as_grid
+from crowd_env.core.arrays.state import Bools, as_grid
 from crowd_env.core.checks import POSITIVE, array, known, number, refuse, texts
 from crowd_env.envs.arguments import NUMBERS, Place, parts_of
 from crowd_env.envs.controlled import BatchStep
@@ -22,7 +22,6 @@ from crowd_env.envs.routing.regions import grid_regions, named_regions
 from crowd_env.envs.routing.terms import RoutingLayout, RoutingView, make_terms, make_weights
 from crowd_env.envs.settings import AsPhysics, AsWalking, Physics, Routing, answers_unknown, arguments_of
 from crowd_env.envs.terms import RewardTerm
-from crowd_env.routing.fields.field import NavigationField
 
 
 class RoutingBatch:
@@ -229,19 +228,14 @@ class RoutingBatch:
             region_area=self.regions.area,
             exit_taken=as_grid(np.where(left, self._exit_of_row[state.exit_index], -1), rooms),
             exit_width=self._width,
-            exit_distance=np.array([as_grid(_distance(field, state.position), rooms) for field in self._fields]),
+            exit_distance=np.array(
+                [as_grid(field.travel_time_for(state.position, 0.0), rooms) for field in self._fields]
+            ),
             on_route=np.array([as_grid(people, rooms) for people in on_route]),
             door_open=np.asarray(env.simulation.history.door_open[:, self._door], dtype=np.bool_),
             time=state.time,
             time_limit=env.time_limit,
         )
-
-
-def _distance(field: NavigationField, position: Floats) -> Floats:
-    """Return the distance to walk (P,) [m], at the node of a travel-time field at 1 m/s nearest to a position (P, 2)."""
-    rows, columns = field.travel_time.shape
-    j, i = np.rint((position - field.origin) / field.spacing).astype(np.int64).T
-    return field.travel_time[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]
 
 
 def _checked_names(kind: str, names: Sequence[str], allowed: Sequence[str]) -> tuple[str, ...]:

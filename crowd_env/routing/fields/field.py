@@ -119,12 +119,14 @@ class NavigationField:
             self.travel_time[grid.nearest_nodes(position, self.origin, self.spacing, self.travel_time.shape)]
         )
 
-    def travel_time_for(self, position: Floats, radius: Floats) -> Floats:
-        """Return the travel time [s] (K,) of bodies of ``radius`` (K,) at ``position`` (K, 2) [m]; inf if none get out."""
-        known = self.travel_time if self.fits is None else np.where(np.isnan(self.fits), np.nan, self.travel_time)
-        node = grid.nearest_known(position, known, self.origin, self.spacing)
-        time = self.travel_time[node]
-        return time if self.fits is None else np.where(self.fits[node] >= radius - 1e-9, time, np.inf)
+    def travel_time_for(self, position: Floats, radius: Floats | float) -> Floats:
+        """Return the travel time [s] (K,) at ``position`` (K, 2) [m]; inf for bodies of ``radius`` [m] that do not get out."""
+
+        def near(values: Floats) -> Floats:
+            return np.asarray(values[grid.nearest_known(position, values, self.origin, self.spacing)])
+
+        fits = np.inf if self.fits is None else near(self.fits)
+        return np.where(fits >= np.asarray(radius) - 1e-9, near(self.travel_time), np.inf)
 
 
 _NO_CODES = np.empty((0, 0), dtype=np.int64)
