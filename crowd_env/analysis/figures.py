@@ -19,7 +19,6 @@ from crowd_env.core.files.json_file import json_number
 from crowd_env.core.version import __version__
 from crowd_env.envs.metrics import EpisodeMetrics, flow_slope, share_interval, summarise
 from crowd_env.envs.rollout import Episode
-from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
 
@@ -137,20 +136,12 @@ def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> dict[str, Any]:
     taken = [exit_names(scenario, episode.exit_index) for episode in episodes]
     out = np.array([(names != "").sum() for names in taken])
     found = {}
-    for name, width in exit_widths(scenario.geometry).items():
+    for name, width in scenario.geometry.exit_widths.items():
         count = np.array([(names == name).sum() for names in taken])
         of_run = np.divide(count, out, out=np.full(len(out), np.nan), where=out > 0)
         flows = [flow_slope(one.exit_time[names == name]) / width for one, names in zip(episodes, taken, strict=True)]
         found[name] = {"people": int(count.sum()), "share": named(of_run), "flow_per_meter": named(np.array(flows))}
     return found
-
-
-def exit_widths(geometry: Geometry) -> dict[str, float]:
-    """Return the width of each exit by its name [m]."""
-    widths: dict[str, float] = {}
-    for name, (a, b) in zip(geometry.exit_names, geometry.exits, strict=True):
-        widths[name] = widths.get(name, 0.0) + float(np.hypot(*(b - a)))
-    return widths
 
 
 def column(metrics: Sequence[EpisodeMetrics], name: str) -> Floats:
@@ -225,7 +216,7 @@ def cell(text: str, row: Mapping[str, Any]) -> str:
 def cells(place: Scenario, figures: Mapping[str, Any]) -> dict[str, str]:
     """Return the rows of the table of a `report`: label -> cell."""
     x0, y0, x1, y1 = place.geometry.bounds
-    widths = [f"{name} {width:.2f} m" for name, width in exit_widths(place.geometry).items()]
+    widths = [f"{name} {width:.2f} m" for name, width in place.geometry.exit_widths.items()]
     rows = {
         "plan": f"{place.geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m",
         "exits": listed(widths),

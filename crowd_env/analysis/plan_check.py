@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.analysis.figures import exit_widths, listed
+from crowd_env.analysis.figures import listed
 from crowd_env.analysis.passages import Gap, Passage, narrowest_passages
 from crowd_env.analysis.terrain import Terrain, survey
 from crowd_env.core.arrays.outline import room_of
@@ -115,7 +115,7 @@ def check_plan(
     regions = tuple(dict.fromkeys(part.start_region for part in people.parts if part.starts is None))
     start_area = geometry.area if None in regions or not regions else sum(geometry.area_of(r) for r in regions)
     middle = 0.5 * room * (least + people.radius.high)
-    widths = exit_widths(geometry)
+    widths = geometry.exit_widths
     lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.exits, least) if widths else ())]
     passages = narrowest_passages(geometry, terrain, _starts(terrain, people, geometry, position)) if widths else {}
     remarks += _of_exits(widths, passages, people)

@@ -269,6 +269,22 @@ class Geometry:
         """Return the walkable area [m^2], of a region if one is named."""
         return self.area if region is None else float(shapely.intersection(self.walkable, self.regions[region]).area)
 
+    @cached_property
+    def exit_widths(self) -> dict[str, float]:
+        """The width [m] of each exit by its name.
+
+        Lines that hang together are one opening.  One that is bent, such as the sides of a zone that people walk into, is as
+        wide as the longer side of the smallest rectangle around it: people come from one side.
+        """
+        names = np.array(self.exit_names, dtype=object)
+        widths = {}
+        for name in dict.fromkeys(self.exit_names):
+            lines = shapely.linestrings(self.exits[names == name])
+            chains = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines)))
+            boxes = shapely.get_coordinates(shapely.oriented_envelope(chains), return_index=True)
+            widths[name] = float(sum(_longest_side(boxes[0][boxes[1] == k]) for k in range(len(chains))))
+        return widths
+
     def nearest_exit(self, points: ArrayLike) -> Ints:
         """Return (...) the row of ``exits`` nearest in a straight line to each of ``points`` (..., 2)."""
         xy = shapely.points(np.asarray(points, dtype=np.float64))
@@ -281,6 +297,10 @@ class Geometry:
             return np.full(len(xy), np.inf)
         _, distance = self._wall_tree.query_nearest(shapely.points(xy), return_distance=True, all_matches=False)
         return np.asarray(distance)
+
+
+def _longest_side(corners: Floats) -> float:
+    return float(np.hypot(*np.diff(corners, axis=0).T).max())
 
 
 def join_boundaries(geometries: Sequence[Geometry]) -> Boundary:

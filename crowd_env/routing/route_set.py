@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -21,6 +21,10 @@ from crowd_env.routing.strategies import STRATEGIES
 
 Target = Literal["path", "nearest", "centre", "width"]
 _MARGINS = {"nearest": float("nan"), "centre": float("inf"), "width": 0.0}
+
+
+# The way out of a place is asked for by the time limit, by environments, and again in every batch.
+_field_of = lru_cache(maxsize=4)(travel_time_field)
 
 
 class RouteField(NamedTuple):
@@ -120,7 +124,7 @@ class RoutePlan:
         closed = frozenset() if is_closed else closed
         strategy = STRATEGIES[route.strategy]
         speed_map = SpeedMap(self.geometry, self.zones, self.walking_speed, self.comfort)
-        found = travel_time_field(
+        found = _field_of(
             self.geometry,
             self.radius,
             exits=exits,
@@ -128,7 +132,7 @@ class RoutePlan:
             goal=via,
             speed=None if strategy.speed is None else partial(strategy.speed, speed_map),
             closed=closed,
-            one_way=self.one_way,
+            one_way=tuple(self.one_way),
         )
         congestion = None
         if strategy.follows_crowd:

@@ -28,7 +28,6 @@ else:
     import tomli as tomllib
 
 SUFFIXES = (".toml", ".json")
-TIME_LIMIT = 300.0  # s, of a file that says none
 CORNERS = 32  # of a circle
 KEYS = ("$schema", *(field.name for field in fields(Scenario)), "groups")
 PLAN = ("walkable", "obstacles", "thin_walls", "exits", "regions", "doors", "jamb_radius")
@@ -57,9 +56,9 @@ def _read_scenario(path: Path) -> Scenario:
                 raise ValueError(f"key {key!r} is missing")
         own = {key: value for key, value in content.items() if key not in ("$schema", "groups")}
         own |= {"geometry": _geometry(content["geometry"]), "population": _people(content, path.parent)}
-        scenario = Scenario(**{"name": path.stem, "time_limit": TIME_LIMIT, **own})
+        scenario = Scenario(**{"name": path.stem, "time_limit": 1.0, **own})
         _require_ways(scenario)
-    return scenario
+        return scenario if "time_limit" in own else scenario.with_enough_time()
 
 
 def _read(path: Path) -> Mapping[str, Any]:

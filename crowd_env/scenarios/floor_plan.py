@@ -17,7 +17,6 @@ from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
 
 PEOPLE = 20  # on a plan that does not say how many
-TIME_LIMIT = 300.0  # s
 _CROWDED = 3.0  # people/m^2; more than these may not fit, and a file means by more that they come one after the other
 
 
@@ -28,7 +27,7 @@ def scenario_from_plan(
     unit: str | None = None,
     people: int | None = None,
     population: People | Mapping[str, Any] | Sequence[Any] | None = None,
-    time_limit: float = TIME_LIMIT,
+    time_limit: float | None = None,
     blocked_after: float = np.inf,
     target: Target = "path",
 ) -> Scenario:
@@ -43,7 +42,8 @@ def scenario_from_plan(
         another.
     people : number of people; by default 20, or as many as the file says.
     population : see `Scenario`; by default people of the default kind, in the start areas of the file if it has any.
-    time_limit, blocked_after : s.
+    time_limit : s; by default long enough to walk out and to queue at the exits, at least 300 s.
+    blocked_after : s.
     target : see `Scenario`.
 
     Raises
@@ -67,7 +67,7 @@ def scenario_from_plan(
     return scenario_on(plan, crowd, time_limit=time_limit, blocked_after=blocked_after, target=target)
 
 
-def scenario_on(plan: FloorPlan, population: People, *, time_limit: float = TIME_LIMIT, **options: Any) -> Scenario:
+def scenario_on(plan: FloorPlan, population: People, *, time_limit: float | None = None, **options: Any) -> Scenario:
     """Return a scenario on a floor plan; ``options`` are those of `Scenario`.
 
     Raises
@@ -89,7 +89,11 @@ def scenario_on(plan: FloorPlan, population: People, *, time_limit: float = TIME
         geometry = Geometry.from_polygon(
             plan.walkable, exits=plan.exits, regions=plan.regions, narrowest=population.radius.low
         )
-        return Scenario(path.stem, geometry, population, time_limit, title=f"floor plan {path.name}", **options)
+        title = f"floor plan {path.name}"
+        place = Scenario(
+            path.stem, geometry, population, 1.0 if time_limit is None else time_limit, title=title, **options
+        )
+        return place.with_enough_time() if time_limit is None else place
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

@@ -23,6 +23,13 @@ from crowd_env.scenarios.population import Population, require_names, require_ro
 # What callers can set of every place: people, and fields of the scenario.
 COMMON = ("people", "population", "time_limit", "blocked_after", "target")
 
+_SHORTEST_LIMIT = 300.0  # s; a time limit that follows from the place is no shorter, ...
+_DETOUR, _QUEUE_FLOW = (
+    1.5,
+    0.5,
+)  # ... lets people walk this many times as far, and pass the exits at so many 1/(s m), ...
+_ROUND = 100.0  # ... and is a multiple of this [s]
+_SLOW = 0.1  # m/s, at which those are taken to walk who hardly want to
 _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
 
 # How people walk in the papers: `Scenario(..., **FULL_SPEED)`.
@@ -152,6 +159,34 @@ class Scenario:
     def field(self) -> NavigationField:
         """Return the travel-time field of the shortest way out, for the largest body of the population."""
         return self.route_set(rules=False).routes[0].field
+
+    def longest_walk(self) -> tuple[float, Floats]:
+        """Return how long [s] it takes to walk out if nobody is in the way, at most, and from where (2,) [m].
+
+        That is the slowest of those who start furthest and respond last.
+        """
+        field, longest = self.field(), (0.0, np.zeros(2))
+        for part in self.population.parts:
+            if part.starts is None:
+                rows, cols = np.nonzero(np.isfinite(field.travel_time))
+                at = field.origin + field.spacing * np.column_stack([cols, rows])
+                time = field.travel_time[rows, cols]
+                if part.start_region is not None:
+                    inside = self.geometry.contains(at, part.start_region)
+                    at, time = at[inside], time[inside]
+            else:
+                at, time = part.starts, field.travel_time_for(part.starts, 0.0)
+            walk = float(time.max(initial=0.0)) / max(part.desired_speed.low, _SLOW) + part.response_time.high
+            if walk > longest[0] and len(at):
+                longest = walk, at[np.argmax(time)]
+        return longest
+
+    def with_enough_time(self) -> "Scenario":
+        """Return the place with a time limit in which people can walk out and queue at the exits: at least 300 s."""
+        walk, _ = self.longest_walk()
+        queue = self.population.people / (_QUEUE_FLOW * sum(self.geometry.exit_widths.values()))
+        limit = _ROUND * np.ceil((_DETOUR * walk + queue) / _ROUND)
+        return replace(self, time_limit=max(_SHORTEST_LIMIT, float(limit)))
 
     def route_set(self, strategy: str = "shortest", *, rules: bool = True, ways: bool = False) -> RouteSet:
         """Return all routes that people of this strategy, groups, rules and controllers may take; route 0 leads to any exit.

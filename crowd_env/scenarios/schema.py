@@ -23,7 +23,7 @@ from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.routing.strategies import OF_ROUTES
 from crowd_env.scenarios.distributions import LAWS, Distribution
-from crowd_env.scenarios.file import CORNERS, TIME_LIMIT
+from crowd_env.scenarios.file import CORNERS
 from crowd_env.scenarios.population import Population
 
 
@@ -114,7 +114,9 @@ class ScenarioTable(Table):
     name: str = Field("", description="name of the scenario; by default that of the file")
     title: str = Field("", description="one line that says what the scenario is")
     reference: str = Field("", description="source of the numbers")
-    time_limit: float = Field(TIME_LIMIT, description="s, the time at which an evacuation ends at the latest")
+    time_limit: float = Field(
+        None, description="s, when an evacuation ends at the latest; by default enough to walk out"
+    )
     blocked_after: float = Field(None, description="s without anyone leaving after which exits count as blocked")
     target: Target = Field("path", description="what people walk to: the shortest path, or a point of the nearest exit")
     geometry: Plan
@@ -130,6 +132,8 @@ class ScenarioTable(Table):
     one_way: list[_table(OneWay)] = Field([], description="doors that people mean to pass one way only")
     manner: Manner = Field(None, description="how people walk before they touch, unless the run says otherwise")
     outline: Shape = Field(None, description="what shape bodies have, unless the run says otherwise")
+    strategy: str = Field(None, description="how people choose their way: a strategy, or the name of a route or exit")
+    max_drive: float = Field(300.0, description="N, the largest force with which one drives forwards")
     comfort: _table(Comfort) = Field(None, description="costs that the most comfortable route keeps low")
 
 

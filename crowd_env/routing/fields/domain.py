@@ -47,7 +47,7 @@ class Plan(NamedTuple):
     exits: Floats  # (X, 2, 2)  m   those used
     rows: Ints  # (X,)  their rows in Geometry.exits
     names: list[str]  # (X,)
-    widest: dict[str, float]  # m   the widest segment of each exit
+    widest: dict[str, float]  # m   the width of each exit
     radius: float  # m
     min_radius: float  # m
     partial: bool = False  # doors are closed: not everybody need reach an exit
@@ -80,8 +80,7 @@ def make_plan(
         require_known("region", goal, geometry.regions)
     use = np.isin(geometry.exit_names, wanted)
     segments, names = geometry.exits[use], [name for name in geometry.exit_names if name in wanted]
-    widths = np.hypot(*(segments[:, 1] - segments[:, 0]).T)
-    widest = {name: max(float(w) for w, n in zip(widths, names, strict=True) if n == name) for name in wanted}
+    widest = {name: geometry.exit_widths[name] for name in wanted}
     for name, width in widest.items():
         if width < 2 * min_radius - _TOUCH:
             raise ValueError(
