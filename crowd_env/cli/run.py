@@ -68,8 +68,8 @@ def run(
         place, scheme, way = place_of(context.params)
         walk, start = place.longest_walk()
         if walk > place.time_limit:
-            said = f"note: from ({start[0]:.1f}, {start[1]:.1f}) it takes up to {walk:.0f} s to walk out"
-            notes.print(f"{said}; the time limit is {place.time_limit:g} s", style="yellow", soft_wrap=True)
+            where = f"({start[0]:.1f}, {start[1]:.1f})"
+            say(f"note: from {where} it takes up to {walk:.0f} s to walk out; the time limit is {place.time_limit:g} s")
         here = config_of(context.params, place, scheme, way)
         folder, kept = (None, []) if out is None else open_folder(context, out, here)
         recorder = None
