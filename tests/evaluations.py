@@ -5,7 +5,17 @@ from dataclasses import replace
 import numpy as np
 from typer.testing import CliRunner
 
-from crowd_env import FULL_SPEED, ControlRule, CrowdEnv, Geometry, ObservationLayout, Population, Scenario, Uniform
+from crowd_env import (
+    FULL_SPEED,
+    TABLE_4,
+    ControlRule,
+    CrowdEnv,
+    Geometry,
+    ObservationLayout,
+    Population,
+    Scenario,
+    Uniform,
+)
 from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.evaluation.evaluation import evaluate_driver
 from crowd_env.agents.networks import MLP
@@ -26,7 +36,7 @@ def hall(count=14, time_limit=25.0, *, starts=None, speed=None, **more):
     if speed is not None:
         people["desired_speed"] = Uniform(speed, speed)
     number = count if starts is None else len(starts)
-    population = Population(number, radius=Uniform(0.2, 0.2), **people)
+    population = Population(number, **{**TABLE_4, "radius": Uniform(0.2, 0.2), **people})
     return Scenario("hall", geometry, population, time_limit, **{**FULL_SPEED, **more})
 
 

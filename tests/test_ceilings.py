@@ -24,7 +24,7 @@ CEILINGS = {
     "arrows between rooms": 90,
     "code lines of crowd_env, commands of agents within": 22_140,
     "code lines of agents": 3_695,
-    "code lines of validation": 2_370,
+    "code lines of validation": 2_380,
     "code lines of benchmarks": 970,
     "words of docs, tables that programs write left out": 31_700,
     "arguments of CrowdEnv": 12,

@@ -183,7 +183,10 @@ class Scenario:
 
     def with_enough_time(self) -> "Scenario":
         """Return the place with a time limit in which people can walk out and queue at the exits: at least 300 s."""
-        walk, _ = self.longest_walk()
+        try:
+            walk, _ = self.longest_walk()
+        except ValueError:  # somebody cannot get out; who runs it is told so
+            walk = 0.0
         queue = self.population.people / (_QUEUE_FLOW * sum(self.geometry.exit_widths.values()))
         limit = _ROUND * np.ceil((_DETOUR * walk + queue) / _ROUND)
         return replace(self, time_limit=max(_SHORTEST_LIMIT, float(limit)))

@@ -222,7 +222,7 @@ def _finer(plan: Plan, spacing: float) -> Iterator[float]:
     """Yield smaller and smaller spacings [m], as long as they have few enough nodes."""
     while (spacing := spacing / 2) >= _FINEST - 1e-9:
         rows, cols = _nodes(plan.geometry, spacing)
-        if rows * cols >= _FINE_NODES:
+        if rows * cols >= min(_FINE_NODES, _MAX_NODES):
             return
         yield spacing
 

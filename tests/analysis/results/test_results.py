@@ -162,6 +162,6 @@ def test_configs_differ_in_what_decides_results_alone(place):
     assert difference(here, config(hall())) == ""
     assert difference(here, {**here, "runs": 7, "command": ["x"], "platform": "y"}) == ""
     thinner = replace(place, population=Groups((Population(4, name="quick", radius=0.2), place.population.parts[1])))
-    assert difference(here, config(thinner)) == "population[0].radius.high is 0.25 there and 0.2 here"
+    assert difference(here, config(thinner)) == "population[0].radius.low is 0.15 there and 0.2 here"
     other = replace(place, geometry=make_scenario("room-v0").geometry, target="nearest")
     assert difference(here, config(other)).startswith(f"fingerprint is {here['fingerprint']} there and ")
