@@ -211,8 +211,8 @@ USAGE = [
 USAGE += ["clogging", "reproduce", "plan", "warmup --physics", "run --unit"]
 
 NOTES = [
-    ("run long.wkt --exit 320,0,320,2 --time-limit 1 --physics dem", "320 m x 2 m cm --unit cm"),
-    ("run wide.wkt --exit 25,0,25,22 --time-limit 1 --physics dem", "exit 22 m wide cm --unit cm"),
+    ("run long.wkt --exit 320,0,320,2 --time-limit 450 --physics dem", "320 m x 2 m cm --unit cm"),
+    ("run wide.wkt --exit 25,0,25,22 --time-limit 450 --physics dem", "exit 22 m wide cm --unit cm"),
     ("run two.wkt --exit 6,2,6,3", "no exit can be reached from a part of 10 m2 left out"),
     ("run shaft.wkt --exit 6,2,6,3", "no exit can be reached from a part of left out"),
     ("run gap.wkt --exit 8,2,8,3", "less than 1 cm apart are joined 1 mm"),
@@ -229,7 +229,7 @@ QUIET = [
     "run --starts excel_de.csv",
     "run --starts capitals.csv",
     "run --starts tabs.csv",
-    "run long.wkt --exit 320,0,320,2 --time-limit 1 --physics dem --unit m",
+    "run long.wkt --exit 320,0,320,2 --time-limit 450 --physics dem --unit m",
 ]
 
 

@@ -253,7 +253,7 @@ def hall(people, density, door, **population):
     side = np.sqrt(people / density)
     exits = {"east": [(side, 0.5 * (side - door)), (side, 0.5 * (side + door))]}
     place = Geometry.from_polygon([(0, 0), (side, 0), (side, side), (0, side)], exits=exits)
-    return Scenario("hall", place, Population(people, **population), time_limit=3600.0, **FULL_SPEED)
+    return Scenario("hall", place, Population(people, **{**TABLE_4, **population}), time_limit=3600.0, **FULL_SPEED)
 
 
 def run_out(env, decisions):
