@@ -10,6 +10,7 @@ from crowd_env import (
     DEM,
     FULL_SPEED,
     NSM2,
+    TABLE_4,
     CrowdEnv,
     Geometry,
     Hertz,
