@@ -22,7 +22,8 @@ from crowd_env.envs.rollout import Episode
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
 
-_NEARLY_ALL = 0.95  # of the people, for T95
+_HALF, _NEARLY_ALL = 0.5, 0.95  # of the people, for T50 and T95
+PEAK = 10.0  # s  over which the largest flow of an exit is a mean
 # 1/(s m)  What crowds of experiments reach at doors is below.
 HIGHEST_FLOW = 2.8
 _EXITS_SHOWN, _RUNS_SHOWN = 4, 10
@@ -38,6 +39,7 @@ class Figure(NamedTuple):
 
 FIGURES: dict[str, Figure] = {
     "evacuation_time": Figure("evacuation time", "s", lambda run: run.metrics.evacuation_time),
+    "t50": Figure("50 % of the people out", "s", lambda run: time_of_share(run.exit_time, _HALF)),
     "t95": Figure("95 % of the people out", "s", lambda run: time_of_share(run.exit_time, _NEARLY_ALL)),
     "mean_exit_time": Figure("mean exit time", "s", lambda run: run.metrics.mean_exit_time),
     "flow": Figure("flow", "1/s", lambda run: run.metrics.flow),
@@ -57,11 +59,11 @@ def report(
     ``dt`` [s] and ``strategy`` are those of the run, by default the scheme's and the shortest way.
 
     ``blocked`` lists the runs in which the exits blocked: the number of the run, since when [s], and how many were left.
-    ``evacuation_time``, ``t95`` (95 % of the people are out) and ``flow`` (per-run least-squares slopes) are over the runs in
-    which everyone, so many, or at least three people, got out.  ``mean_exit_time`` is the mean over runs of the mean over those
-    who got out.  ``exits`` are those of `exits_of`.  ``overlap_mm.mean`` is the mean over runs of the mean over all overlapping
-    contacts of a run.  ``outside_mm`` is the furthest that any body reached beyond a wall.  The shares of runs in which people
-    were left inside, and in which the exits blocked, have Wilson's interval.
+    ``evacuation_time``, ``t50`` and ``t95`` (so many percent of the people are out) and ``flow`` (per-run least-squares
+    slopes) are over the runs in which everyone, so many, or at least three people, got out. ``mean_exit_time`` is the mean
+    over runs of the mean over those who got out. ``exits`` are those of `exits_of`. ``overlap_mm.mean`` is the mean over
+    runs of the mean over all overlapping contacts of a run. ``outside_mm`` is the furthest that any body reached beyond a
+    wall. The shares of runs in which people were left inside, and in which the exits blocked, have Wilson's interval.
     """
     metrics = [episode.metrics for episode in episodes]
     chosen = make_scheme(scheme)
@@ -130,8 +132,8 @@ def exit_names(scenario: Scenario, exit_index: Ints) -> np.ndarray:
 def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> dict[str, Any]:
     """Return figures of each exit, ready for JSON.
 
-    ``people`` took it in all runs, ``share`` is of those who got out in a run, ``flow_per_meter`` is its flow over its
-    width [1/(s m)].
+    ``people`` took it in all runs, ``share`` is of those who got out in a run, ``first`` and ``last`` are when it was first
+    and last used [s].  ``flow_per_meter`` is its flow over its width [1/(s m)], ``peak_flow_per_meter`` its `peak_flow`.
     """
     taken = [exit_names(scenario, episode.exit_index) for episode in episodes]
     out = np.array([(names != "").sum() for names in taken])
@@ -139,9 +141,29 @@ def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> dict[str, Any]:
     for name, width in scenario.geometry.exit_widths.items():
         count = np.array([(names == name).sum() for names in taken])
         of_run = np.divide(count, out, out=np.full(len(out), np.nan), where=out > 0)
-        flows = [flow_slope(one.exit_time[names == name]) / width for one, names in zip(episodes, taken, strict=True)]
-        found[name] = {"people": int(count.sum()), "share": named(of_run), "flow_per_meter": named(np.array(flows))}
+        times = [np.sort(one.exit_time[names == name]) for one, names in zip(episodes, taken, strict=True)]
+        of_each = {
+            "first": [float(one[0]) if len(one) else np.nan for one in times],
+            "last": [float(one[-1]) if len(one) else np.nan for one in times],
+            "flow_per_meter": [flow_slope(one) / width for one in times],
+            "peak_flow_per_meter": [peak_flow(one) / width for one in times],
+        }
+        figures = {name: named(np.array(values)) for name, values in of_each.items()}
+        found[name] = {"people": int(count.sum()), "share": named(of_run), **figures}
     return found
+
+
+def peak_flow(times: Floats) -> float:
+    """Return the largest flow [1/s] through an exit, from the ascending times (K,) [s] at which people crossed it.
+
+    It is the mean of the `PEAK` seconds after some crossing in which most people cross; of an exit that was used for a shorter
+    time, of that time.  Fewer than 3 people have no flow: nan.
+    """
+    if len(times) < 3 or not times[-1] > times[0]:
+        return float("nan")
+    span = min(PEAK, float(times[-1] - times[0]))
+    following = np.searchsorted(times, times + span + 1e-9, side="right") - np.arange(1, len(times) + 1)
+    return float(following.max()) / span
 
 
 def column(metrics: Sequence[EpisodeMetrics], name: str) -> Floats:

@@ -33,8 +33,9 @@ def egress_curves(
     *,
     title: str = "",
     until: Mapping[str, float] | None = None,
+    out: bool = False,
 ) -> Path:
-    """Draw how many people are inside against time and return the path.
+    """Draw how many people are inside against time, or ``out``, and return the path.
 
     A line is the mean over the evacuations of a label, the band about it holds nine of ten of them.
 
@@ -52,17 +53,18 @@ def egress_curves(
     runs = {label: _exit_times(label, times) for label, times in curves.items()}
     if not runs:
         raise ValueError("egress curves need at least one label with evacuations")
-    figure, axes = _axes(title, "time [s]", "people inside")
+    figure, axes = _axes(title, "time [s]", "people out" if out else "people inside")
     known = np.concatenate([times for of_label in runs.values() for times in of_label])
     end = 1.03 * float(np.max(known[np.isfinite(known)], initial=1e-3))
     grid = np.linspace(0.0, end, 600)
     for k, (label, every) in enumerate(runs.items()):
         time = np.minimum(grid, (until or {}).get(label, np.inf))
-        inside = np.array([len(times) - np.searchsorted(times, time, side="right") for times in every])
-        axes.fill_between(time, *np.quantile(inside, (0.05, 0.95), axis=0), color=series(k), alpha=0.16, linewidth=0)
+        passed = np.array([np.searchsorted(times, time, side="right") for times in every])
+        count = passed if out else np.array([[len(times)] for times in every]) - passed
+        axes.fill_between(time, *np.quantile(count, (0.05, 0.95), axis=0), color=series(k), alpha=0.16, linewidth=0)
         style = ("-", (0, (5, 2)), (0, (1, 1.3)), (0, (6, 2, 1, 2)))[k % 4]  # also told apart in black and white
-        axes.plot(time, inside.mean(axis=0), color=series(k), linewidth=2.0, linestyle=style)
-        axes.lines[-1].set_label(_shown(_egress_label(label, every)))
+        axes.plot(time, count.mean(axis=0), color=series(k), linewidth=2.0, linestyle=style)
+        axes.lines[-1].set_label(_shown(label if out else _egress_label(label, every)))
     axes.set_xlim(0.0, end)
     axes.set_ylim(0.0, 1.04 * max(len(times) for every in runs.values() for times in every))
     axes.locator_params(axis="y", integer=True)

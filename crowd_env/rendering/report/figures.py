@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.analysis.figures import FIGURES, interval, named, number, spread, time_of_share
+from crowd_env.analysis.figures import exit_names, named, time_of_share
 from crowd_env.analysis.plan_check import cells, check_place
 from crowd_env.analysis.results.measurements import INJURY, REACH
 from crowd_env.envs.rollout import Episode
 from crowd_env.rendering.figures import Share, egress_curves, share_bars
 from crowd_env.rendering.heat import heat_maps
+from crowd_env.rendering.palette import SERIES
+from crowd_env.rendering.report.answer import answer, share_words, time_words
 from crowd_env.rendering.report.maps import Measured, Worst, heat_of
 from crowd_env.rendering.report.runs import Runs
 from crowd_env.rendering.sheet import draw_sheet
@@ -28,7 +30,8 @@ def figures(runs: Sequence[Runs], measured: Sequence[Measured], folder: Path) ->
         "names": names,
         "head": ("", *names) if len(runs) > 1 else (),
         "places": _places(runs, path),
-        "results": [(label, *(words(one) for one in runs)) for label, words in _ROWS.items()],
+        "answer": answer(runs),
+        "more": [(label, *(words(one) for one in runs)) for label, words in _ROWS.items()],
         "curves": _curves(runs, path),
         "exits": _exits(runs, path),
         "gaps": _gaps(runs),
@@ -90,23 +93,26 @@ def _exits(runs: Sequence[Runs], path: Path) -> dict[str, Any] | None:
     if len(names) < 2:
         return None
     shares = {one.name: {name: _share(found["share"]) for name, found in one.figures["exits"].items()} for one in runs}
-    rows = [(name, *(_exit(one.figures["exits"].get(name)) for one in runs)) for name in names]
-    return {"png": _taken(share_bars(path, shares, names)), "rows": rows, "head": ("exit", *(one.name for one in runs))}
+    rows = [(name, *(share_words(one.figures["exits"].get(name)) for one in runs)) for name in names]
+    shown = {
+        "png": _taken(share_bars(path, shares, names)),
+        "rows": rows,
+        "head": ("exit", *(one.name for one in runs)),
+    }
+    return {**shown, "over_time": [{"name": one.name, "png": _over_time(one, path)} for one in runs]}
+
+
+def _over_time(one: Runs, path: Path) -> str:
+    """Return the picture of how many are out by each exit, of at most so many as there are colors."""
+    taken = [(exit_names(one.scenario, episode.exit_index), episode.exit_time) for episode in one.episodes]
+    busiest = sorted(one.figures["exits"], key=lambda name: -one.figures["exits"][name]["people"])[: len(SERIES)]
+    curves = {name: [times[names == name] for names, times in taken] for name in busiest}
+    return _taken(egress_curves(path, curves, until=dict.fromkeys(busiest, _known(one)), out=True))
 
 
 def _share(figure: Mapping[str, Any]) -> Share:
     low, high = figure["ci95"]
     return Share(*(float("nan") if value is None else value for value in (figure["mean"], low, high)))
-
-
-def _exit(found: Mapping[str, Any] | None) -> str:
-    if found is None or found["share"]["mean"] is None:
-        return "–"
-    if not found["share"]["sd"]:  # an interval of no width would claim too much
-        return f"{100 * found['share']['mean']:.1f} % in every run"
-    low, high = found["share"]["ci95"]
-    interval = "" if low is None else f" ({100 * max(low, 0.0):.1f} to {100 * min(high, 1.0):.1f})"
-    return f"{100 * found['share']['mean']:.1f} %{interval}"
 
 
 def _gaps(runs: Sequence[Runs]) -> dict[str, Any]:
@@ -129,44 +135,11 @@ def _gap(figure: Mapping[str, Any]) -> str:
     return f"{figure['mean']:+.2f} s ({interval}), {figure['pairs']} {'pair' if figure['pairs'] == 1 else 'pairs'}"
 
 
-def _time(name: str) -> Callable[[Runs], str]:
-    def words(runs: Runs) -> str:
-        found, unit = runs.figures[name], FIGURES[name].unit
-        if not (bounds := interval(found)):
-            return spread(found, unit)
-        return f"{number(found['mean'])} ({bounds}) {unit}\n± {number(found['sd'], unit)}"
-
-    return words
-
-
-def _evacuation_time(runs: Runs) -> str:
-    whole = runs.figures["runs"] - runs.figures["unfinished_runs"]
-    of = f"\nof the {whole} of {runs.figures['runs']} runs in which everyone got out"
-    return _time("evacuation_time")(runs) + (of if 0 < whole < runs.figures["runs"] else "")
-
-
-def _runs_in(kind: str) -> Callable[[Runs], str]:
-    def words(runs: Runs) -> str:
-        low, high = (100.0 * bound for bound in runs.figures[f"{kind}_share"]["ci95"])
-        return f"{runs.figures[f'{kind}_runs']} of {runs.figures['runs']} ({low:.0f} to {high:.0f} %)"
-
-    return words
-
-
-def _blocked(runs: Runs) -> str:
-    return _runs_in("blocked")(runs) if isfinite(runs.scenario.blocked_after) else "not looked for"
-
-
 _ROWS: dict[str, Callable[[Runs], str]] = {
-    "runs": lambda runs: str(runs.figures["runs"]),
-    "evacuation time": _evacuation_time,
-    "95 % of the people out (T95)": _time("t95"),
-    "mean exit time": _time("mean_exit_time"),
-    "flow": _time("flow"),
-    "runs in which someone was left inside": _runs_in("unfinished"),
-    "people left inside, all runs": lambda runs: str(runs.figures["unfinished"]),
-    "runs in which the exits blocked": _blocked,
+    "mean exit time": time_words("mean_exit_time"),
+    "flow": time_words("flow"),
     "largest overlap of bodies": lambda runs: f"{runs.figures['overlap_mm']['max']:.2f} mm",
+    "steps that the contact solver ended above its tolerance": lambda runs: str(runs.figures["unconverged_steps"]),
     "people found outside of the plan": lambda runs: (
         f"{runs.figures['escaped']}: these figures are void" if runs.figures["escaped"] else "nobody"
     ),

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from crowd_env.analysis.figures import HIGHEST_FLOW, PEAK
 from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.rendering.pages import filled
 from crowd_env.rendering.report.assumptions import assumptions
@@ -46,6 +47,8 @@ def write_report(
         title=title or f"Evacuation of {', '.join(dict.fromkeys(one.scenario.name for one in runs))}",
         date=datetime.date.today().isoformat(),
         asked=_asked(runs),
+        peak=f"{PEAK:g}",
+        highest_flow=f"{HIGHEST_FLOW:g}",
         remarks=remarks_on(runs),
         **shown,
         **assumptions(runs),

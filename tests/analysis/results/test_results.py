@@ -9,7 +9,7 @@ from repository import ROOT
 
 from crowd_env import Groups, Population, make_scenario
 from crowd_env.analysis.exit_times import read_exits
-from crowd_env.analysis.figures import report, time_of_share
+from crowd_env.analysis.figures import peak_flow, report, time_of_share
 from crowd_env.analysis.results.config import FREE, run_config
 from crowd_env.analysis.results.folder import ResultsFolder, egress, write_curve, write_tables
 from crowd_env.core.files.csv_table import read_table
@@ -165,3 +165,24 @@ def test_configs_differ_in_what_decides_results_alone(place):
     assert difference(here, config(thinner)) == "population[0].radius.low is 0.15 there and 0.2 here"
     other = replace(place, geometry=make_scenario("room-v0").geometry, target="nearest")
     assert difference(here, config(other)).startswith(f"fingerprint is {here['fingerprint']} there and ")
+
+
+def test_the_peak_flow_of_an_exit_is_that_of_its_ten_busiest_seconds():
+    steady = 3.0 + 0.5 * np.arange(100.0)
+    assert peak_flow(steady) == pytest.approx(2.0)
+    busy = np.sort([*steady, *np.arange(20.05, 25.0, 0.25)])  # 20 more within 5 of those seconds
+    assert peak_flow(busy) == pytest.approx(4.0)
+    brief = np.array([1.0, 2.0, 2.5, 5.0])  # used for 4 s: the three who follow the first
+    assert peak_flow(brief) == pytest.approx(0.75)
+    assert np.isnan([peak_flow(np.array([1.0, 2.0])), peak_flow(np.full(5, 2.0))]).all()
+
+
+def test_figures_of_exits_are_those_of_the_people_who_took_them(place, episodes):
+    found = report(place, "dem", episodes)["exits"]
+    for k, name in enumerate(("west", "east")):
+        times = [one.exit_time[one.exit_index == k] for one in episodes]
+        used = [one for one in times if len(one)]
+        assert found[name]["people"] == sum(map(len, times))
+        for key, of in (("first", np.min), ("last", np.max)):
+            expected = np.mean([of(one) for one in used]) if used else None
+            assert found[name][key]["mean"] == (None if expected is None else pytest.approx(expected))

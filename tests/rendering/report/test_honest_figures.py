@@ -69,8 +69,9 @@ def test_a_curve_ends_where_the_time_limit_ended_a_run(
 
     monkeypatch.setattr(figures, "save_figure", keep)
     code, _, _ = command("report", folders / "whole", folders / "cut", "-o", tmp_path / "report.html", "--no-maps")
-    whole, cut = drawn
+    whole, cut, *of_exits = drawn
     assert code == 0 and cut.max() == pytest.approx(4.0) and whole.max() > 5.0
+    assert [times.max() <= 4.0 for times in of_exits] == [False, False, True, True]  # two exits each
 
 
 def test_a_folder_is_not_compared_with_itself(folders: Path, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from reported_pages import Parsed, command
 from crowd_env.analysis.results.measurements import CELL, MeasurementRecorder, grid_over
 from crowd_env.cli.report import place_of
 from crowd_env.envs.rollout import run_episodes
+from crowd_env.rendering.report.answer import answer
 from crowd_env.rendering.report.assumptions import limits_of
 from crowd_env.rendering.report.figures import differences
 from crowd_env.rendering.report.maps import _worst, measure
@@ -51,17 +52,20 @@ def test_the_page_needs_nothing_else_and_shows_every_section(page: Path) -> None
     assert "script" not in found.tags and "link" not in found.tags
     assert found.sources and all(source.startswith("data:image/png;base64,") for source in found.sources)
     for heading in (
+        "The answer",
         "The plan",
+        "Egress",
+        "Exits over time",
+        "crowded",
+        "Annex",
         "Population",
         "Assumptions",
-        "Results",
-        "Egress",
-        "Exits",
-        "crowded",
         "Limits",
         "Versions",
     ):
         assert heading in found.text
+        found.text = found.text[found.text.index(heading) :]  # in this order: the answer first
+    found = Parsed(page)
     assert "Do not size a building with it." in found.text
     assert "crowd-env run --config" in found.text
 
@@ -79,6 +83,32 @@ def test_the_figures_are_those_of_the_folders(folders: Path) -> None:
     first, other = (one["evacuation_time"]["mean"] for one in found["runs"])
     assert gap["evacuation_time"]["mean"] == pytest.approx(other - first)
     assert gap["evacuation_time"]["pairs"] == gap["shared_seeds"] == 3
+
+
+def test_the_answer_is_what_the_exit_times_say(folders: Path, page: Path) -> None:
+    nearest, shortest = load_runs([folders / "nearest", folders / "shortest"], place_of)
+    for one in (nearest, shortest):
+        times = np.sort([episode.exit_time for episode in one.episodes], axis=1)  # of 3 runs, 8 people
+        for k, label in ((3, "T50"), (7, "T95"), (7, "last person out")):
+            (row,) = (row for row in answer([one])["rows"] if label in row[0] and "slowest" not in row[0])
+            assert float(row[1].split()[0]) == pytest.approx(times[:, k].mean(), abs=0.005)
+        (exits,) = answer([one])["exits"]
+        assert sum(float(row[2]) for row in exits["rows"]) == pytest.approx(8, abs=0.1)
+        first, last = (np.array([float(row[k]) for row in exits["rows"] if row[k] != "-"]) for k in (3, 4))
+        assert (first >= times[:, 0].min() - 0.05).all() and (last <= times[:, -1].max() + 0.05).all()
+        assert f"8 people are out after {times[:, -1].mean():.1f} s (mean of 3 runs" in Parsed(page).text
+
+
+def test_the_number_of_runs_that_convergence_asks_for_follows_the_root(folders: Path) -> None:
+    (one,) = load_runs([folders / "nearest"], place_of)
+    mean, half = 50.0, 4.0
+    figures = {
+        **one.figures,
+        "runs": 20,
+        "evacuation_time": {"mean": mean, "sd": 8.0, "ci95": [mean - half, mean + half]},
+    }
+    (row,) = (row for row in answer([one._replace(figures=figures)])["rows"] if "convergence" in row[0])
+    assert row[1].startswith("± 8.0 % of the mean") and "about 320 runs" in row[1]  # a quarter: 16 times as many
 
 
 def test_pairs_have_a_shorter_interval_only_where_the_draws_are_the_same(folders: Path) -> None:

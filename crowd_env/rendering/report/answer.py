@@ -1,0 +1,123 @@
+"""The answer that a report opens with: when people are out, by which exits, and how sure that is."""
+
+from collections.abc import Callable, Mapping, Sequence
+from math import isfinite
+from typing import Any
+
+from crowd_env.analysis.figures import FIGURES, column, doubts, interval, number, spread
+from crowd_env.core.checks import counted
+from crowd_env.rendering.report.runs import Runs
+
+_AIM = 0.02  # of the mean: the interval that is aimed at
+_FEW = 5  # runs or fewer say little of how many are needed
+
+
+def answer(runs: Sequence[Runs]) -> dict[str, Any]:
+    """Return the sentences, the table and the exits of the first section."""
+    return {
+        "said": [{"name": one.name if len(runs) > 1 else "", "text": _sentence(one)} for one in runs],
+        "doubts": [(f"{one.name}: " if len(runs) > 1 else "") + said for one in runs if (said := doubts(one.figures))],
+        "rows": [(label, *(words(one) for one in runs)) for label, words in _ROWS.items()],
+        "exits": [{"name": one.name if len(runs) > 1 else "", "rows": _exits(one)} for one in runs],
+        "exits_head": ("exit", "width\n[m]", "people", "first\n[s]", "last\n[s]", "flow\n[1/(s m)]", "peak\n[1/(s m)]"),
+    }
+
+
+def _sentence(one: Runs) -> str:
+    figures, people = one.figures, counted(one.figures["people"], "person", "people")
+    ended, every = figures["runs"] - figures["unfinished_runs"], figures["runs"]
+    last = figures["evacuation_time"]
+    if not ended:
+        return f"In none of {counted(every, 'run', 'runs')} did all of the {people} get out."
+    bounds = interval(last, digits=1)
+    sure = f", 95 % interval {bounds} s" if bounds else ""
+    of = f"of the {ended} of {every} runs in which all got out" if ended < every else f"of {every} runs"
+    text = f"{people} are out after {number(last['mean'], 's', 1)}" + (f" (mean {of}{sure})." if every > 1 else ".")
+    return (
+        f"In {figures['unfinished_runs']} of {every} runs people are left inside. Else {text}"
+        if ended < every
+        else text
+    )
+
+
+def time_words(name: str) -> Callable[[Runs], str]:
+    """Return what says one of `FIGURES`: mean, interval of the mean, standard deviation."""
+
+    def words(one: Runs) -> str:
+        found, unit = one.figures[name], FIGURES[name].unit
+        if not (bounds := interval(found)):
+            return spread(found, unit)
+        return f"{number(found['mean'])} ({bounds}) {unit}\n± {number(found['sd'], unit)}"
+
+    return words
+
+
+def _range(one: Runs) -> str:
+    times = column([episode.metrics for episode in one.episodes], "evacuation_time")
+    known = times[times == times]
+    return f"{known.min():.1f} to {known.max():.1f} s" if len(known) else "–"
+
+
+def _evacuation_time(one: Runs) -> str:
+    whole = one.figures["runs"] - one.figures["unfinished_runs"]
+    of = f"\nof the {whole} of {one.figures['runs']} runs in which everyone got out"
+    return time_words("evacuation_time")(one) + (of if 0 < whole < one.figures["runs"] else "")
+
+
+def _runs_in(kind: str) -> Callable[[Runs], str]:
+    def words(one: Runs) -> str:
+        low, high = (100.0 * bound for bound in one.figures[f"{kind}_share"]["ci95"])
+        return f"{one.figures[f'{kind}_runs']} of {one.figures['runs']} ({low:.0f} to {high:.0f} %)"
+
+    return words
+
+
+def _blocked(one: Runs) -> str:
+    return _runs_in("blocked")(one) if isfinite(one.scenario.blocked_after) else "not looked for"
+
+
+def _convergence(one: Runs) -> str:
+    """Say how near the mean is to that of endless runs; an interval falls with the root of their number."""
+    found, ended = one.figures["evacuation_time"], one.figures["runs"] - one.figures["unfinished_runs"]
+    if found["ci95"][0] is None:
+        return "one run says nothing of it" if ended == 1 else "–"
+    share = (found["ci95"][1] - found["mean"]) / found["mean"]
+    text = f"± {100.0 * share:.1f} % of the mean"
+    if share <= _AIM or ended <= _FEW:
+        return text
+    return f"{text}\n± {100.0 * _AIM:.0f} % needs about {ended * (share / _AIM) ** 2:.0f} runs"
+
+
+_ROWS: dict[str, Callable[[Runs], str]] = {
+    "half of the people out (T50)": time_words("t50"),
+    "95 % of the people out (T95)": time_words("t95"),
+    "last person out": _evacuation_time,
+    "last person out, quickest and slowest run": _range,
+    "convergence over runs (95 % interval)": _convergence,
+    "runs": lambda one: str(one.figures["runs"]),
+    "runs in which someone was left inside": _runs_in("unfinished"),
+    "people left inside, all runs": lambda one: str(one.figures["unfinished"]),
+    "runs in which the exits blocked": _blocked,
+}
+
+
+def _exits(one: Runs) -> list[tuple[str, ...]]:
+    """Return a row for each exit; people and times are means over runs."""
+    widths, runs = one.scenario.geometry.exit_widths, one.figures["runs"]
+    rows = []
+    for name, found in one.figures["exits"].items():
+        times = (number(found[key]["mean"], digits=1) for key in ("first", "last"))
+        flows = (number(found[key]["mean"]) for key in ("flow_per_meter", "peak_flow_per_meter"))
+        rows.append((name, f"{widths[name]:.2f}", f"{found['people'] / runs:.1f}", *times, *flows))
+    return rows
+
+
+def share_words(found: Mapping[str, Any] | None) -> str:
+    """Return the share of an exit in percent with its interval."""
+    if found is None or found["share"]["mean"] is None:
+        return "–"
+    if not found["share"]["sd"]:  # an interval of no width would claim too much
+        return f"{100 * found['share']['mean']:.1f} % in every run"
+    low, high = found["share"]["ci95"]
+    bounds = "" if low is None else f" ({100 * max(low, 0.0):.1f} to {100 * min(high, 1.0):.1f})"
+    return f"{100 * found['share']['mean']:.1f} %{bounds}"
