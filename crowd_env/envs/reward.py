@@ -14,6 +14,7 @@ from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
 from crowd_env.core.checks import Share, array, check_fields, from_data
 from crowd_env.core.kernels.jit import inner_kernel, kernel
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
+from crowd_env.envs.observation.view import SLOWEST
 from crowd_env.envs.terms import RewardTerm, own_terms, weighed_terms
 
 
@@ -76,7 +77,7 @@ def charge_heads(step: Transition, begin: int, end: int, term: Floats) -> None:
         head, least = -1, np.inf
         for i in range(begin, end):
             if step.inside[i] and step.state.route[i] == route:
-                rest = step.travel_time_before[i] * step.bodies.desired_speed[i]  # m
+                rest = step.travel_time_before[i] * max(step.bodies.desired_speed[i], SLOWEST)  # m
                 if rest < least:
                     head, least = i, rest
         if head >= 0:

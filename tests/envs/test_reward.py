@@ -4,11 +4,22 @@ import numpy as np
 import pytest
 from evacuations import evacuated
 
-from crowd_env import CrowdEnv, EpisodeMetrics, RewardWeights, make_scenario
+from crowd_env import (
+    CrowdEnv,
+    EpisodeMetrics,
+    Geometry,
+    Groups,
+    Population,
+    RewardWeights,
+    Scenario,
+    Uniform,
+    make_scenario,
+)
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.envs.metrics import flow_slope, summarise
 from crowd_env.envs.reward import REWARDS, RewardFunction, Transition
+from crowd_env.geometry.geometry import box
 
 TERMS = tuple(REWARDS)
 # Fields of a `Transition` that no term reads.
@@ -111,6 +122,18 @@ def test_the_head_is_nearest_by_its_route_and_every_route_has_one():
                 assert charged.tolist() == [those[before[those].argmin()]]
                 routes.add(int(route))
     assert len(routes) == 2
+
+
+@pytest.mark.parametrize("slow", [1.0, 0.05, 0.0])
+def test_who_hardly_wants_to_walk_is_head_by_the_distance_too(slow):
+    """The one 3 m from the exit is the head, whatever the other, 1.5 m behind, wants."""
+    place = Geometry.from_polygon(box(0, 0, 12, 4), exits={"e": [(12, 1.5), (12, 2.5)]})
+    crowd = Groups(
+        [Population(1, desired_speed=Uniform(v, v), starts=np.array([[x, 2.0]])) for v, x in ((1.5, 9.0), (slow, 7.5))]
+    )
+    env = CrowdEnv(Scenario("two", place, crowd, 60.0), physics="dem")
+    env.reset(0)
+    assert env.step(None).info["reward/head"].tolist() == pytest.approx([-0.1, 0.0])
 
 
 def test_walking_away_costs_progress():
