@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints, as_grid
 from crowd_env.envs.crowd import CrowdEnv, Step
+from crowd_env.envs.observation.view import SLOWEST
 from crowd_env.envs.rollout import Episode
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import contact_pressure
@@ -80,7 +81,7 @@ class Measured(NamedTuple):
     max_density: Floats  # (R,)  1/m2  people within 1 m of someone, oneself included, over pi m2
     max_pressure: Floats  # (R,)  N/m  contact force on someone over circumference, mean of one decision step
     crushed: Floats  # (R, N)  s  in decision steps whose mean of that exceeds `INJURY`
-    hurry: Floats  # (R,)  largest of anyone's mean speed over the own desired speed
+    hurry: Floats  # (R,)  largest of anyone's mean speed over the own desired speed, of those who want to walk
     maps: Maps
     grid: Grid
     simulated: float  # s  of all evacuations together
@@ -143,7 +144,9 @@ class MeasurementRecorder:
         people, state = env.people(e), env.simulation.state
         exits, walked = state.exit_index[people].copy(), self._walked[people].copy()
         times = np.where(np.isfinite(state.exit_time[people]), state.exit_time[people], state.time[e])
-        hurry = float((walked / np.maximum(env.simulation.bodies.desired_speed[people] * times, 1e-9)).max())
+        wanted = env.simulation.bodies.desired_speed[people]
+        speed = walked / np.maximum(wanted * times, 1e-9)
+        hurry = float(np.max(speed, where=wanted >= SLOWEST, initial=0.0))  # whoever is pushed along hurries nowhere
         peaks = float(self._max_density[e]), float(self._max_pressure[e])
         return RunMeasurements(exits, walked, *peaks, self._crushed[people].copy(), hurry)
 
