@@ -31,7 +31,12 @@ from crowd_env.envs.route_choice import fit_to_ways, make_route_choice, take_rou
 from crowd_env.envs.settings import AsPhysics, AsRouting, AsWalking, Physics, Routing, Walking, answers_unknown
 from crowd_env.physics import check_outline
 from crowd_env.physics.simulation.arguments import check_step
-from crowd_env.physics.simulation.checkpoint import copy_arrays, require_checkpoint, write_arrays
+from crowd_env.physics.simulation.checkpoint import (
+    copy_arrays,
+    require_checkpoint,
+    require_same,
+    write_arrays,
+)
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.scenarios.groups import extreme_bodies
 
@@ -175,6 +180,8 @@ class CrowdEnv:
         blocked_after = np.array([each.blocked_after for each in self.scenario_of_env])
         self._transition = init_transition(self.simulation, self._observer.view.potential, time_limits, blocked_after)
         self._reward = RewardFunction(self.reward_weights, slots)
+        limits = {"time_limit": sorted({*time_limits.tolist()}), "blocked_after": sorted({*blocked_after.tolist()})}
+        self._made_by = {"decision_dt": decision_dt, "frame": self.action_kind.frame, "dwell": dwell, **limits}
         self._started = False
         self._times_restored = 0
         self._interrupted = False  # a step was begun and never came to its end: Ctrl-C, or a crowd that diverged
@@ -286,6 +293,7 @@ class CrowdEnv:
         The last observation is no part of it: callers who need it keep it beside the checkpoint.
         """
         return EnvCheckpoint(
+            self._made_by,
             self.simulation.checkpoint(),
             copy_arrays(self._transition.fields),
             self._choice.chosen_at.copy(),
@@ -302,9 +310,10 @@ class CrowdEnv:
         TypeError
             If it is no checkpoint of an environment.
         ValueError
-            If the checkpoint is of an environment of other people, places, scheme or steps.
+            If the checkpoint is of an environment of other people, places, scheme, steps, limits, frame or dwell.
         """
         require_checkpoint(checkpoint, EnvCheckpoint, "an environment")
+        require_same(self._made_by, checkpoint.made_by, "environment")
         self.simulation.restore(checkpoint.simulation)
         write_arrays(self._transition, checkpoint.step)
         self._choice.chosen_at[:] = checkpoint.chosen_at

@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # no part of what kernels are made of
 class EnvCheckpoint(NamedTuple):
     """A moment of a `CrowdEnv`; made by `CrowdEnv.checkpoint`, taken up by `CrowdEnv.restore`.  It can be pickled."""
 
+    made_by: dict[str, Any]  # what an environment must have in common with the one that it was taken from
     simulation: "Checkpoint"
     step: "Arrays"  # of the `Transition`
     chosen_at: Floats  # of the `RouteChoice`

@@ -84,9 +84,9 @@ def require_checkpoint(checkpoint: Any, kind: type, of: str) -> None:
         raise TypeError(f"restore takes a checkpoint() of {of}, not {type(checkpoint).__name__}")
 
 
-def require_same(now: dict[str, Any], then: dict[str, Any]) -> None:
-    """Raise ValueError, naming it, if two simulations differ in what they must have in common."""
+def require_same(now: dict[str, Any], then: dict[str, Any], of: str = "simulation") -> None:
+    """Raise ValueError, naming it, if two simulations or environments differ in what they must have in common."""
     for name, value in now.items():
         if value != then[name]:
             says = "" if name == "place" else f": {shown(then[name])}, here {shown(value)}"
-            raise ValueError(f"the checkpoint is of another simulation: its {name} is another{says}")
+            raise ValueError(f"the checkpoint is of another {of}: its {name} is another{says}")

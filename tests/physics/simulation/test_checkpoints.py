@@ -205,6 +205,10 @@ def test_nothing_can_be_replaced_behind_the_back_of_those_who_look(name):
         ({"num_envs": 2}, "env_start"),
         ({"people": 19}, "env_start"),
         ({"scenario": {"name": "room-v0", "side": 7.0}}, "place"),
+        ({"physics": Physics("dem", max_drive=200.0)}, "max_drive"),
+        ({"decision_dt": 0.2}, "decision_dt"),
+        ({"action": {"name": "continuous", "frame": "world"}}, "frame"),
+        ({"time_limit": 9.0}, "time_limit"),
     ],
 )
 def test_a_checkpoint_of_another_environment_is_refused_before_anything_changes(change, what):
@@ -214,10 +218,22 @@ def test_a_checkpoint_of_another_environment_is_refused_before_anything_changes(
     here = CrowdEnv(**options)
     here.reset([0])
     before = here.simulation.state.copy()
-    with pytest.raises(ValueError, match=f"^the checkpoint is of another simulation: its {what} is another"):
+    with pytest.raises(
+        ValueError, match=f"^the checkpoint is of another (simulation|environment): its {what} is another"
+    ):
         here.restore(other.checkpoint())
     for ours, then in zip(here.simulation.state, before, strict=True):
         np.testing.assert_array_equal(ours, then)
+
+
+def test_a_checkpoint_of_people_who_keep_longer_to_an_exit_is_refused():
+    env, other = (
+        CrowdEnv("two-exit-hall-v0", physics="dem", action={"name": "speeds-exits", "dwell": dwell})
+        for dwell in (1.0, 5.0)
+    )
+    other.reset(0)
+    with pytest.raises(ValueError, match=r"of another environment: its dwell is another: 5\.0, here 1\.0$"):
+        env.restore(other.checkpoint())
 
 
 def test_what_is_no_checkpoint_is_refused():
