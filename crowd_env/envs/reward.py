@@ -176,11 +176,11 @@ class RewardFunction:
         Raises
         ------
         ValueError
-            If a function of the user's own does not return (P,) numbers.
+            If a function of the user's own does not return (P,) finite numbers.
         """
         terms, reward = np.empty((len(self._names), self._people)), np.empty(self._people)
         for k, term in enumerate(self._own_terms, start=len(REWARDS)):
             values = array(f"reward term {term.name!r}", term.function(step.fields), (self._people,), "biuf")
-            terms[k] = np.where(step.fields.inside, values, 0.0)
+            terms[k] = term.finite(np.where(step.fields.inside, values, 0.0))
         compute_reward(step, self._spec, terms, reward)
         return reward, dict(zip(self._names, terms, strict=True))

@@ -4,7 +4,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar
 
-from crowd_env.core.checks import check_fields, known, number, refuse, table
+import numpy as np
+
+from crowd_env.core.checks import FINITE, check_fields, known, number, refuse, require_all, table
 
 
 class Term:
@@ -21,6 +23,11 @@ class Term:
             raise ValueError(f"{self.kind} needs a name")
         if not callable(self.function):
             refuse(f"{self.kind} {self.name!r}: function", self.function, f"a function ({self.arguments})")
+
+    def finite(self, values: np.ndarray) -> np.ndarray:
+        """Return what the function gave; raise ValueError if a number of it is nan or infinite."""
+        quick = bool(np.isfinite(values).all())  # at every step
+        return values if quick else require_all(f"{self.kind} {self.name!r}", values, FINITE)
 
 
 @dataclass(frozen=True)

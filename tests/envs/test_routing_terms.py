@@ -119,6 +119,13 @@ def test_functions_that_return_something_else_are_refused_by_name():
     env.reset(seed=0)
     with pytest.raises(ValueError, match=r"reward term 'wrong' has the shape \(1, 1\); it must be \(1,\)"):
         env.step(np.zeros(8, dtype=int))
+    env = RoutingEnv(SMALL, reward={RewardTerm("wrong", lambda view: np.full(1, np.nan)): 1.0})
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"reward term 'wrong'\[0\] is nan; it must be finite"):
+        env.step(np.zeros(8, dtype=int))
+    wrong = RoutingTerm("wrong", "", lambda view: np.full((1, 1), np.inf))
+    with pytest.raises(ValueError, match=r"observation term 'wrong'\[0, 0\] is inf; it must be finite"):
+        RoutingEnv(SMALL, observation={"terms": [wrong]}).reset(seed=0)
     for make, words in (
         (lambda: RoutingTerm("", "exit", out), "observation term needs a name"),
         (lambda: RoutingTerm("mine", "wall", out), "unknown of_each 'wall'; known: region, exit, route, door"),

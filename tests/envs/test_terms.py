@@ -88,6 +88,18 @@ def column(transition):
     return np.ones((len(transition.inside), 1))
 
 
+def nan(transition):
+    return np.array([0.0, np.nan, 0.0])
+
+
+def inf(transition):
+    return np.full(3, np.inf)
+
+
+def gap(view, out):
+    out[2, 1] = np.nan
+
+
 def text(transition):
     return "much"
 
@@ -118,3 +130,12 @@ WRONG = [
 @table(WRONG)
 def test_a_term_that_cannot_be_is_refused_in_one_sentence(call, words):
     refuses(call, words)
+
+
+def test_what_is_not_finite_is_refused_in_the_first_step_by_the_name_of_the_term():
+    for function, found in ((nan, ("[1]", "nan")), (inf, ("[0]", "inf"))):
+        env = CrowdEnv(people=3, reward={RewardTerm("slow", function): 0.0})
+        env.reset(0)
+        refuses(env.step, ("reward term 'slow'", "finite", *found))
+    layout = ObservationLayout(("velocity", ObservationTerm("gap", 2, gap)))
+    refuses(lambda: CrowdEnv(people=3, observation=layout).reset(0), ("observation term 'gap'[2, 1]", "nan", "finite"))

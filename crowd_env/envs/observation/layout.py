@@ -190,6 +190,7 @@ class ObservationLayout(Layout):
             values = np.zeros((len(out), term.width))
             term.function(view, values)
             values[~view.seen] = 0.0
+            term.finite(values)
             for e in environments:
                 rows = slice(view.bodies.env_start[e], view.bodies.env_start[e + 1])
                 out[rows, self[term.name]] = np.clip(values[rows], -1.0, 1.0)

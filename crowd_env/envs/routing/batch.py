@@ -159,7 +159,7 @@ class RoutingBatch:
         reward, info = np.zeros(self.env.num_envs), {}
         for term, weight in self.weights.items():
             values = array(f"reward term {term.name!r}", term.function(view), (self.env.num_envs,), NUMBERS)
-            info[f"reward/{term.name}"] = values
+            info[f"reward/{term.name}"] = term.finite(values)
             if weight:
                 reward += weight * values
         info["inside"] = view.inside.sum(axis=1)
@@ -205,7 +205,8 @@ class RoutingBatch:
         out = np.zeros((self.env.num_envs, self.layout.size))
         for term in self.layout.terms:
             columns = out[:, self.layout[term.name]]
-            columns[:] = array(f"observation term {term.name!r}", term.function(view), columns.shape, NUMBERS)
+            found = array(f"observation term {term.name!r}", term.function(view), columns.shape, NUMBERS)
+            columns[:] = term.finite(found)
         return np.clip(out, 0.0, 1.0).astype(np.float32)
 
     def _view(self, inside: Bools, left: Bools) -> RoutingView:
