@@ -99,7 +99,22 @@ def test_the_file_says_what_goes_in_and_what_comes_out(tmp_path):
     assert make_action(said["action"]["kind"]) == make_action(SPEEDS)
     assert said["columns"] == {"direction": [0, 2], "neighbors": [2, LAYOUT.size]}
     assert said["commands"] == [[-0.5, 0.0], [0.0, 0.0], [1.0, 0.0]]  # of each choice: forward, to the left
+    assert "ways" not in said
     assert (tmp_path / "net.onnx").stat().st_size == told["bytes"]
+
+
+def test_a_policy_that_chooses_exits_says_what_each_choice_does(tmp_path):
+    """Command and way of the choice that the graph takes are those that the policy's own action is decoded as."""
+    kind = {"name": "speeds-exits", "speeds": [0.0, 1.0], "routes": 2}
+    found = policy(kind, 6)
+    runs, told = exported(found, tmp_path)
+    seen, said = rows(LAYOUT.size), told["metadata"]
+    chosen, acted = runs.run(["action"], {"observation": seen})[0], found.act(seen, LAYOUT, None)
+    same = chosen == acted
+    commands, ways = make_action(kind).decoded(acted[same])
+    assert same.mean() > 0.99 and set(ways.tolist()) == {-1, 0, 1}
+    np.testing.assert_array_equal(np.array(said["commands"])[chosen[same]], commands)
+    np.testing.assert_array_equal(np.array(said["ways"])[chosen[same]], ways)
 
 
 @pytest.mark.more

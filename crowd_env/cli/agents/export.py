@@ -120,7 +120,7 @@ def to_onnx(found: LearnedPolicy | LearnedController) -> Any:
 
 
 def _metadata(found: LearnedPolicy | LearnedController) -> Mapping[str, Any]:
-    """Return the facts of the network's own file, the columns of each observation term, and what each choice commands."""
+    """Return the facts of the network's own file, the columns of each observation term, and what each choice does."""
     facts = found.facts()
     if isinstance(found, LearnedController):
         return facts
@@ -128,9 +128,10 @@ def _metadata(found: LearnedPolicy | LearnedController) -> Mapping[str, Any]:
     columns = {name: [layout[name].start, layout[name].stop] for name in facts["observation"]["terms"]}
     more: dict[str, Any] = {"columns": columns}
     if isinstance(found.space, gymnasium.spaces.Discrete):
-        decode = make_action(found.env_options["action"]).decode
-        assert decode is not None
-        more["commands"] = decode(np.arange(found.space.n)).tolist()
+        commands, ways = make_action(found.env_options["action"]).decoded(np.arange(found.space.n))
+        more["commands"] = commands.tolist()
+        if ways is not None:
+            more["ways"] = ways.tolist()
     return facts | more
 
 
