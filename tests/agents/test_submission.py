@@ -152,6 +152,7 @@ def test_another_rule_in_the_folder_is_refused(files, tmp_path):
     [
         (("--task", "moon", "--policy", "rule"), "unknown task 'moon'"),
         (("--task", "small", "--policy", "dance"), "unknown policy 'dance'"),
+        (("--task", "small", "--policy", "random"), "--policy random: what a run draws depends on the runs beside it"),
         (("--task", "small", "--policy", "rule", "--runs", "0"), "--runs is 0"),
         (("--task", "small", "--policy", "rule", "--robustness-runs", "-1"), "--robustness-runs is -1"),
         (("--task", "small", "--policy", "rule", "--robustness-runs", "9"), "the first of the draws of the task"),

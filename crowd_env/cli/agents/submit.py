@@ -10,6 +10,7 @@ from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.evaluation.robustness import Found, few_runs, judge_trial, make_trials
 from crowd_env.agents.evaluation.same_draws import compare
 from crowd_env.agents.evaluation.submission import REFERENCES, write_submissions
+from crowd_env.agents.rules import RandomWalk
 from crowd_env.agents.tasks import make_task
 from crowd_env.agents.trained import SAMPLED
 from crowd_env.agents.training_config import RUNS
@@ -56,6 +57,10 @@ def main(
         drawn = [name for name in policy if name.endswith(SAMPLED)]
         if drawn:
             raise ValueError(f"--policy {drawn[0]}: a submission is of the most likely actions; leave out {SAMPLED}")
+        if RandomWalk.name in policy:
+            raise ValueError(
+                "--policy random: what a run draws depends on the runs beside it; submit what draws nothing"
+            )
         place, named = chosen.place(), list(dict.fromkeys((*REFERENCES, *policy)))
         entries = make_entries(named, place, chosen)
         trials = make_trials(chosen, list(dict.fromkeys((RULE, *policy)))) if few else []
