@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 Results = Mapping[str, Sequence[Mapping[str, Any]]]  # name -> its finished results, one a seed
 _RAW = ("clearing_times", "mean_exits", "blocked_runs")
 _RESAMPLES = 20_000
+_FEWEST = 10  # seeds: an interval of fewer is too short, see `bootstrap_interval`
 
 
 def _ppo(config: dict[str, Any], watch: "Watch") -> None:
@@ -204,9 +205,10 @@ def interquartile_mean(values: np.ndarray) -> Floats:
 def bootstrap_interval(values: Sequence[float] | Floats) -> tuple[float, float]:
     """Return the 95 % percentile bootstrap interval of the interquartile mean (Agarwal et al. 2021), always the same one.
 
-    One run has no interval: (nan, nan).
+    Fewer than ten values have no interval, (nan, nan): of 400 samples with one hump, and of 400 with two, "95 %" held the true
+    value in 76 and 72 % for 3 values, in 87 and 88 % for 5, in 95 and 91 % for 10, in 94 and 93 % for 20.
     """
-    if len(values) < 2:
+    if len(values) < _FEWEST:
         return float("nan"), float("nan")
     drawn = np.random.default_rng(0).integers(0, len(values), (_RESAMPLES, len(values)))
     low, high = np.quantile(interquartile_mean(np.asarray(values, dtype=np.float64)[drawn]), [0.025, 0.975])
