@@ -29,6 +29,8 @@ from .evaluation import Evaluation
 
 _KEPT = "kept"  # folder below
 _SETTINGS = "evaluation.json"
+# What the folder comes to hold, and what says that it is one of ``crowd-env run`` or of a training.
+_OWNED = ("rows.json", "runs.csv", "egress-*.png", "heat-*.png", _KEPT, "config.json")
 _SHOWN = {"density": ("Density", "people / m²", 1.0), "pressure": ("Contact pressure", "kN / m", 1e-3)}
 _PRESSURE = {
     True: "Pressure: contact force on the person there over circumference, 0 while nobody is there.",
@@ -89,11 +91,11 @@ class EvaluationFolder(Store):
     Raises
     ------
     ValueError
-        If the folder holds results with other settings.
+        If the folder holds results with other settings, or of something else.
     """
 
     def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
-        super().__init__(folder, settings, about=_SETTINGS)
+        super().__init__(folder, settings, about=_SETTINGS, owned=_OWNED)
 
     def load_result(self, entry: Entry, scheme: str | ContactScheme) -> Evaluation | None:
         """Return the kept result of a policy under a scheme.

@@ -36,16 +36,11 @@ class ResultsFolder(Store):
     Raises
     ------
     ValueError
-        If the folder holds results of something else, or tables of version 0.1.0, which kept no runs.
+        If the folder holds results of something else.
     """
 
     def __init__(self, folder: Path, config: dict[str, Any]) -> None:
-        super().__init__(folder, config, about=CONFIG, free=FREE)
-        if (folder / RUNS).exists() and not (folder / KEPT).exists():
-            raise ValueError(
-                f"{folder} holds {RUNS} without the runs that it is made of, as version 0.1.0 left it; run the command again, "
-                "into another folder"
-            )
+        super().__init__(folder, config, about=CONFIG, free=FREE, owned=_OWNED)
 
     def finished(self) -> list[Episode]:
         """Return the runs of the config that are here, in the order of their numbers."""
@@ -98,6 +93,9 @@ def decode(run: int, content: dict[str, Any]) -> Episode:
 
 
 RUNS, EXITS, CURVE = "runs.csv", "exits.csv", "nt.csv"
+
+# What the folder comes to hold, and what says that it is one of ``crowd-env evaluate``.
+_OWNED = (RUNS, EXITS, CURVE, SUMMARY, KEPT, "nt.png", "recordings", "evaluation.json")
 
 # Columns of runs.csv with their units, after run and seed; those of `EpisodeMetrics` have its names.
 _RUN_COLUMNS = ("run", "seed", "people", "end", "time_limit", "t95", *EpisodeMetrics._fields)

@@ -28,6 +28,7 @@ from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.executors import Executor, Serial, make_executor
 from crowd_env.core.files.json_file import write_json
 from crowd_env.core.files.own import own_or_name
+from crowd_env.core.files.store import Store
 from crowd_env.physics import check_outline
 from crowd_env.rendering.libraries import require_libraries
 from crowd_env.scenarios.titles import run_title, with_manner
@@ -53,6 +54,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command(cls=ListsOfNames)
 def main(
+    context: typer.Context,
     place: Place = None,
     exit: Exits = None,
     unit: Unit = None,
@@ -86,6 +88,8 @@ def main(
         task = TASKS.get(place or "")
         changed = changes(set, _SET)
         threads = whole("--set threads", changed.get("threads", 1))
+        if out is not None:
+            context.with_resource(Store(out).alone())
         if vary:
             if task is None:
                 raise ValueError("--robustness varies a task; name one by --task")

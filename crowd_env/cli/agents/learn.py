@@ -20,6 +20,7 @@ from crowd_env.core.checks import known, whole
 from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.executors import check_cluster
 from crowd_env.core.files.json_file import write_json
+from crowd_env.core.files.store import Store
 from crowd_env.physics import SCHEMES
 from crowd_env.rendering.libraries import require_libraries
 from crowd_env.scenarios import kind_of_place
@@ -126,7 +127,7 @@ def main(
         given.pop("set", None)
         far = {"runners": whole("--set runners", given.pop("runners"))} if "runners" in given else {}
         if resume is not None:
-            folder, config = _resumed(resume, given)
+            folder, config = _resumed(context, resume, given)
         else:
             config = _begun(given, seed) | {"backend": backend}
         if config["backend"] == "rllib":
@@ -138,6 +139,7 @@ def main(
         if folder is None:
             training_config.check_config(config)
             folder = _new_folder(config, out)
+            context.with_resource(Store(folder).alone())
         write_json(folder / "config.json", config)
         say(f"writing to {folder}/")
         if not BACKENDS[config["backend"]](folder, config, threads, **far):
@@ -210,13 +212,14 @@ def _new_folder(config: dict[str, Any], out: Path | None) -> Path:
     return new_folder(Path("runs"), f"{'-'.join(parts)}-seed{config['seed']}")
 
 
-def _resumed(folder: Path, given: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
-    """Return folder and parameters of a run that is gone on with."""
+def _resumed(context: typer.Context, folder: Path, given: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
+    """Return folder and parameters of a run that is gone on with, by this command alone."""
     from crowd_env.agents.learned.training import CURVE, read_curve
 
     if "out" in given:
         raise ValueError(f"--out {given['out']} beside --resume {folder}: a run keeps its folder; leave --out out")
     folder = folder if (folder / "config.json").exists() else Path("runs") / folder
+    context.with_resource(Store(folder).alone())
     config = training_config.read_config(folder / "config.json")
     own = {name: given[name] for name in ("place", "exit", "unit", "seed", "backend", "decides") if name in given}
     curve = read_curve(folder / CURVE)

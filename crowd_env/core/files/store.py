@@ -34,11 +34,12 @@ class Store:
     identity : what decides all pieces, ready for JSON; None = each piece says so itself, as its ``made_by``.
     about : name of the file that holds the identity.
     free : entries of the identity in which two commands may differ and still go on with each other's pieces.
+    owned : patterns of names that a folder without an identity must not hold: they are somebody else's.
 
     Raises
     ------
     ValueError
-        If the folder has another identity.  Nothing has been written.
+        If the folder has another identity, or holds what something else wrote.  Nothing has been written.
     """
 
     def __init__(
@@ -48,10 +49,11 @@ class Store:
         *,
         about: str = "identity.json",
         free: Collection[str] = (),
+        owned: Collection[str] = (),
     ) -> None:
         self.folder, self.about = folder, folder / about
         self.identity = None if identity is None else _as_json(identity)
-        self._free, self._begun = free, False
+        self._free, self._owned, self._begun = free, owned, False
         self._check()
 
     @contextmanager
@@ -125,7 +127,11 @@ class Store:
         return next((file for file in files if file.exists()), None)
 
     def _check(self) -> None:
-        if self.identity is None or not self.about.exists():
+        if self.identity is None:
+            return
+        if not self.about.exists():
+            for name in (path.name for pattern in self._owned for path in self.folder.glob(pattern)):
+                raise ValueError(f"{self.folder} holds {name}, which this command did not write; name another folder")
             return
         there = read_json(self.about)
         if not isinstance(there, dict):
@@ -170,7 +176,7 @@ def _words(name: str, there: Any, here: Any) -> str:
 def claimed(path: Path) -> Iterator[bool]:
     """Hold the lock file ``path`` as long as the block lasts, and say whether this process alone has it.
 
-    The lock falls with the process, however that ends.  A file that a killed process has left is not locked.  The file is
+    A link is not followed, and what is in the file stays.  The lock falls with the process, however that ends.  A file that a killed process has left is not locked.  The file is
     removed at the end, and so are the folders that were made for it and are empty.  Where the file system has no locks, a
     warning says so, and every process has the claim.
     """
@@ -194,7 +200,7 @@ def claimed(path: Path) -> Iterator[bool]:
 def _locked(path: Path) -> IO[str] | None:
     """Return the open file, locked where there are locks; None if another process has it."""
     while True:
-        file = path.open("w")
+        file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666))
         try:
             _lock(file)
         except (BlockingIOError, PermissionError):
@@ -208,7 +214,7 @@ def _locked(path: Path) -> IO[str] | None:
             warnings.warn(told, stacklevel=4)
             return file
         try:
-            if os.fstat(file.fileno()).st_ino == path.stat().st_ino:
+            if os.fstat(file.fileno()).st_ino == path.lstat().st_ino:
                 return file
         except FileNotFoundError:
             pass

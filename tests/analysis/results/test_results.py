@@ -150,9 +150,9 @@ def test_a_folder_of_something_else_is_refused_and_left_alone(place, episodes, t
     assert {path: path.read_bytes() for path in tmp_path.rglob("*.json")} == before
 
 
-def test_a_folder_of_version_0_1_0_is_refused_with_the_way_out(place, episodes, tmp_path):
+def test_tables_without_what_made_them_are_not_written_over(place, episodes, tmp_path):
     write_tables(tmp_path, place, episodes)
-    with pytest.raises(ValueError, match=r"as version 0\.1\.0 left it; run the command again, into another folder"):
+    with pytest.raises(ValueError, match=r"holds runs\.csv, which this command did not write; name another folder"):
         ResultsFolder(tmp_path, config(place))
 
 
