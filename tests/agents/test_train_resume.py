@@ -98,13 +98,13 @@ def test_a_budget_beside_resume_is_honoured(root, monkeypatch):
     ],
 )
 def test_what_resume_cannot_honour_is_refused_and_nothing_is_written(root, args, words):
-    before = {path: path.stat().st_mtime_ns for path in root.rglob("*")}
+    before = {path: path.stat().st_mtime_ns for path in root.rglob("*.*")}
     result = call("--resume", root / "tiny", *args)
     assert result.exit_code == 2, result.output
     assert len(result.stderr.strip().splitlines()) == 1
     for word in words.split():
         assert word in result.stderr
-    assert {path: path.stat().st_mtime_ns for path in root.rglob("*")} == before
+    assert {path: path.stat().st_mtime_ns for path in root.rglob("*.*")} == before
 
 
 @pytest.mark.parametrize(
@@ -161,10 +161,10 @@ def test_a_checkpoint_executes_nothing(root, tmp_path):
 @pytest.mark.skipif(os.name != "posix", reason="sends signals")
 @looped("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_and_a_request_to_end_save_a_checkpoint_and_say_how_to_go_on(tmp_path, number):
-    options = ["--scenario", "room-v0", "--envs", "2", "--runs", "2", "--out", str(tmp_path / "stopped")]
+    folder = tmp_path / f"stopped-{number}"
+    options = ["--scenario", "room-v0", "--envs", "2", "--runs", "2", "--out", str(folder)]
     command = [sys.executable, "train.py", *options]
     job = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)
-    folder = tmp_path / "stopped"
     deadline = time.monotonic() + 120
     while not (folder / "learning_curve.csv").exists():  # the first evaluation is over: it trains
         assert time.monotonic() < deadline and job.poll() is None
