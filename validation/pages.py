@@ -13,7 +13,7 @@ from typing import Any
 
 from crowd_env.analysis.figures import cell
 from crowd_env.core.files.atomic import write_text
-from crowd_env.core.files.csv_table import write_csv
+from crowd_env.core.files.csv_table import plain_cell, write_csv
 
 ROOT = Path(__file__).resolve().parent.parent
 TABLES = ROOT / "docs" / "tables"
@@ -44,7 +44,7 @@ def read_table(name: str, folder: Path = TABLES) -> Grid:
     if not path.exists():
         raise ValueError(f"no table {name!r}; known: {', '.join(sorted(one.stem for one in folder.glob('*.csv')))}")
     with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.reader(file))
+        return [list(map(plain_cell, row)) for row in csv.reader(file)]
 
 
 def write_table(name: str, grid: Grid, command: str, note: str = "", folder: Path = TABLES) -> None:

@@ -1,12 +1,15 @@
 """Tables in CSV files as people have them: written by a program, or by a spreadsheet of any country.
 
 A byte order mark, ``;`` or tabs between the cells, decimal commas beside these, capitals and blanks in the names of columns,
-empty lines and lines that begin with ``#`` are all understood.
+empty lines and lines that begin with ``#`` are all understood.  A text that a spreadsheet would compute, since it begins with
+``=``, ``+``, ``-`` or ``@``, is written behind a ``'``, which spreadsheets understand, and read without it.
 """
 
 import csv
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +18,7 @@ from crowd_env.core.files.atomic import written
 from crowd_env.core.files.foreign import read_text
 
 _SEPARATORS = (";", "\t", ",")
+_FORMULA = re.compile(r"'*[=+\-@].", re.DOTALL)
 
 
 class Row(NamedTuple):
@@ -100,13 +104,28 @@ def _rows(path: Path, columns: list[str], rows: list[list[str]], separator: str)
         if any(cell.strip() for cell in cells[len(columns) :]):
             comma = "; is it a decimal comma? Then separate the cells by ;" if separator == "," else ""
             raise ValueError(f"{path}: row {number} has {len(cells)} cells for {len(columns)} columns{comma}")
-        yield Row(number, {name: cell.strip() for name, cell in zip(columns, cells, strict=False)})
+        yield Row(number, {name: plain_cell(cell.strip()) for name, cell in zip(columns, cells, strict=False)})
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> Path:
     """Write a table as CSV, whole or not at all, and return the path."""
     with written(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
+        writer.writerows(map(_written, row) for row in chain([header], rows))
     return path
+
+
+def _written(cell: object) -> object:
+    """Return a cell as spreadsheets are to take it: numbers, also as text, as they are."""
+    if not isinstance(cell, str) or not _FORMULA.match(cell):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell
+
+
+def plain_cell(cell: str) -> str:
+    """Return the text that `write_csv` was given for a cell."""
+    return cell[1:] if cell.startswith("'") and _FORMULA.match(cell[1:]) else cell
