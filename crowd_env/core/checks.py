@@ -13,6 +13,7 @@ from numbers import Real
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, NoReturn, TypeVar, Union, get_args, get_origin, get_type_hints
+from unicodedata import category
 
 import numpy as np
 
@@ -157,6 +158,20 @@ def text(what: str, value: Any, allowed: str = "a text") -> str:
     if not isinstance(value, str):
         refuse(what, value, allowed)
     return str(value)
+
+
+def plain_name(what: str, value: Any) -> str:
+    """Return a name without blanks at its ends.
+
+    Raises
+    ------
+    ValueError
+        If nothing is left, or it holds line breaks or other control characters, which cut the rows of tables.
+    """
+    name = str(value).strip()
+    if not name or any(category(letter) in ("Cc", "Cs", "Zl", "Zp") for letter in name):
+        refuse(what, value, "a text without line breaks and control characters, and not empty")
+    return name
 
 
 def path(what: str, value: Any) -> Path:

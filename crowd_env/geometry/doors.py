@@ -30,7 +30,8 @@ def read_doors(
     leaves, owner = [np.empty((0, 2, 2))], []
     lines = {}
     closes: list[str | None] = []
-    for number, (name, thing) in enumerate(doors.items()):
+    for number, (name, given) in enumerate(doors.items()):
+        thing = given.strip() if isinstance(given, str) else given
         if name in exit_names and not (isinstance(thing, str) and thing == name):
             raise ValueError(f"door {name!r} has the name of an exit; it must close that exit")
         if isinstance(thing, str) and thing in exit_names:

@@ -15,6 +15,7 @@ from shapely.geometry import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import plain_name
 from crowd_env.core.files.foreign import foreign_kind
 
 Area: TypeAlias = Polygon | MultiPolygon
@@ -152,14 +153,18 @@ def read_exits(exits: Mapping[str, Shape] | Iterable[Shape] | Shape) -> dict[str
     Raises
     ------
     ValueError
-        If an exit is neither a line nor a polygon, is shorter than 2 cm or holds a coordinate that is not finite.
+        If an exit is neither a line nor a polygon, is shorter than 2 cm or holds a coordinate that is not finite, or its name
+        is empty, holds control characters, or is that of another one.
     """
     if isinstance(exits, Mapping):
         named = exits
     else:
         named = {f"exit-{number}": thing for number, thing in enumerate(as_list(exits, "exits"))}
-    shapes = {}
-    for name, thing in named.items():
+    shapes: dict[str, BaseGeometry] = {}
+    for given, thing in named.items():
+        name = plain_name("the name of an exit", given)
+        if name in shapes:
+            raise ValueError(f"two exits have the name {name!r}")
         what = f"exit {name!r}"
         shape = parse_exit(thing) if isinstance(thing, str) else _shape(thing, what, LineString)
         _require_finite(shape, what)
@@ -170,7 +175,7 @@ def read_exits(exits: Mapping[str, Shape] | Iterable[Shape] | Shape) -> dict[str
         elif shape.length < _MIN_EXIT:
             at = place(shapely.get_coordinates(shape)[0])
             raise ValueError(f"{what} at {at} has length {shape.length:.3g} m; it must be at least {_MIN_EXIT} m long")
-        shapes[str(name)] = shape
+        shapes[name] = shape
     return shapes
 
 

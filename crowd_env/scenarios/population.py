@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env.core.arrays.state import MAX_SPEED, MOTIVATION, Bodies, Floats, make_bodies
-from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, from_table, known, whole
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, from_table, known, plain_name, whole
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.placement import CLOSEST_PACKING, sample_positions
 from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
@@ -83,6 +83,7 @@ class Population:
 
     def __post_init__(self) -> None:
         check_fields("population", self)
+        object.__setattr__(self, "name", self.name and plain_name("population: name", self.name))
         check_people("population: people", self.people)
         for name, allowed in (DRAWN | MOTIVATION).items():
             if getattr(self, name) is None and name in MOTIVATION:

@@ -7,6 +7,7 @@ from cases import looped
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon, box
 
 from crowd_env.geometry.geometry import Geometry, join_boundaries, parse_exit
+from crowd_env.scenarios.population import Population
 
 ROOM = box(0, 0, 5, 5)
 DOOR = [[5, 2.09], [5, 2.91]]
@@ -196,6 +197,24 @@ def test_wkt_constructor():
         "POLYGON ((0 0, 5 0, 5 5, 0 5), (1 1, 1 2, 2 2, 2 1, 1 1))".replace("0 5)", "0 5, 0 0)"), exits=[DOOR]
     )
     assert place.area == 24
+
+
+def test_names_of_exits_are_stripped_and_so_are_those_that_doors_name():
+    room = from_polygon(ROOM, exits={" west\u00a0": DOOR, 7: [[1, 0], [2, 0]]}, doors={"gate": "west "})
+    assert room.exit_names == ("west", "7") and room.exits_of_door == ("west",)
+
+
+@looped("name", ["", " ", "we\nst", "we\u2028st", "we\x85st", "we\x0bst", "we\x00st", "we\tst", "we\ud800st"])
+def test_names_that_no_table_can_hold_are_refused(name):
+    with pytest.raises(ValueError, match=r"^the name of an exit is '.*'; it must be a text without line breaks"):
+        from_polygon(ROOM, exits={name: DOOR})
+    with pytest.raises(ValueError, match=r"^population: name is '.*'; it must be a text without line breaks"):
+        Population(1, name=name or " ")
+
+
+def test_two_exits_of_one_name_are_refused():
+    with pytest.raises(ValueError, match="two exits have the name 'west'"):
+        from_polygon(ROOM, exits={"west": DOOR, "west ": [[1, 0], [2, 0]]})
 
 
 def test_parse_exit():

@@ -176,9 +176,9 @@ def _words(name: str, there: Any, here: Any) -> str:
 def claimed(path: Path) -> Iterator[bool]:
     """Hold the lock file ``path`` as long as the block lasts, and say whether this process alone has it.
 
-    A link is not followed, and what is in the file stays.  The lock falls with the process, however that ends.  A file that a killed process has left is not locked.  The file is
-    removed at the end, and so are the folders that were made for it and are empty.  Where the file system has no locks, a
-    warning says so, and every process has the claim.
+    The lock falls with the process, however that ends.  A file that a killed process has left is not locked.  A link is not
+    followed, and what is in the file stays.  The file is removed at the end, and so are the folders that were made for it and
+    are empty.  Where the file system has no locks, a warning says so, and every process has the claim.
     """
     made = [folder for folder in path.parents if not folder.exists()]
     path.parent.mkdir(parents=True, exist_ok=True)
