@@ -18,15 +18,17 @@ from crowd_env.core.files.json_file import json_number
 from crowd_env.core.files.store import Store, claimed
 from crowd_env.envs.metrics import share_interval
 
-from . import make_policy
+from . import PRETRAINED, make_policy
 from .evaluation.comparison import last_times, mean_times
 from .evaluation.entries import RULE
 from .evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate
+from .evaluation.folder import source_stamp
 from .evaluation.protocol import task_row
+from .networks import network_digest
 from .policy import Policy
 from .rules import StrategyPolicy
 from .tasks import Task, make_task
-from .trained import NUMBERS, LearnedPolicy
+from .trained import NUMBERS, LearnedPolicy, names_file
 from .training_config import make_env, physics_of, place_of, start_of, task_config
 
 if TYPE_CHECKING:
@@ -104,14 +106,14 @@ def do(job: Job, plan: Plan, folder: Path) -> dict[str, Any] | None:
     Raises
     ------
     ValueError
-        If there is a result of another plan.
+        If there is a result of another plan, of other parameters, or of other code.
     """
     store, of_plan = Store(folder), _of_plan(job, plan)
     with claimed(folder / f".{job.title}.claim") if store.path(job.title) is None else nullcontext(True) as mine:
         if not mine:
             return None
         if store.path(job.title) is None:
-            found = _fixed(job, plan) if job.seed is None else _trained(job, job.seed, plan, folder)
+            found = _fixed(job, plan) if job.seed is None else _trained(job, plan, folder)
             store.keep(job.title, found, of_plan)
     return read_result(folder, job, plan)
 
@@ -122,7 +124,7 @@ def read_result(folder: Path, job: Job, plan: Plan) -> dict[str, Any] | None:
     Raises
     ------
     ValueError
-        If it is of another plan.
+        If it is of another plan, of other parameters, or of other code.
     """
     return Store(folder).load(job.title, _of_plan(job, plan))
 
@@ -132,7 +134,15 @@ def _of_plan(job: Job, plan: Plan) -> dict[str, Any]:
     told: dict[str, Any] = {"task": plan.task, "task_digest": make_task(plan.task).digest(), "runs": plan.runs}
     if job.seed is not None:
         told |= {name: getattr(plan, name) for name in ("minutes", "checkpoints", "validation_runs")}
-    return told
+        told["config"] = _config(job, plan)
+    elif job.name in PRETRAINED or names_file(job.name):
+        told["network"] = network_digest(PRETRAINED.get(job.name, Path(job.name)))
+    return told | {"code": source_stamp()}
+
+
+def _config(job: Job, plan: Plan) -> dict[str, Any]:
+    """Return the parameters of a training."""
+    return task_config(plan.task, job.seed or 0, start=ALGORITHMS[job.name].start)
 
 
 def _fixed(job: Job, plan: Plan) -> dict[str, Any]:
@@ -145,12 +155,11 @@ def fixed_policy(name: str, task: Task) -> Policy:
     return StrategyPolicy(task.rule, name=RULE) if name == RULE else make_policy(name)
 
 
-def _trained(job: Job, seed: int, plan: Plan, folder: Path) -> dict[str, Any]:
+def _trained(job: Job, plan: Plan, folder: Path) -> dict[str, Any]:
     """Train, and judge the best policy of all checkpoints; a network is kept beside the result, under the same name."""
     from .learned.watch import Watch
 
-    algorithm = ALGORITHMS[job.name]
-    config = task_config(plan.task, seed, start=algorithm.start)
+    config = _config(job, plan)
     place = place_of(config)
 
     def judge(policy: Policy) -> dict[str, Any]:
@@ -158,13 +167,13 @@ def _trained(job: Job, seed: int, plan: Plan, folder: Path) -> dict[str, Any]:
         return checkpoint(evaluate(policy, place, **draws, **physics_of(config)))
 
     watch = Watch(60.0 * plan.minutes, judge, plan.checkpoints, config["decision_dt"])
-    algorithm.train(config, watch)
+    ALGORITHMS[job.name].train(config, watch)
     assert watch.best is not None  # the start is always judged
     policy, row = watch.best
     if isinstance(policy, LearnedPolicy):
         policy.save(folder / f"{job.title}{NUMBERS}")
-    facts = {"algorithm": job.name, "seed": seed, "curve": watch.curve, "best": row}
-    return {**facts, **_final(policy, plan), "config": config}
+    facts = {"algorithm": job.name, "seed": job.seed, "curve": watch.curve, "best": row}
+    return {**facts, **_final(policy, plan)}
 
 
 def checkpoint(result: Evaluation) -> dict[str, Any]:

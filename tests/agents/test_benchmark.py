@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from cases import looped
+from evaluations import random_policy
 from typer.testing import CliRunner
 
 from crowd_env.agents import benchmark as jobs
@@ -152,6 +153,44 @@ def test_results_of_another_plan_are_not_mixed(small, tmp_path):
     assert call(*arguments(tmp_path, "--seeds", 1))[0] == 0
     code, _, err = call(*arguments(tmp_path, "--seeds", 1, "--minutes", 3))
     assert code != 0 and "minutes is 2.0 there and 3.0 here; name another folder" in " ".join(err.split())
+
+
+def test_results_of_other_parameters_or_other_code_are_not_taken_for_todays(small, tmp_path, monkeypatch):
+    assert call(*arguments(tmp_path, "--seeds", 1))[0] == 0
+    name, made = tmp_path / "quick-seed0.json", len(small)
+    kept = name.read_text()
+    for change, words in (
+        (lambda by: by["config"]["ppo"].update(learning_rate=123.0), "config.ppo.learning_rate is 123.0 there and"),
+        (lambda by: by["config"].update(scheme="other"), "config.scheme is other there and hertz here"),
+        (lambda by: by["config"]["versions"].update(torch="0.1"), "config.versions.torch is 0.1 there and"),
+        (lambda by: by.update(code="0"), "code is 0 there and"),
+    ):
+        content = json.loads(kept)
+        change(content["made_by"])
+        name.write_text(json.dumps(content))
+        code, _, err = call(*arguments(tmp_path, "--seeds", 1))
+        assert (
+            code != 0
+            and words in " ".join(err.split())
+            and "name another folder, or remove it" in " ".join(err.split())
+        )
+    name.write_text(kept)
+    monkeypatch.setattr(jobs, "source_stamp", lambda: "other")
+    for job in (Job("quick", 0), Job("rule", None)):
+        with pytest.raises(
+            ValueError, match=f"{job.title}.json was made by another command: code is .* and other here"
+        ):
+            do(job, Plan("competitive-door", 2.0, runs=4), tmp_path)
+    assert len(small) == made
+
+
+def test_a_network_of_the_same_name_with_other_numbers_is_judged_anew(small, tmp_path):
+    plan, path = Plan("competitive-door", 2.0, runs=4), tmp_path / "mine.safetensors"
+    random_policy(0).save(path)
+    job = Job(str(path), None)
+    told = jobs._of_plan(job, plan)
+    random_policy(1).save(path)
+    assert jobs._of_plan(job, plan) | {"network": told["network"]} == told != jobs._of_plan(job, plan)
 
 
 @looped(
