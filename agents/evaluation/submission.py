@@ -17,6 +17,7 @@ from crowd_env import EpisodeMetrics, Scenario
 from crowd_env.analysis.figures import figures_of, named
 from crowd_env.core.files.atomic import write_text
 from crowd_env.core.files.json_file import read_json
+from crowd_env.physics import SCHEMES
 
 from .. import PRETRAINED
 from ..networks import network_digest
@@ -32,15 +33,17 @@ from .robustness import Found, facts_of_variation
 
 REFERENCES = (RULE, RuleAtShare.name)  # that every policy stands beside, on the same draws
 FORMAT = 2
+_MIXED = ("mean_exit_learned", "mean_exit_others")  # figures of mixed crowds
 # Column of a run -> its digits.  The first four are numbers of people; of ``blocked``, whether the run was.
 _DIGITS = {
     **dict.fromkeys(("unfinished", "blocked", "escaped", "crushed", "last_time", "mean_exit", "contact_impulse"), 5),
     **dict.fromkeys(("crushed_time", "flow", "max_overlap", "max_speed", "max_pressure"), 4),
+    **dict.fromkeys(("walked", "max_density", "hurry", *_MIXED), 5),
 }
 _COLUMNS = tuple(_DIGITS)
+_FIRST = _COLUMNS[:12]  # those of files from before the others were columns: these state their means and intervals
+_WITH_MAX = {"max_density", "max_pressure", "hurry"}  # beside their mean stands the largest of all runs
 _FIGURES = 6  # digits of other numbers
-# Figures of all runs that no line holds.
-_OF_ALL = ("constants", "pressure_is_force", "walked", "max_density", "hurry", "mean_exit_learned", "mean_exit_others")
 _KEYS = {"format", "task", "policies", "columns", "trials", "versions"}
 _RUNS = dict[str, np.ndarray]  # column -> (R,)
 
@@ -79,7 +82,8 @@ def write_submissions(
 
     references, path = content(dict.fromkeys(REFERENCES)), folder / f"{task.name}.json"
     if path.exists():
-        before, now = (_runs_of(one["trials"][0]["of"][RULE])["last_time"] for one in (read_json(path), references))
+        both = read_json(path), references
+        before, now = (_runs_of(one["trials"][0]["of"][RULE], one["columns"])["last_time"] for one in both)
         if len(before) != len(now) or not np.allclose(before, now, rtol=1e-4):
             raise ValueError(f"{path}: the rule does other things here, so the code is another; submit all of it again")
     write_content(path, references)
@@ -124,9 +128,13 @@ def read_submission(path: Path) -> dict[str, Any]:
         least = min(len(one["runs"]) for trial in content["trials"] for one in trial["of"].values())
         by_name = {one["variation"]: one for one in beside["trials"]}
         for trial in content["trials"]:
-            of = {**by_name[trial["variation"]]["of"], **trial["of"]}
-            place = _now(task.name, repr(task)).places[trial["variation"]]
-            columns = {name: _runs_of(of[name]) for name in named if name in of}
+            place, rules = _now(task.name, repr(task)).places[trial["variation"]], by_name[trial["variation"]]["of"]
+            of = {name: (rules if name in REFERENCES else trial["of"]).get(name) for name in named}
+            for name in named if trial["variation"] == "task" else (RULE,):
+                if of[name] is None:
+                    raise ValueError(f"{path}: there are no runs of {name} in {trial['variation']}; submit again")
+            heads = {name: (beside if name in REFERENCES else content)["columns"] for name in named}
+            columns = {name: _runs_of(one, heads[name]) for name, one in of.items() if one is not None}
             if len({len(one["last_time"]) for one in columns.values()}) != 1:
                 raise ValueError(f"{path}: {trial['variation']} has other numbers of draws than {references.name}")
             for found, count in ((rows, task.runs), (few, least)):
@@ -166,7 +174,7 @@ def _read(path: Path) -> dict[str, Any]:
             f"{path} is of {task.name} version {told['version']} (digest {told['digest']}), which is version {task.version} "
             f"(digest {now.identity['digest']}) now: figures of two versions do not stand in one table; submit again"
         )
-    if content["columns"] != list(_COLUMNS):
+    if content["columns"] not in (list(_COLUMNS), list(_FIRST)):
         raise ValueError(f"{path} has other columns than {', '.join(_COLUMNS)}")
     names = [one["variation"] for one in content["trials"]]
     if names[:1] != ["task"] or (len(names) > 1 and names != list(now.facts)):
@@ -201,8 +209,10 @@ def _now(name: str, described: str) -> _Now:
 
 def _kept(result: Evaluation) -> dict[str, Any]:
     """Return what a file holds of a policy in a variation."""
-    measured, row = result.measured, result.row()
+    measured = result.measured
     assert measured is not None
+    learned = np.zeros_like(measured.crushed, dtype=bool) if result.learned is None else result.learned
+    others = learned if result.learned is None else ~learned
     columns = {
         "blocked": np.isfinite(result.column("blocked_since")),
         "crushed": (measured.crushed > 0.0).sum(axis=1),
@@ -210,16 +220,21 @@ def _kept(result: Evaluation) -> dict[str, Any]:
         "mean_exit": mean_times(result),
         "max_pressure": measured.max_pressure,
         "crushed_time": measured.crushed.sum(axis=1),
+        "walked": measured.walked.mean(axis=1),
+        "max_density": measured.max_density,
+        "hurry": measured.hurry,
+        "mean_exit_learned": result.mean_exit_of(learned),  # none where all are alike
+        "mean_exit_others": result.mean_exit_of(others),
     }
     values = [columns[name] if name in columns else result.column(name) for name in _COLUMNS]
     lines = [_line(run) for run in zip(*values, strict=True)]
-    return {**{name: row[name] for name in _OF_ALL if row.get(name) not in (None, {})}, "runs": lines}
+    return {**({"constants": result.constants} if result.constants else {}), "runs": lines}
 
 
-def _runs_of(kept: Mapping[str, Any]) -> _RUNS:
+def _runs_of(kept: Mapping[str, Any], columns: Sequence[str]) -> _RUNS:
     """Return the columns of the runs that a file holds."""
     lines = [[np.nan if one == "-" else float(one or 0) for one in line.split(",")] for line in kept["runs"]]
-    return dict(zip(_COLUMNS, np.array(lines, dtype=np.float64).T, strict=True))
+    return dict(zip(columns, np.array(lines, dtype=np.float64).T, strict=True))
 
 
 def _figures(
@@ -233,20 +248,24 @@ def _figures(
     unknown: dict[str, Any] = dict.fromkeys(EpisodeMetrics._fields, np.nan)
     of_runs = (dict(zip(known, values, strict=True)) for values in zip(*known.values(), strict=True))
     episodes = [EpisodeMetrics(**(unknown | one)) for one in of_runs]
-    crushed = runs["crushed"]
+    crushed, own = runs["crushed"], _COLUMNS[len(_FIRST) :]
+    runs["crushed_share"] = crushed / place.population.people
+    runs["crushed_time"] = np.where(crushed > 0, runs["crushed_time"] / np.maximum(crushed, 1), np.nan)
+    names = ("mean_exit", "contact_impulse", "max_pressure", "crushed_share", "crushed_time", *own)
+    if trial["learned_share"] == 1.0:
+        names = names[: -len(_MIXED)]
+    found = {name: named(runs[name]) if name in runs else kept[name] for name in names}
+    for name in runs.keys() & _WITH_MAX:
+        found[name]["max"] = float(runs[name].max())
     return {
         "policy": policy,
         "scheme": trial["scheme"],
         "learned_share": trial["learned_share"],
-        "constants": {},
+        "constants": kept.get("constants", {}),
         **figures_of(episodes),
-        "mean_exit": named(runs["mean_exit"]),
-        "contact_impulse": named(runs["contact_impulse"]),
+        **found,
         "max_overlap": float(runs["max_overlap"].max()),
-        "max_pressure": {**named(runs["max_pressure"]), "max": float(runs["max_pressure"].max())},
-        "crushed_share": named(crushed / place.population.people),
-        "crushed_time": named(np.where(crushed > 0, runs["crushed_time"] / np.maximum(crushed, 1), np.nan)),
-        **{name: value for name, value in kept.items() if name != "runs"},
+        "pressure_is_force": SCHEMES[trial["scheme"]].info.impulses_are_forces,
     }
 
 

@@ -103,6 +103,17 @@ def changed(files, folder, change):
     return path
 
 
+def _as_before(content):
+    """Turn a file into one whose runs have the first twelve columns, and which states the figures of the others."""
+    content["columns"] = content["columns"][:12]
+    for trial in content["trials"]:
+        for one in trial["of"].values():
+            one["runs"] = [",".join(run.split(",")[:12]) for run in one["runs"]]
+            stated = {"mean": 0.9, "sd": 0.1, "ci95": [0.8, 1.0], "max": 1.25}
+            one |= dict.fromkeys(("walked", "max_density", "hurry", "mean_exit_learned", "mean_exit_others"), stated)
+    return content["trials"][0]["of"]
+
+
 def _cut(trial, by=1):
     trial["of"]["follow"]["runs"] = trial["of"]["follow"]["runs"][:-by]
 
@@ -122,7 +133,10 @@ def _cut(trial, by=1):
             lambda c: c.update(policies={"competitive-door/ppo": "0"}),
             "names the shipped policy competitive-door/ppo, but",
         ),
-        (lambda c: c["trials"][0]["of"]["follow"].pop("hurry"), "is damaged: KeyError 'hurry'"),
+        (lambda c: c.update(columns=c["columns"][:12]), "is damaged: ValueError zip"),
+        (lambda c: _as_before(c)["follow"].pop("hurry"), "is damaged: KeyError 'hurry'"),
+        (lambda c: c["trials"][0]["of"].clear(), "holds 0 draws; the task has 3"),
+        (lambda c: c["trials"][0]["of"].update(other=c["trials"][0]["of"].pop("follow")), "no runs of follow in task"),
         (lambda c: c.pop("trials"), "is no submission"),
         (lambda c: c.update(format=1), "is no submission"),
     ],
@@ -130,6 +144,60 @@ def _cut(trial, by=1):
 def test_what_does_not_fit_is_refused(files, tmp_path, change, message):
     with pytest.raises(ValueError, match=message):
         read_submission(changed(files, tmp_path, change))
+
+
+def test_figures_that_are_written_beside_the_runs_count_for_nothing(files, tmp_path):
+    """Every figure of a row is made of the runs, and who is credible of the rows: also of forged ones of the rule."""
+    expected = read_submission(files[0])
+
+    def forged(content):
+        for trial in content["trials"]:
+            for figures in trial["of"].values():
+                nothing = {"mean": 0.0, "sd": 0.0, "ci95": [0.0, 0.0], "max": 0.0}
+                figures |= dict.fromkeys(set(expected["rows"][0]) - {"constants", "runs"}, nothing)
+            trial["of"]["rule"] = {"runs": [run.replace(",", ",1", 1) for run in trial["of"]["follow"]["runs"]]}
+
+    found = read_submission(changed(files, tmp_path, forged))
+    for part in ("rows", "robustness"):
+        assert repr(found[part]) == repr(expected[part])
+
+
+@looped(
+    ("column", "value", "why"),
+    [
+        ("hurry", "9", "someone's mean speed over the desired is 9"),
+        ("flow", "99", "the flow is"),
+        ("max_overlap", "1", "the deepest overlap is 1e+03 mm"),
+        ("max_speed", "99", "the largest speed is 99 m/s"),
+        ("escaped", "1", "1 people were outside of the walls"),
+    ],
+)
+def test_who_is_credible_is_said_by_the_runs(files, tmp_path, column, value, why):
+    def change(content):
+        runs, at = content["trials"][0]["of"]["follow"]["runs"], content["columns"].index(column)
+        runs[0] = ",".join(value if k == at else one for k, one in enumerate(runs[0].split(",")))
+
+    row = read_submission(changed(files, tmp_path, change))["rows"][2]
+    assert row["credible"]["ok"] is False and row["credible"]["reasons"][0].startswith(why)
+
+
+def test_a_file_that_states_figures_which_no_run_holds_is_read_by_the_runs_else(files, tmp_path):
+    row, before = (read_submission(path)["rows"][2] for path in (files[0], changed(files, tmp_path, _as_before)))
+    assert before["hurry"] == {"mean": 0.9, "sd": 0.1, "ci95": [0.8, 1.0], "max": 1.25} != row["hurry"]
+    other = {name for name in row if repr(row[name]) != repr(before[name])}
+    assert other == {"walked", "max_density", "hurry", "credible"} and before["credible"]["ok"] is False
+
+
+@looped(("name", "variation"), [("rule", 0), ("rule-best-speed", 0), ("rule", 1)])
+def test_both_rules_have_to_stand_beside_a_policy(files, tmp_path, name, variation):
+    path = changed(files, tmp_path, lambda content: None)
+    rules = json.loads((tmp_path / "small.json").read_text())
+    del rules["trials"][variation]["of"][name]
+    write_content(tmp_path / "small.json", rules)
+    with pytest.raises(
+        ValueError, match=f"there are no runs of {name} in {('task', 'twice')[variation]}; submit again"
+    ):
+        read_submission(path)
 
 
 def test_a_new_version_of_the_task_refuses_files_of_the_old_one(files, monkeypatch):
