@@ -113,8 +113,11 @@ def run(
     with friendly_errors():
         if folder is not None:
             write_results(folder, place, run_title(place, scheme.info.name), figures, done.episodes)
-        for number in sorted(done.records):
-            say(f"recording: {done.records[number]}")
+        for number, record in sorted(done.records.items()):
+            if isinstance(record, OSError):
+                say(f"note: run {number} is not recorded: {record}", "yellow")
+            else:
+                say(f"recording: {record}")
         if done.stopped is not None:
             said = f"{done.stopped}; the figures are of these, and lean to short evacuations"
             interrupted(said if folder is None else f"{said}; to go on: {shlex.join(['crowd-env', *sys.argv[1:]])}")

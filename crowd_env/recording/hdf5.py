@@ -7,7 +7,10 @@ The file is written in the mode of one writer and many readers (SWMR), in which 
 """
 
 import json
-from collections.abc import Mapping
+import os
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +37,12 @@ class Hdf5Writer:
 
         self._path, self._part, self._facts = path, part_of(path), first.facts
         self._part.unlink(missing_ok=True)
-        self._file = h5py.File(self._part, "w", libver="latest")  # also lets a plan be longer than 64 kB
+        with _named(self._part):
+            self._file = h5py.File(self._part, "w", libver="latest")  # also lets a plan be longer than 64 kB
+        with _named(self._part, self._file):
+            self._begin(first)
+
+    def _begin(self, first: Recording) -> None:
         rows = self._table("trajectory", _ROW + ([] if first.angle is None else [("angle", "<f8")]))
         rows.attrs["fps"] = 1.0 / first.frame_interval
         self._table("frames", _FRAME)
@@ -52,7 +60,10 @@ class Hdf5Writer:
 
     def append(self, part: Recording) -> None:
         """Write the next frames: first their rows, last that they are there."""
-        file = self._file
+        with _named(self._part, self._file):
+            self._append(self._file, part)
+
+    def _append(self, file: Any, part: Recording) -> None:
         rows = np.zeros(len(part.person), dtype=file["trajectory"].dtype)
         rows["frame"], rows["id"], rows["pressure"] = len(file["frames"]) + part.frame, part.person, part.pressure
         for first, values in {"x": part.position, "ox": facing(part), "vx": part.velocity}.items():
@@ -85,17 +96,37 @@ class Hdf5Writer:
 
         self._file.close()
         create = {"mode": "w", "libver": "latest"}
-        with written(self._path) as half, h5py.File(self._part, "r") as given, h5py.File(half, **create) as file:
+        with (
+            written(self._path) as half,
+            h5py.File(self._part, "r") as given,
+            h5py.File(half, **create) as file,
+            _named(half, file),
+        ):
             file.attrs.update(given.attrs)
             file.attrs["facts"] = json.dumps({**self._facts, **facts})
             for name in given:
                 given.copy(name, file)
+            file.flush()
         self._part.unlink()
         return self._path
 
     def abandon(self) -> None:
         """Close the file where it is."""
         self._file.close()
+
+
+@contextmanager
+def _named(path: Path, file: Any = None) -> Iterator[None]:
+    """Say which file it is if it cannot be written, and let go of it: HDF5 would try again, and end the process."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        if file is not None:
+            null = os.open(os.devnull, os.O_RDWR)
+            os.dup2(null, file.id.get_vfd_handle())
+            os.close(null)
+        why = re.search("error message = '([^']*)'", str(error))
+        raise OSError(f"cannot write {path}: {why[1] if why else type(error).__name__}") from error
 
 
 def _people(recording: Recording) -> np.ndarray:

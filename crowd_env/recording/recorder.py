@@ -1,6 +1,7 @@
 """Recorders of a rollout: the evacuations are written, or kept, while they run."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -45,8 +46,8 @@ class RunningRecording:
 
     def _flush(self) -> None:
         if self.writer is not None and self._waiting:
-            self.writer.append(joined(self._waiting))
-            self._waiting = []
+            waiting, self._waiting = self._waiting, []  # what cannot be written is not tried again
+            self.writer.append(joined(waiting))
 
     def finish(self, facts: Mapping[str, Any]) -> Any:
         """Return the path of the whole file, or the recording itself."""
@@ -58,9 +59,10 @@ class RunningRecording:
         return self.writer.finish(facts)
 
     def abandon(self) -> None:
-        """Write the frames that wait, and leave the file unfinished."""
+        """Write the frames that wait, if they can be written, and leave the file unfinished."""
         self.sampler.stop()
-        self._flush()
+        with suppress(OSError):
+            self._flush()
         if self.writer is not None:
             self.writer.abandon()
 
@@ -69,7 +71,8 @@ class RunRecorder:
     """Records evacuations of a rollout, each into a file of its own, or in memory.
 
     It is a `crowd_env.envs.rollout.Recorder`, for `run_episodes` and `rollout`; they come out as without it, bit by bit.  What
-    it keeps of a run is the path of its file, a `Recording` if there is no file, or None if the run is not recorded.  A file
+    it keeps of a run is the path of its file, a `Recording` if there is no file, or None if the run is not recorded; where the
+    file cannot be written any more, the OSError that says so: the run goes on without.  A file
     appears under its name when its evacuation is over; until then `NAME.part.SUFFIX` holds what was written so far, at
     most a second of the evacuation or 10 000 rows behind.  Used as a context it closes files of evacuations that broke off.
 
@@ -126,23 +129,26 @@ class RunRecorder:
                 seed = None if self.seed is None else self.seed + run
                 facts = facts_of(env, e, every=every, contacts=self.contacts, run=run, seed=seed)
                 sampler = FrameSampler(env, e, {**facts, **self.facts}, every=every, contacts=self.contacts)
-                self._running[e] = RunningRecording(self.path_of(run), sampler, sampler.first(env))
+                first = sampler.first(env)
+                try:
+                    self._running[e] = RunningRecording(self.path_of(run), sampler, first)
+                except OSError as error:
+                    sampler.stop()
+                    self._finished[e] = error
 
     def add(self, env: CrowdEnv, step: Step) -> None:
         """Record the moment after a step, and finish the recordings of evacuations that ended in it."""
         for e, running in list(self._running.items()):
             last = bool(step.info["finished"][e])
-            running.add(running.sampler.after_step(env, last))
-            if last:
-                running.add(running.sampler.after_end(env))
-                metrics, state = step.info["metrics"][e], env.simulation.state
-                end = {
-                    "end": float(state.time[e]),
-                    "unfinished": int(np.isnan(state.exit_time[env.people(e)]).sum()),
-                    "blocked_since": json_number(metrics.blocked_since),
-                    "finished": True,
-                }
-                self._finished[e] = running.finish(end)
+            try:
+                running.add(running.sampler.after_step(env, last))
+                if last:
+                    running.add(running.sampler.after_end(env))
+                    self._finished[e] = running.finish(_end_of(env, e, step))
+            except OSError as error:
+                running.abandon()
+                self._finished[e] = error
+            if e in self._finished:
                 del self._running[e]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -166,6 +172,17 @@ class RunRecorder:
     def __exit__(self, *error: object) -> None:
         """Close the files."""
         self.close()
+
+
+def _end_of(env: CrowdEnv, e: int, step: Step) -> dict[str, Any]:
+    """Return the facts that are known at the end."""
+    state = env.simulation.state
+    return {
+        "end": float(state.time[e]),
+        "unfinished": int(np.isnan(state.exit_time[env.people(e)]).sum()),
+        "blocked_since": json_number(step.info["metrics"][e].blocked_since),
+        "finished": True,
+    }
 
 
 def record(

@@ -5,13 +5,16 @@ import signal
 import subprocess
 import sys
 import tracemalloc
+from itertools import product
 
 import numpy as np
 import pytest
+from cases import looped
 from recordings import arrays_of
 from repository import ROOT
 
 from crowd_env import make_scenario
+from crowd_env.envs.rollout import rollout
 from crowd_env.recording import FORMATS, FrameContacts, Recording, load, record
 from crowd_env.recording.recorder import RunningRecording
 from crowd_env.recording.writer import part_of
@@ -41,6 +44,26 @@ recorder = RunRecorder(sys.argv[1], contacts=True, seed=3)
 list(rollout(make_scenario({SCENARIO!r}), 1, seed=3, scheme="dem", recorder=recorder))
 """
 
+FULL = f"""
+import resource, sys
+from crowd_env import make_scenario
+from crowd_env.envs.rollout import rollout
+from crowd_env.recording import RunRecorder
+from crowd_env.recording.recorder import RunningRecording
+
+def full(of, *args):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
+    return before[sys.argv[3]](of, *args)
+
+before = {{"begin": RunRecorder.begin, "finish": RunningRecording.finish}}
+setattr(RunRecorder if sys.argv[3] == "begin" else RunningRecording, sys.argv[3], full)
+place, recorder = make_scenario({SCENARIO!r}), RunRecorder(sys.argv[1], contacts=True, seed=3)
+(one,) = rollout(place, 1, seed=3, scheme="dem", recorder=recorder)
+recorder.close()
+print(one.end, one.exit_time.sum())
+print(type(one.record).__name__, one.record)
+"""
+
 
 @pytest.mark.parametrize("suffix", WRITTEN)
 def test_a_killed_run_leaves_all_but_the_last_second(suffix, tmp_path):
@@ -67,6 +90,25 @@ def test_a_killed_run_leaves_all_but_the_last_second(suffix, tmp_path):
     assert out.any() and not out.all()
     np.testing.assert_array_equal(half.exit_time, np.where(out, whole.exit_time, np.nan))
     np.testing.assert_array_equal(half.exit_index, np.where(out, whole.exit_index, -1))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits the size of files")
+@looped(
+    ("suffix", "limit", "at"),
+    [*product(WRITTEN, [10, 20_000, 50_000, 120_000], ["begin"]), *product(WRITTEN, [10, 30_000], ["finish"])],
+)
+def test_a_full_disk_ends_the_recording_and_not_the_run(suffix, limit, at, tmp_path):
+    path = tmp_path / f"{at}-{limit}" / f"run{suffix}"
+    command = [sys.executable, "-c", FULL, str(path), str(limit), at]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(command, cwd=ROOT, check=False, env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "") and not path.exists()
+    expected = next(rollout(make_scenario(SCENARIO), 1, seed=3, scheme="dem"))
+    end, error = done.stdout.splitlines()
+    assert end == f"{expected.end} {expected.exit_time.sum()}"
+    assert error.startswith(f"OSError cannot write {path.parent}")
+    if limit > 100_000:
+        assert len(load(part_of(path)).times) > 10
 
 
 @pytest.mark.parametrize("suffix", WRITTEN)
