@@ -1,5 +1,6 @@
 """What a command is about: a place, the people there, the physics between them and the routes that they take."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from crowd_env.scenarios.titles import with_manner
 
 # Names of --set that change people, and what they change in a population.
 _DRAWN = {"speed": "desired_speed", **{name: name for name in (*DRAWN, *MOTIVATION) if name != "desired_speed"}}
+_RUNNING = 4.0  # m/s
 _SWITCHES = {"yes": True, "no": False, "true": True, "false": False}
 
 
@@ -124,6 +126,8 @@ def people_options(
     if number is not None:
         found["people"] = number
     for name, text in (drawn or {}).items():
+        if name == "speed" and not 0.0 < _range(name, text).high <= _RUNNING:
+            warnings.warn(f"--set speed={text} is in m/s: people walk at 1.34 and run at 3 to 4", stacklevel=2)
         found[_DRAWN[known("property of people", name, _DRAWN, "--set: ")]] = _range(name, text)
     return found
 

@@ -17,6 +17,7 @@ Place: TypeAlias = str | Path | Mapping[str, Any] | Scenario
 """How callers say what is evacuated: a name, a file, a table of a name and options, or a Scenario."""
 
 DRIVE = Range(0.0, above=True, infinite=True)
+_MOST_PARTS = 1e5
 MOST_PEOPLE_IN_BATCH = 10_000_000
 NUMBERS = "biuf"  # kinds of dtype that an action may have
 
@@ -91,10 +92,14 @@ def parts_of(what: str, duration: float, parts: str, part: float) -> int:
     Raises
     ------
     ValueError
-        If it is not a whole number of at least 1.
+        If it is not a whole number of at least 1, or so large that nobody lives to see the end.
     """
     ratio = duration / part
-    if not 0.5 < ratio < 1e9 or abs(ratio - round(ratio)) > 1e-6:
+    if ratio > _MOST_PARTS:
+        raise ValueError(
+            f"{what} = {duration:g} s has {ratio:.3g} {parts} = {part:g} s; at most {_MOST_PARTS:g} are computed"
+        )
+    if not ratio > 0.5 or abs(ratio - round(ratio)) > 1e-6:
         raise ValueError(f"{what} = {duration:g} s is not a whole number of {parts} = {part:g} s")
     return round(ratio)
 

@@ -6,6 +6,7 @@ Areas are polygons with holes, several of them, well-known text (WKT) or corner 
 import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import accumulate
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -24,6 +25,7 @@ Shape: TypeAlias = BaseGeometry | str | ArrayLike
 
 SLIVER = 1e-6  # m; shorter pieces of wall are dropped
 _MIN_AREA = 1e-9  # m^2
+_DEEPEST = 50  # collections in collections; of tens of thousands GEOS overruns the stack, which ends the process
 _MIN_EXIT = 0.02  # m; below this an exit is a slip of the pen (and could not be told from the snap tolerance)
 _LINES = ("LineString", "LinearRing", "MultiLineString")
 _POLYGONS = ("Polygon", "MultiPolygon")
@@ -74,7 +76,7 @@ def from_wkt(text: str, what: str) -> BaseGeometry:
     Raises
     ------
     ValueError
-        If the text is not well-known text.
+        If the text is not well-known text, or nested too deeply.
     """
     srid, body = _SRID.match(text.lstrip("\ufeff \t\r\n")).groups()  # type: ignore[union-attr]  # matches anything
     require_meters(what, f"SRID {srid}")
@@ -87,6 +89,8 @@ def from_wkt(text: str, what: str) -> BaseGeometry:
     form = "well-known text (WKT), e.g. 'POLYGON ((0 0, 5 0, 5 5, 0 5, 0 0))'"
     if kind is not None:
         raise ValueError(f"{what} is {kind}, not {form}")
+    if max(accumulate(1 if sign == "(" else -1 for sign in re.findall("[()]", body)), default=0) > _DEEPEST:
+        raise ValueError(f"{what} is nested too deeply: more than {_DEEPEST} parentheses are open at once")
     try:
         with np.errstate(invalid="ignore"):  # what is not finite is named by those who read the shape
             return shapely.from_wkt(body)
@@ -206,7 +210,7 @@ def _require_finite(shape: BaseGeometry, what: str) -> None:
 
 def _is_coordinates(thing: Any) -> bool:
     try:
-        return np.asarray(thing, dtype=float).ndim == 2
+        return np.asarray(thing).dtype.kind in "fiuO" and np.asarray(thing, dtype=float).ndim == 2
     except (TypeError, ValueError):
         return False
 

@@ -124,6 +124,11 @@ class RunRecorder:
             running.sampler.stop()
         self._running, self._finished = {}, {}
         every = 1 if self.every is None else parts_of("every", self.every, "decisions", env.decision_dt)
+        longest = float(env.time_limit.max())
+        if self.every is not None and self.every > longest:
+            raise ValueError(
+                f"every is {self.every:g} s, longer than the {longest:g} s of a run; take less than a second"
+            )
         for e, run in enumerate(runs):
             if run in self.runs:
                 seed = None if self.seed is None else self.seed + run

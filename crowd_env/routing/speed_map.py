@@ -20,7 +20,7 @@ class SpeedZone:
     ----------
     region : name of the region.
     speed : m/s, the desired speed of everyone in the region; by default everyone keeps the own one.
-    factor : number > 0 by which the desired speed in the region is multiplied; 1 by default.
+    factor : number > 0, at most 10, by which the desired speed in the region is multiplied; 1 by default.
     """
 
     region: str
@@ -32,7 +32,8 @@ class SpeedZone:
             if self.speed is None:
                 raise ValueError(f"speed zone {shown(self.region)} changes nothing; give it a speed or a factor")
             object.__setattr__(self, "factor", 1.0)
-        check_fields(f"speed zone {shown(self.region)}", self, speed=Range(0.0, MAX_SPEED, above=True), factor=POSITIVE)
+        speed, factor = Range(0.0, MAX_SPEED, above=True), Range(0.0, 10.0, above=True)
+        check_fields(f"speed zone {shown(self.region)}", self, speed=speed, factor=factor)
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from crowd_env.core.checks import refuse
+from crowd_env.core.files.foreign import require_file
 from crowd_env.scenarios.file import SUFFIXES, read_scenario
 from crowd_env.scenarios.floor_plan import scenario_from_plan
 from crowd_env.scenarios.plans.reading import PLANS, is_plan
@@ -81,6 +82,7 @@ def kind_of_place(scenario: str | Path) -> Literal["name", "file", "plan"]:
     """
     if str(scenario) in SCENARIOS:
         return "name"
+    require_file(Path(scenario))
     if is_plan(Path(scenario)):
         return "plan"
     if Path(scenario).suffix.lower() in SUFFIXES:

@@ -19,10 +19,10 @@ _MOST_PEOPLE = 500_000  # their neighbors are told apart by a number of 19 bits
 # What is drawn for each of the people, in this order, and which values are allowed.
 DRAWN = {
     "radius": POSITIVE,
-    "mass": POSITIVE,
+    "mass": Range(0.0, 1000.0, above=True),  # kg
     "desired_speed": NOT_NEGATIVE,
     "relaxation_time": POSITIVE,
-    "response_time": NOT_NEGATIVE,
+    "response_time": Range(0.0, 86_400.0),  # s
 }
 
 # People of Pécol et al. 2011, Table 4, uniform within the ranges: `Population(20, **TABLE_4)`.

@@ -211,6 +211,7 @@ USAGE = [
 USAGE += ["clogging", "reproduce", "plan", "warmup --physics", "run --unit"]
 
 NOTES = [
+    ("run --set speed=9 --time-limit 3", "--set speed=9 m/s walk 1.34"),
     ("run long.wkt --exit 320,0,320,2 --time-limit 450 --physics dem", "320 m x 2 m cm --unit cm"),
     ("run wide.wkt --exit 25,0,25,22 --time-limit 450 --physics dem", "exit 22 m wide cm --unit cm"),
     ("run two.wkt --exit 6,2,6,3", "no exit can be reached from a part of 10 m2 left out"),

@@ -77,8 +77,10 @@ POPULATION = [
     *rows("Population.people", lambda x: Population(x), (10**9, 500_001)),
     *[row for name in LAWS for row in rows(f"Population.{name}", of(Population, name, 3), (
         None, "0.2", True, NAN, INF, 1j, Uniform, [0.2], (0.1, 0.2, 0.3), {}, np.array([0.2, 0.25]), -1.0, (-1.0, 2.0)))],
-    *[(f"Population.{name}=0", lambda name=name: Population(3, **{name: 0}), (name, "> 0", "as low as 0"))
-      for name in ("radius", "mass", "relaxation_time")],
+    *[(f"Population.{name}=0", lambda name=name: Population(3, **{name: 0}), (name, words, "as low as 0"))
+      for name, words in (("radius", "> 0"), ("mass", "above 0"), ("relaxation_time", "> 0"))],
+    ("Population.mass=1e12", lambda: Population(3, mass=1e12), ("mass", "at most 1000", "1e+12")),
+    ("Population.response_time=1e9", lambda: Population(3, response_time=1e9), ("[0, 86400]", "1e+09")),
     ("Population.radius law", lambda: Population(3, radius={"distribution": "gamma"}), ("radius", "gamma", "lognormal")),
     ("Population.radius key", lambda: Population(3, radius={"distribution": "normal", "mu": 1}), ("radius", "key 'mu'")),
     ("Population.radius law lacks", lambda: Population(3, radius={"distribution": "normal"}), ("radius", "'mean' is missing")),
@@ -107,7 +109,8 @@ ROUTES = [
     *[(f"SpeedZone({value!r})", lambda value=value: SpeedZone(value, 1.0), ("region", repr(value)[:20])) for value in NO_TEXT],
     ("SpeedZone that does nothing", lambda: SpeedZone("r"), ("'r'", "changes nothing", "speed or a factor")),
     *numeric("SpeedZone.speed", of(SpeedZone, "speed", "r"), "bounded", or_none=True)[:-1],
-    *numeric("SpeedZone.factor", of(SpeedZone, "factor", "r"), "positive"),
+    *numeric("SpeedZone.factor", of(SpeedZone, "factor", "r"), "bounded")[:-1],
+    ("SpeedZone.factor=1e6", lambda: SpeedZone("r", factor=1e6), ("factor", "1000000", "at most 10")),
     *rows("ControlRule.region", lambda x: ControlRule(x, 1, "r"), (*NO_TEXT, None)),
     *numeric("ControlRule.at_least", lambda x: ControlRule("a", x, "r"), "count"),
     *rows("ControlRule.route", lambda x: ControlRule("a", 1, x), (*NO_TEXT, None)),
@@ -223,7 +226,9 @@ SENTENCES = {
     "the sigma must be >= 0": lambda: LogNormal(3.0, -1.0, 5.0),
     "lie in [0, 5]": lambda: LogNormal(6.0, 1.0, 5.0),
     "population: desired_speed must be >= 0, but can be as low as -0.5": lambda: Population(3, desired_speed=(-0.5, 1)),
-    "population: response_time must be >= 0, but can be as low as -1": lambda: Population(3, response_time=(-1, 1)),
+    "population: response_time must be in [0, 86400], but can be as low as -1": lambda: Population(
+        3, response_time=(-1, 1)
+    ),
     "exits is 'e'; it must be a tuple of names: ('e',)": lambda: Population(3, exits="e"),
     "starts must have the shape (2, 2), not (2, 3), or more rows": lambda: Population(2, starts=np.zeros((2, 3))),
     "starts must have the shape (2, 2), not (1, 2), or more rows": lambda: Population(2, starts=[[1, 1]]),
@@ -232,7 +237,7 @@ SENTENCES = {
     "start 1 is [1.0, nan]; it must be finite": lambda: Population(2, starts=[[1, 1], [1, NAN]]),
     "route 'a': unknown strategy 'quick'; known: shortest, fastest, comfor": lambda: Route("a", strategy="quick"),
     "speed zone 'a': speed is 0.0; it must be above 0 and at most 12.5": lambda: SpeedZone("a", 0.0),
-    "speed zone 'a': factor is -1.0; it must be > 0 and finite": lambda: SpeedZone("a", factor=-1.0),
+    "speed zone 'a': factor is -1.0; it must be above 0 and at most 10": lambda: SpeedZone("a", factor=-1.0),
     "control rule on 'a': at_least is 0; it must be at least 1": lambda: ControlRule("a", 0, "b"),
     "below is 4; it must be from 0 to at_least, 3": lambda: ControlRule("a", 3, "b", below=4),
     "event of door 'd': give either a time `at`, or `at_least` with one of `region` and": lambda: DoorEvent("d", True),

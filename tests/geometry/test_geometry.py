@@ -7,6 +7,7 @@ from cases import looped
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon, box
 
 from crowd_env.geometry.geometry import Geometry, join_boundaries, parse_exit
+from crowd_env.geometry.parsing import from_wkt
 from crowd_env.scenarios.population import Population
 
 ROOM = box(0, 0, 5, 5)
@@ -215,6 +216,14 @@ def test_names_that_no_table_can_hold_are_refused(name):
 def test_two_exits_of_one_name_are_refused():
     with pytest.raises(ValueError, match="two exits have the name 'west'"):
         from_polygon(ROOM, exits={"west": DOOR, "west ": [[1, 0], [2, 0]]})
+
+
+@looped("read", [Geometry.from_wkt, parse_exit, lambda text: from_polygon(ROOM, obstacles=[text])])
+def test_text_that_would_overrun_the_stack_is_refused(read):
+    """GEOS reads collections in collections by calling itself, which ended the whole process."""
+    with pytest.raises(ValueError, match="nested too deeply"):
+        read("GEOMETRYCOLLECTION (POINT (0 0), " * 30_000)
+    assert from_wkt("GEOMETRYCOLLECTION (" * 40 + "POINT (1 2)" + ")" * 40, "a point").bounds == (1, 2, 1, 2)
 
 
 def test_parse_exit():

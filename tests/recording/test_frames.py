@@ -217,3 +217,9 @@ def test_a_recorder_travels_while_it_records(tmp_path):
     copied = pickle.loads(pickle.dumps(recorder))
     assert copied.runs == {1} and copied.path == recorder.path
     assert [path.name for path in tmp_path.iterdir()] == ["run.part.sqlite"]
+
+
+def test_frames_further_apart_than_a_run_is_long_are_refused():
+    env = CrowdEnv("room-v0", people=2, time_limit=20.0)
+    with pytest.raises(ValueError, match="every is 1000 s, longer than the 20 s of a run"):
+        RunRecorder(runs=[0], every=1000.0).begin(env, [0])

@@ -35,6 +35,12 @@ def foreign_kind(head: bytes) -> str | None:
     return None
 
 
+def require_file(path: Path) -> None:
+    """Raise ValueError if a path is that of a device or a pipe, which may have no end; what is not there is for the reader."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise ValueError(f"{path} is no regular file but a device or a pipe; copy what it holds into a file")
+
+
 def read_text(path: Path, what: str, read: str, kinds: Collection[str] = ()) -> str:
     """Return the text of a file without a byte order mark; ``what`` is expected, ``read`` says which forms are read.
 

@@ -61,12 +61,18 @@ def _shape(geometry: Any, number: int) -> Any:
     if geometry is None:
         return None
     try:
+        if _holds_text(geometry.get("coordinates")):
+            raise ValueError("a coordinate is a text; all must be numbers")
         shape = shapely.force_2d(shape_of(geometry))
     except (AttributeError, IndexError, KeyError, TypeError, ValueError, shapely.errors.ShapelyError) as error:
         raise ValueError(f"the geometry of features[{number}] is wrong: {error}") from None
     if not np.isfinite(shapely.get_coordinates(shape)).all():
         raise ValueError(f"the geometry of features[{number}] has a coordinate that is not finite")
     return None if shape.is_empty else shape
+
+
+def _holds_text(thing: Any) -> bool:
+    return isinstance(thing, str) or (isinstance(thing, list) and any(map(_holds_text, thing)))
 
 
 def _role(table: Mapping[str, Any]) -> tuple[str | None, str]:

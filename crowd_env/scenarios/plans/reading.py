@@ -11,7 +11,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.checks import path as path_of
-from crowd_env.core.files.foreign import foreign_kind, read_text
+from crowd_env.core.files.foreign import foreign_kind, read_text, require_file
 from crowd_env.geometry.parsing import parse_exit, read_area
 from crowd_env.scenarios.plans.dxf import read_dxf
 from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, listed
@@ -97,6 +97,7 @@ def read_plan(path: str | Path, exits: Sequence[str] = (), *, unit: str | None =
     path = path_of("the file of the floor plan", path)
     meters = None if unit is None else unit_in_meters(unit)
     try:
+        require_file(path)
         _require_size(path)
         drawing = _reader(path)(path, meters)
         if exits:

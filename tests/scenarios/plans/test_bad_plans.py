@@ -84,6 +84,10 @@ def noisy(path):
     path.write_text(shapely.to_wkt(shapely.Polygon(ring), rounding_precision=6))
 
 
+def device(path):
+    path.symlink_to("/dev/zero")
+
+
 def huge(path):
     with path.open("wb") as file:
         file.write(b"POLYGON ((")
@@ -150,6 +154,17 @@ BAD = {
     "plan.txt": (written("a room"), DOOR, "not well-known text"),
     "million.wkt": (noisy, ["--exit", "POLYGON ((17 -1, 22 -1, 22 1, 17 1, 17 -1))"], "1000001 corners 20000 simplify QGIS"),
     "huge.wkt": (huge, DOOR, "70 MB 60"),
+    "deep.wkt": (written("GEOMETRYCOLLECTION(" * 30_000), DOOR, "nested too deeply"),
+    "deep.sqlite": (
+        base("CREATE TABLE geometry(wkt TEXT)", f"INSERT INTO geometry VALUES ('{'GEOMETRYCOLLECTION(' * 30_000}')"),
+        DOOR, "nested too deeply",
+    ),
+    "zero.wkt": (device, DOOR, "no regular file"),
+    "zero": (device, DOOR, "no regular file"),
+    "zero.toml": (device, [], "no regular file"),
+    "texts.geojson": (
+        written('{"type": "Polygon", "coordinates": [[["0", 0], [5, 0], [5, 5], ["0", 0]]]}'), DOOR, "coordinate text numbers",
+    ),
 }  # fmt: skip
 
 
