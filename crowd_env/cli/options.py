@@ -47,7 +47,9 @@ Runs = Annotated[int, of_runs("Number of evacuations, each with other people in 
 Seed = Annotated[int, of_runs("Run k draws its people from seed + k.", min=0)]
 
 # What a command line says of a place.
-PLACES = f"Name of a scenario, a scenario file (.toml, .json), or a floor plan: {PLANS}."
+PLACES = (
+    f"Name of a scenario, a scenario file (.toml, .json), or a floor plan: {PLANS}; house.geojson:1 is its level 1."
+)
 complete_scenario = complete_from(SCENARIOS)
 PlaceName = Annotated[str, typer.Argument(help=PLACES, autocompletion=complete_scenario)]
 _EXITS = (

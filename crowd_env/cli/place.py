@@ -12,7 +12,7 @@ from crowd_env.core.files.own import names_own, own_or_name
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
 from crowd_env.scenarios.floor_plan import people_on, scenario_on
-from crowd_env.scenarios.plans.reading import read_plan
+from crowd_env.scenarios.plans.reading import read_plan, split_level
 from crowd_env.scenarios.plans.units import unit_in_meters
 from crowd_env.scenarios.population import DRAWN, TABLE_4, Uniform
 from crowd_env.scenarios.scenario import Scenario
@@ -153,7 +153,7 @@ def files_of(given: Mapping[str, Any]) -> dict[str, Path]:
     named = {} if given.get("scenario") in SCENARIOS else {"scenario": given["scenario"]}
     named |= {"starts": given["starts"]} if given.get("starts") is not None else {}
     named |= {"physics": given["physics"].rpartition(":")[0]} if names_own(given.get("physics", "")) else {}
-    return {name: Path(file) for name, file in named.items()}
+    return {name: split_level(file)[0] for name, file in named.items()}
 
 
 def split_changes(texts: Sequence[str] | None) -> dict[str, str]:

@@ -104,6 +104,5 @@ def _check(given: dict[str, Any]) -> PlanCheck:
                 geometry = Geometry.from_polygon(drawn.walkable, regions=drawn.regions)
             except ValueError as error:
                 raise ValueError(f"{drawn.path}: {error}") from None
-            title = f"floor plan {drawn.path.name}"
-            return check_plan(drawn.path.stem, geometry, crowd, title=title, room=room, seed=seed)
+            return check_plan(drawn.name, geometry, crowd, title=drawn.title, room=room, seed=seed)
     return check_place(place_of(given).place, seed)

@@ -25,6 +25,7 @@ def scenario_from_plan(
     *,
     exits: Sequence[str] = (),
     unit: str | None = None,
+    level: str | float | None = None,
     people: int | None = None,
     population: People | Mapping[str, Any] | Sequence[Any] | None = None,
     time_limit: float | None = None,
@@ -40,6 +41,7 @@ def scenario_from_plan(
         of the file.
     unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that cannot be and the file says
         another.
+    level : of a file with several, such as GeoJSON; a path such as ``house.geojson:1`` says it too.
     people : number of people; by default 20, or as many as the file says.
     population : see `Scenario`; by default people of the default kind, in the start areas of the file if it has any.
     time_limit : s; by default long enough to walk out and to queue at the exits, at least 300 s.
@@ -58,7 +60,7 @@ def scenario_from_plan(
     UserWarning
         For what was dropped or repaired, and if the plan is so large that it may be in another unit.
     """
-    plan = read_plan(path, texts("exits", exits), unit=unit)
+    plan = read_plan(path, texts("exits", exits), unit=unit, level=level)
     crowd = as_people(population)
     if crowd is None:
         crowd = people_on(plan, people)
@@ -89,10 +91,8 @@ def scenario_on(plan: FloorPlan, population: People, *, time_limit: float | None
         geometry = Geometry.from_polygon(
             plan.walkable, exits=plan.exits, regions=plan.regions, narrowest=population.radius.low
         )
-        title = f"floor plan {path.name}"
-        place = Scenario(
-            path.stem, geometry, population, 1.0 if time_limit is None else time_limit, title=title, **options
-        )
+        limit = 1.0 if time_limit is None else time_limit
+        place = Scenario(plan.name, geometry, population, limit, title=plan.title, **options)
         return place.with_enough_time() if time_limit is None else place
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

@@ -137,12 +137,14 @@ def test_a_config_runs_the_same_again(whole, tmp_path):
 
 
 def test_a_plan_in_a_file_is_found_from_anywhere(tmp_path, monkeypatch):
-    plan, starts = tmp_path / "plan.wkt", tmp_path / "starts.csv"
-    plan.write_text("POLYGON ((0 0, 6 0, 6 5, 0 5, 0 0))\n")
+    plan, starts = tmp_path / "plan.geojson", tmp_path / "starts.csv"
+    floor = {"type": "Polygon", "coordinates": [[[0, 0], [6, 0], [6, 5], [0, 5], [0, 0]]]}
+    levels = [{"type": "Feature", "properties": {"level": k}, "geometry": floor} for k in (0, 1)]
+    plan.write_text(json.dumps({"type": "FeatureCollection", "features": levels}))
     starts.write_text("x,y\n1,1\n1,4\n")
     (tmp_path / "away").mkdir()
     monkeypatch.chdir(tmp_path)
-    line = "run plan.wkt --exit 6,2,6,3 --exit 0,1,0,2 --starts starts.csv --runs 1 --set signs=no --out out"
+    line = "run plan.geojson:1 --exit 6,2,6,3 --exit 0,1,0,2 --starts starts.csv --runs 1 --set signs=no --out out"
     assert call(line).exit_code == 0
     monkeypatch.chdir(tmp_path / "away")
     told = call("run --config ../out/config.json --out ../again")

@@ -24,6 +24,7 @@ class Drawing:
     starts : name of a region in which people start -> how many of them, None if the file does not say.
     unit : that the file says it is in: a word for people, if it says one.
     meters : how many meters that unit is, if it is known.
+    levels : what is drawn on each level, by its name, if the file names levels; then the rest is empty if there are several.
     notes : what the reader dropped or read in another way than it may be meant.
     """
 
@@ -34,6 +35,7 @@ class Drawing:
     starts: dict[str, int | None] = field(default_factory=dict)
     unit: str | None = None
     meters: float | None = None
+    levels: dict[str, "Drawing"] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
     def add(self, role: str, name: str, shape: BaseGeometry, people: int | None = None) -> None:
@@ -70,6 +72,7 @@ class FloorPlan:
     regions : name -> area [m].
     starts : name of a region in which people start -> how many of them, None if the file does not say.
     notes : a sentence each on what was dropped, or read in another way than it may be meant.
+    level : of the file, if one was chosen.
     """
 
     path: Path
@@ -78,6 +81,17 @@ class FloorPlan:
     regions: Mapping[str, Area] = field(default_factory=dict)
     starts: Mapping[str, int | None] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    level: str | None = None
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return self.path.stem if self.level is None else f"{self.path.stem}-{self.level}"
+
+    @property
+    def title(self) -> str:
+        """A line for people."""
+        return f"floor plan {self.path.name}" + ("" if self.level is None else f", level {self.level}")
 
 
 def _join(shapes: dict[str, BaseGeometry], name: str, shape: BaseGeometry) -> None:

@@ -1,6 +1,7 @@
-"""Floor plans in GeoJSON (RFC 7946): what each feature is, its properties or its name say."""
+"""Floor plans in GeoJSON (RFC 7946): what each feature is and on which level, its properties or its name say."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from crowd_env.scenarios.plans.floor_plan import Drawing
 from crowd_env.scenarios.plans.roles import WORDS, role_of_layer, role_of_word
 
 _KEYS = ("role", "kind", "type", "layer", "class", "category", "usage", "function", "name")
+_LEVELS = ("level", "level_id", "floor", "storey")
+_RANGE = re.compile(r"(-?\d+)\s*-\s*(-?\d+)")  # 0-2, as of stairs in OpenStreetMap
 _NAMES = ("name", "id", "label", "title")
 _GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
 
@@ -23,13 +26,51 @@ def is_geojson(content: Any) -> bool:
 
 
 def read_geojson(content: Mapping[str, Any]) -> Drawing:
-    """Read features; polygons that say nothing of what they are may be walked on if no other does."""
+    """Read features, level by level; polygons that say nothing of what they are may be walked on if no other does."""
     require_meters("it", str(content.get("crs", "")))
+    features = list(enumerate(_features(content)))
+    on = [_levels(_properties(feature)) for _, feature in features]
+    names = sorted({name for levels in on for name in levels}, key=_height)
+    drawn = {
+        name: _drawing(one for one, levels in zip(features, on, strict=True) if not levels or name in levels)
+        for name in names
+    }
+    drawing = _drawing(features) if len(drawn) < 2 else Drawing()
+    drawing.levels = drawn
+    return drawing
+
+
+def level_name(level: object) -> str:
+    """Return the name of a level: 1 and 1.0 are "1"."""
+    try:
+        return f"{float(str(level)):g}"
+    except ValueError:
+        return str(level).strip()
+
+
+def _height(level: str) -> tuple[float, str]:
+    try:
+        return float(level), level
+    except ValueError:
+        return np.inf, level
+
+
+def _levels(table: Mapping[str, Any]) -> list[str]:
+    """Return the names of the levels that a feature is on; none if it does not say, and is on all."""
+    found: Any = next((table[key] for key in _LEVELS if table.get(key) not in (None, "")), [])
+    names: list[str] = []
+    for level in found if isinstance(found, list) else str(found).split(";"):
+        between = _RANGE.fullmatch(str(level).strip())
+        ends = [] if between is None else sorted(map(int, between.groups()))
+        names += map(str, range(ends[0], ends[1] + 1)) if ends and ends[1] - ends[0] < 200 else [level_name(level)]
+    return names
+
+
+def _drawing(features: Iterable[tuple[int, Mapping[str, Any]]]) -> Drawing:
     drawing = Drawing()
     unmarked: list[Any] = []
-    for number, feature in enumerate(_features(content)):
-        properties = feature.get("properties")
-        table: Mapping[str, Any] = properties if isinstance(properties, Mapping) else {}
+    for number, feature in features:
+        table = _properties(feature)
         shape = _shape(feature.get("geometry"), number)
         if shape is None:
             continue
@@ -41,6 +82,11 @@ def read_geojson(content: Mapping[str, Any]) -> Drawing:
             drawing.add(role, name if role != "exit" or name not in drawing.exits else "", shape)
     _add_unmarked(drawing, unmarked)
     return drawing
+
+
+def _properties(feature: Mapping[str, Any]) -> Mapping[str, Any]:
+    table = feature.get("properties")
+    return table if isinstance(table, Mapping) else {}
 
 
 def _features(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:

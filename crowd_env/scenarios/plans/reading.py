@@ -4,6 +4,7 @@ import json
 import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from crowd_env.core.files.foreign import foreign_kind, read_text, require_file
 from crowd_env.geometry.parsing import parse_exit, read_area
 from crowd_env.scenarios.plans.dxf import read_dxf
 from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, listed
-from crowd_env.scenarios.plans.geojson import is_geojson, read_geojson
+from crowd_env.scenarios.plans.geojson import is_geojson, level_name, read_geojson
 from crowd_env.scenarios.plans.tidying import regions_in, simplified, tidied, without_obstacles
 from crowd_env.scenarios.plans.units import judge_unit, unit_in_meters
 from crowd_env.scenarios.plans.vadere import is_vadere, read_vadere
@@ -70,13 +71,26 @@ PLANS = "WKT (.wkt), GeoJSON, DXF, JuPedSim (.sqlite) or Vadere (.scenario)"
 
 def is_plan(path: Path) -> bool:
     """Return whether a path is that of a floor plan, or of what may be one: a file that is no scenario file of crowd_env."""
+    path, _ = split_level(path)
     suffix = path.suffix.lower()
     return (
         _is_json_plan(path) if suffix == ".json" else suffix in READERS or (suffix != ".toml" and os.path.exists(path))
     )
 
 
-def read_plan(path: str | Path, exits: Sequence[str] = (), *, unit: str | None = None) -> FloorPlan:
+def split_level(path: str | Path) -> tuple[Path, str | None]:
+    """Return the file and the level that ``house.geojson:1`` names; no level if a file has that name, or none has the other."""
+    file, sign, level = str(path).rpartition(":")
+    return (
+        (Path(file), level)
+        if sign and level and os.path.isfile(file) and not os.path.exists(path)
+        else (Path(path), None)
+    )
+
+
+def read_plan(
+    path: str | Path, exits: Sequence[str] = (), *, unit: str | None = None, level: str | float | None = None
+) -> FloorPlan:
     """Return the floor plan in a file.
 
     Parameters
@@ -86,6 +100,7 @@ def read_plan(path: str | Path, exits: Sequence[str] = (), *, unit: str | None =
         of those in the file.
     unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that cannot be and the file says
         another.
+    level : of a file that names levels, such as GeoJSON, the one that is meant; ``house.geojson:1`` as a path says it too.
 
     Raises
     ------
@@ -94,23 +109,46 @@ def read_plan(path: str | Path, exits: Sequence[str] = (), *, unit: str | None =
     ModuleNotFoundError
         If the library that reads such files is not installed.
     """
-    path = path_of("the file of the floor plan", path)
+    path, named = split_level(path_of("the file of the floor plan", path))
+    level = level_name(named if level is None else level) if (named, level) != (None, None) else None
     meters = None if unit is None else unit_in_meters(unit)
     try:
         require_file(path)
         _require_size(path)
-        drawing = _reader(path)(path, meters)
+        drawing = _at_level(_reader(path)(path, meters), path, level)
         if exits:
             if drawing.exits:
                 left_out = f"the exits of the file are left out for those that are given: {listed(drawing.exits)}"
                 drawing.notes.append(left_out)
             drawing.exits = {f"exit-{number}": parse_exit(text) for number, text in enumerate(exits)}
-        return _plan(path, drawing, meters)
+        return replace(_plan(path, drawing, meters), level=level)
     except ValueError as error:
         message = str(error)
         raise ValueError(message if str(path) in message else f"{path}: {message}") from None
     except shapely.errors.ShapelyError as error:
         raise ValueError(f"{path}: its shapes cannot be cut and united: {error}") from None
+
+
+def _at_level(drawing: Drawing, path: Path, level: str | None) -> Drawing:
+    """Return what is drawn on the level that is meant.
+
+    Raises
+    ------
+    ValueError
+        If there is no such level, or there are several and none is named.
+    """
+    names = listed(drawing.levels, most=12)
+    if level is not None:
+        if level not in drawing.levels:
+            raise ValueError(
+                f"it has no level {level!r}; {f'its levels are {names}' if names else 'it names no levels'}"
+            )
+        return drawing.levels[level]
+    if len(drawing.levels) > 1:
+        first = next(iter(drawing.levels))
+        choose = f"choose one, such as {path.name}:{first}, or level={first!r} in Python"
+        raise ValueError(f"it has {len(drawing.levels)} levels ({names}), and people walk on one: {choose}")
+    return drawing
 
 
 def _reader(path: Path) -> Reader:

@@ -108,6 +108,47 @@ def test_degrees_are_refused(tmp_path):
         read_plan(geojson(tmp_path / "plan.geojson", feature(small)), ["0,0,0,1"])
 
 
+def house(path):
+    """Write a house of three levels: the ground floor is a room, the others are narrower; the stairs are on all."""
+    return geojson(
+        path,
+        *(feature(shapely.box(0, 0, 8 - 2 * level, 6), kind="room", level=level) for level in (0, 1)),
+        feature(shapely.box(0, 0, 3, 6), kind="room", level="2"),
+        feature(shapely.box(1, 4, 2, 6), kind="zone", name="stairs", level="0-2"),
+        feature(shapely.box(1, 1, 2, 2), kind="column", level="0;1"),
+        feature(shapely.LineString([(0, 2), (0, 3.2)]), kind="exit"),
+    )
+
+
+def test_levels_are_no_one_floor(tmp_path):
+    """They were laid on top of each other without a word."""
+    path = house(tmp_path / "house.geojson")
+    with pytest.raises(
+        ValueError, match=r"house.geojson: it has 3 levels \(0, 1, 2\).*choose one, such as house.geojson:0"
+    ):
+        read_plan(path)
+    for level, area in ((0, 47.0), ("1", 35.0), (2.0, 18.0)):
+        plan = read_plan(path, level=level)
+        assert plan.walkable.area == pytest.approx(area) and list(plan.exits) == ["exit-0"] and "stairs" in plan.regions
+    assert read_plan(f"{path}:1").walkable.area == pytest.approx(35.0)
+    place = make_scenario(path, level=2, people=3)
+    assert (place.name, place.title) == ("house-2", "floor plan house.geojson, level 2") and place.geometry.area == 18.0
+    assert make_scenario(f"{path}:2").geometry.area == 18.0
+    for wrong in ({"path": path, "level": 3}, {"path": f"{path}:cellar"}):
+        with pytest.raises(ValueError, match=r"has no level '(3|cellar)'; its levels are 0, 1, 2"):
+            read_plan(**wrong)
+
+
+def test_a_file_of_one_level_needs_no_choice(tmp_path):
+    path = geojson(tmp_path / "plan.geojson", feature(ROOM, kind="walkable", level=4), ROOM_AND_EXIT[1])
+    assert read_plan(path).walkable.equals(read_plan(path, level=4).walkable)
+    (tmp_path / "room.wkt").write_text(ROOM.wkt)
+    with pytest.raises(ValueError, match="no level '0'; it names no levels"):
+        read_plan(tmp_path / "room.wkt:0")
+    (tmp_path / "b:0").write_text(ROOM.wkt)  # a file of this name comes first
+    assert read_plan(tmp_path / "b:0").level is None
+
+
 @looped("version", [1, 2])
 def test_the_geometry_of_a_recording_of_jupedsim(version, tmp_path):
     path = recording(tmp_path / f"run{version}.sqlite", [f"GEOMETRYCOLLECTION ({ROOM.wkt})"], version)
@@ -181,7 +222,9 @@ def test_python_takes_what_the_command_line_takes(tmp_path):
     assert place.population.people == 7 and place.geometry.exits[0, 0, 0] == 0.0
     with pytest.warns(UserWarning, match="left out for those that are given"):
         assert make_scenario(path, exits=others, people=7, unit="cm").exits == ("exit-0",)
-    with pytest.raises(ValueError, match=r"has no option 'side'; known: exits, unit, people, population, time_limit"):
+    with pytest.raises(
+        ValueError, match=r"has no option 'side'; known: exits, unit, level, people, population, time_limit"
+    ):
         make_scenario(path, side=3.0)
 
 
