@@ -22,11 +22,11 @@ CEILINGS = {
     "rooms": 18,
     "floors": 11,
     "arrows between rooms": 90,
-    "code lines of crowd_env, commands of agents within": 22_600,  # levels and mending of plans
+    "code lines of crowd_env, commands of agents within": 22_830,  # levels and mending of plans; crowding is collected
     "code lines of agents": 3_695,
     "code lines of validation": 2_380,
     "code lines of benchmarks": 970,
-    "words of docs, tables that programs write left out": 31_700,
+    "words of docs, tables that programs write left out": 31_870,  # what a report collects
     "arguments of CrowdEnv": 12,
     "arguments of parallel_env": 12,
     "arguments of make_vec": 13,  # render_mode, which Gymnasium asks for

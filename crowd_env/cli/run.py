@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from crowd_env.analysis.figures import cells, doubts, report
+from crowd_env.analysis.results.crowding import CrowdingRecorder
 from crowd_env.cli import options
 from crowd_env.cli.console import show_table
 from crowd_env.cli.place import place_of
@@ -20,7 +21,7 @@ from crowd_env.cli.results_folder import again, config_of, keep_in, open_folder,
 from crowd_env.core.checks import counted, whole
 from crowd_env.core.console import friendly_errors, interrupted, progress_bar, say
 from crowd_env.core.executors import Processes, all_cores
-from crowd_env.envs.rollout import Episode, Recorder, RunsInterrupted, run_episodes
+from crowd_env.envs.rollout import Episode, Recorder, Recorders, RunsInterrupted, run_episodes
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.titles import run_title
 
@@ -73,15 +74,18 @@ def run(
         here = config_of(context.params, place, scheme, way)
         folder, kept = (None, []) if out is None else open_folder(context, out, here)
         recorder = None
-        if out is not None and recorded:
-            from crowd_env.recording import RunRecorder
-            from crowd_env.recording.formats import RECORDINGS
+        if out is not None:
+            seen: dict[str, Recorder] = {"crowding": CrowdingRecorder(place.geometry)}
+            if recorded:
+                from crowd_env.recording import RunRecorder
+                from crowd_env.recording.formats import RECORDINGS
 
-            facts = {"rules": way["rules"]}
-            path = out / RECORDINGS / ("run-0.sqlite" if len(recorded) == 1 else "run.sqlite")
-            recorder = RunRecorder(path, runs=recorded, contacts=contacts, seed=seed, facts=facts)
-            there = {one.run for one in kept if (out / RECORDINGS / f"run-{one.run}.sqlite").exists()}
-            recorded = recorded - there
+                facts = {"rules": way["rules"]}
+                path = out / RECORDINGS / ("run-0.sqlite" if len(recorded) == 1 else "run.sqlite")
+                seen["recording"] = RunRecorder(path, runs=recorded, contacts=contacts, seed=seed, facts=facts)
+                there = {one.run for one in kept if (out / RECORDINGS / f"run-{one.run}.sqlite").exists()}
+                recorded = recorded - there
+            recorder = Recorders(**seen)
         begin = time.monotonic()
         done = evacuate(
             run_title(place, scheme.info.name),
@@ -113,7 +117,8 @@ def run(
     with friendly_errors():
         if folder is not None:
             write_results(folder, place, run_title(place, scheme.info.name), figures, done.episodes)
-        for number, record in sorted(done.records.items()):
+        for number, records in sorted(done.records.items()):
+            record = records["recording"]
             if isinstance(record, OSError):
                 say(f"note: run {number} is not recorded: {record}", "yellow")
             else:
@@ -172,7 +177,7 @@ def evacuate(
     ----------
     workers : most processes; default one a core.
     kept : runs that were finished before.
-    keep : is given the runs that have just ended.
+    keep : is given the runs that have just ended, with what was recorded of them.
     recorder : sees all runs, and keeps something of those that are ``recorded``, which are run again if they were kept.
     **options : of `crowd_env.envs.rollout.rollout`.
 
@@ -193,7 +198,7 @@ def evacuate(
             found.update({episode.run: episode._replace(record=None) for episode in episodes})
             progress(len(episodes))
             if keep is not None:
-                keep([found[episode.run] for episode in episodes])
+                keep(episodes)
 
         try:
             begin = time.monotonic()

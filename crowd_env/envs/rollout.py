@@ -70,6 +70,27 @@ class Recorder(Protocol):
         """Return what was kept of the evacuation in environment ``e``, which has just ended."""
 
 
+class Recorders:
+    """Several recorders at once, by names: what they keep of an evacuation is a dict of what each keeps."""
+
+    def __init__(self, **recorders: Recorder) -> None:
+        self.recorders = recorders
+
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
+        """Look at the first moment of a batch."""
+        for one in self.recorders.values():
+            one.begin(env, runs)
+
+    def add(self, env: CrowdEnv, step: Step) -> None:
+        """Look at the batch after a step."""
+        for one in self.recorders.values():
+            one.add(env, step)
+
+    def record(self, env: CrowdEnv, e: int) -> dict[str, Any]:
+        """Return what each of them kept of an evacuation."""
+        return {name: one.record(env, e) for name, one in self.recorders.items()}
+
+
 class RunsInterrupted(KeyboardInterrupt):
     """Ctrl-C in the middle of many runs.
 

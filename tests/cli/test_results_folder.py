@@ -10,7 +10,7 @@ from crowd_env.cli import run as running
 from crowd_env.envs.rollout import RunsInterrupted, run_episodes
 
 RUN = "run two-exit-hall-v0 --physics dem --people 6 --seed 3"
-FILES = {"config.json", "exits.csv", "nt.csv", "nt.png", "recordings", "runs", "runs.csv", "summary.json"}
+FILES = {"crowding", "config.json", "exits.csv", "nt.csv", "nt.png", "recordings", "runs", "runs.csv", "summary.json"}
 
 
 def tables(folder):

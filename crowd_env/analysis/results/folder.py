@@ -12,6 +12,7 @@ import numpy as np
 
 from crowd_env.analysis.figures import exit_names, time_of_share
 from crowd_env.analysis.results.config import FREE
+from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.json_file import json_number, write_json
@@ -20,7 +21,7 @@ from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.rollout import Episode
 from crowd_env.scenarios.scenario import Scenario
 
-CONFIG, SUMMARY, KEPT = "config.json", "summary.json", "runs"
+CONFIG, SUMMARY, KEPT, CROWDING = "config.json", "summary.json", "runs", "crowding"
 
 _NUMBERS = ("seed", "end", "time_limit")
 _ARRAYS = ("exit_time", "exit_index", "radius", "desired_speed")
@@ -49,8 +50,13 @@ class ResultsFolder(Store):
         kept = ((run, self.load(f"{KEPT}/{first + run}")) for run in range(runs))
         return [decode(run, content) for run, content in kept if content is not None]
 
+    def crowding(self, episodes: Sequence[Episode]) -> list[Crowding]:
+        """Return what was collected of these runs; of a damaged file nothing."""
+        found = (self.load(f"{CROWDING}/{episode.seed}") for episode in episodes)
+        return [Crowding(**content) for content in found if content is not None]
+
     def keep_runs(self, episodes: Sequence[Episode]) -> None:
-        """Write runs that have just ended.
+        """Write runs that have just ended, and the `Crowding` that was recorded of them.
 
         Raises
         ------
@@ -58,6 +64,8 @@ class ResultsFolder(Store):
             If they cannot be written.
         """
         for episode in episodes:
+            if isinstance(episode.record, dict):  # first: a run that is here has all that was collected of it
+                self.keep(f"{CROWDING}/{episode.seed}", episode.record["crowding"]._asdict())
             self.keep(f"{KEPT}/{episode.seed}", encode(episode))
 
     def finish(self, scenario: Scenario, episodes: Sequence[Episode], summary: dict[str, Any]) -> list[Path]:

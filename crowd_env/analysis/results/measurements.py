@@ -47,20 +47,22 @@ class Spread:
 
     def __init__(self, grid: Grid) -> None:
         self._grid = grid
-        self._near = _disc(REACH, grid.shape[1])
+        offset, cover = _disc(REACH, grid.shape[1])
+        # Cells around that of a person, and what one adds to the density [1/m2] of each.
+        self.near = offset, cover / (np.pi * REACH**2)
         offset, cover = _disc(_FELT, grid.shape[1])
-        self._felt = offset[cover > 0.3]  # the cell and its four neighbors
+        self.felt = offset[cover > 0.3]  # the cell and its four neighbors
 
     def __call__(self, position: Floats, pressure: Floats, crowd: Ints, crowds: int) -> tuple[Floats, Floats]:
         """Return density [1/m2] and pressure [N/m] of so many crowds (C, cells), of K people in the ``crowd`` (K,) of each."""
-        cells, (offset, cover) = self._grid.shape[0] * self._grid.shape[1], self._near
+        cells, (offset, cover) = self._grid.shape[0] * self._grid.shape[1], self.near
         at = crowd * cells + self._grid.cell_of(position)
         place = at[:, None] + offset
-        weights = np.broadcast_to(cover / (np.pi * REACH**2), place.shape)
+        weights = np.broadcast_to(cover, place.shape)
         density = np.bincount(place.ravel(), weights.ravel(), minlength=crowds * cells).astype(np.float64)
         felt, pressed = np.zeros(crowds * cells), pressure > 0.0
-        place = at[pressed][:, None] + self._felt
-        np.maximum.at(felt, place.ravel(), np.repeat(pressure[pressed], len(self._felt)))
+        place = at[pressed][:, None] + self.felt
+        np.maximum.at(felt, place.ravel(), np.repeat(pressure[pressed], len(self.felt)))
         return density.reshape(crowds, cells), felt.reshape(crowds, cells)
 
 

@@ -4,7 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
-from crowd_env.analysis.figures import FIGURES, column, doubts, interval, number, spread
+import numpy as np
+
+from crowd_env.analysis.figures import FIGURES, column, doubts, interval, named, number, spread
 from crowd_env.core.checks import counted
 from crowd_env.rendering.report.runs import Runs
 
@@ -19,7 +21,17 @@ def answer(runs: Sequence[Runs]) -> dict[str, Any]:
         "doubts": [(f"{one.name}: " if len(runs) > 1 else "") + said for one in runs if (said := doubts(one.figures))],
         "rows": [(label, *(words(one) for one in runs)) for label, words in _ROWS.items()],
         "exits": [{"name": one.name if len(runs) > 1 else "", "rows": _exits(one)} for one in runs],
-        "exits_head": ("exit", "width\n[m]", "people", "first\n[s]", "last\n[s]", "flow\n[1/(s m)]", "peak\n[1/(s m)]"),
+        "exits_head": (
+            "exit",
+            "width\n[m]",
+            "people",
+            "first\n[s]",
+            "last\n[s]",
+            "flow\n[1/(s m)]",
+            "peak\n[1/(s m)]",
+            "queue",
+            "wait\n[s]",
+        ),
     }
 
 
@@ -105,10 +117,12 @@ def _exits(one: Runs) -> list[tuple[str, ...]]:
     """Return a row for each exit; people and times are means over runs."""
     widths, runs = one.scenario.geometry.exit_widths, one.figures["runs"]
     rows = []
-    for name, found in one.figures["exits"].items():
+    for k, (name, found) in enumerate(one.figures["exits"].items()):
         times = (number(found[key]["mean"], digits=1) for key in ("first", "last"))
         flows = (number(found[key]["mean"]) for key in ("flow_per_meter", "peak_flow_per_meter"))
-        rows.append((name, f"{widths[name]:.2f}", f"{found['people'] / runs:.1f}", *times, *flows))
+        line = [[float(getattr(seen, key)[k]) for seen in one.crowding] for key in ("queue", "wait")]
+        queue = (number(named(np.array(values))["mean"], digits=1) for values in line)
+        rows.append((name, f"{widths[name]:.2f}", f"{found['people'] / runs:.1f}", *times, *flows, *queue))
     return rows
 
 

@@ -9,15 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.analysis.figures import exit_names, named, time_of_share
+from crowd_env.analysis.figures import exit_names, named, number, time_of_share
 from crowd_env.analysis.plan_check import cells, check_place
+from crowd_env.analysis.results.crowding import SERVICE
 from crowd_env.analysis.results.measurements import INJURY, REACH
 from crowd_env.envs.rollout import Episode
 from crowd_env.rendering.figures import Share, egress_curves, share_bars
 from crowd_env.rendering.heat import heat_maps
 from crowd_env.rendering.palette import SERIES
 from crowd_env.rendering.report.answer import answer, share_words, time_words
-from crowd_env.rendering.report.maps import Measured, Worst, heat_of
+from crowd_env.rendering.report.maps import Measured, Worst, Zone, heat_of
 from crowd_env.rendering.report.runs import Runs
 from crowd_env.rendering.sheet import draw_sheet
 
@@ -36,6 +37,7 @@ def figures(runs: Sequence[Runs], measured: Sequence[Measured], folder: Path) ->
         "exits": _exits(runs, path),
         "gaps": _gaps(runs),
         "maps": [],
+        "pressed": [(label, *(words(one) for one in measured)) for label, words in _PRESSED.items()],
         "reach": f"{REACH:g}",
         "injury": f"{INJURY:g}",
     }
@@ -44,8 +46,32 @@ def figures(runs: Sequence[Runs], measured: Sequence[Measured], folder: Path) ->
         heat_maps(path, of_name[one.name].scenario.geometry, heat_of(one, measured), title=one.name)
         pairs = zip_longest(one.densest, one.hardest)
         rows = [(k + 1, _spot(dense, "people/m²", 1), _spot(hard, "N/m", 0)) for k, (dense, hard) in enumerate(pairs)]
-        found["maps"].append({"name": one.name, "runs": one.runs, "png": _taken(path), "rows": rows})
+        service = ("share of time", *(f"{100.0 * share:.0f} %" for share in one.service.values()))
+        found["maps"].append(
+            {
+                "name": one.name,
+                "runs": one.runs,
+                "png": _taken(path),
+                "rows": rows,
+                "service": [service, _AREAS],
+                "service_head": ("level", *one.service),
+                "zones": [_zone(zone) for zone in one.zones],
+            }
+        )
     return found
+
+
+_AREAS = ("m² a person", *(f"< {1.0 / most:.2f}" if most else "> 2.32" for most in SERVICE.values()))
+_PRESSED: dict[str, Callable[[Measured], str]] = {
+    f"time that people spent beyond {INJURY:g} N/m, added up": lambda one: f"{one.injured:.1f} s a run",
+    "moments of 0.1 s left out, since the solver did not finish a step": lambda one: str(one.left_out),
+}
+
+
+def _zone(zone: Zone) -> tuple[str, ...]:
+    most = zone.most["mean"]
+    people = (f"{zone.area:.1f}", number(most, digits=1), number(most / max(zone.area, 1e-9)))
+    return (zone.name, *people, number(zone.empty["mean"], digits=1))
 
 
 def _taken(path: Path) -> str:

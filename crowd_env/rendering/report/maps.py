@@ -1,4 +1,4 @@
-"""Where it was crowded and where people pressed each other, in the recorded runs of a folder."""
+"""Where it was crowded and where people pressed each other, in the runs of a folder: collected while they went on."""
 
 from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
@@ -6,17 +6,16 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from crowd_env.analysis.results.measurements import CELL, Grid, Spread, grid_over
+from crowd_env.analysis.figures import named
+from crowd_env.analysis.results.crowding import SERVICE
+from crowd_env.analysis.results.measurements import CELL, INJURY, Grid, grid_over
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.recording import load
-from crowd_env.recording.formats import recordings_in
 from crowd_env.rendering.heat import HeatMap
 from crowd_env.rendering.report.runs import Runs
 
 _PLACES = 5  # that are named of each map
 _APART = 2.0  # m, between two of them
-_AT_ONCE = 50  # frames
 _UNITS: dict[Literal["density", "pressure"], str] = {"density": "people/m²", "pressure": "N/m"}
 _LEAST = 0.25  # of the largest value: what is less is not among the worst
 
@@ -31,55 +30,85 @@ class Worst(NamedTuple):
     distance: float  # m, to its middle
 
 
-class Measured(NamedTuple):
-    """Maps (rows, columns) of some runs of a folder: in each cell the largest value of any moment of any run."""
+class Zone(NamedTuple):
+    """A region of the plan, and the people in it."""
 
     name: str
-    runs: int  # that were recorded
+    area: float  # m2
+    most: dict[str, Any]  # people at once, over runs
+    empty: dict[str, Any]  # s  when it was empty for good, over runs
+
+
+class Measured(NamedTuple):
+    """Maps (rows, columns) of a folder: in each cell the largest value of any moment of any run."""
+
+    name: str
+    runs: int  # of which something was collected
     grid: Grid
     density: Floats  # 1/m2
     pressure: Floats  # N/m
     densest: list[Worst]
     hardest: list[Worst]
+    service: dict[str, float]  # level -> share of the time that people spent inside
+    injured: float  # s  that people spent beyond `INJURY`, added up, mean over runs
+    left_out: int  # decisions whose forces are left out, of all runs
+    zones: list[Zone]
 
     def as_json(self) -> dict[str, Any]:
-        """Return the worst places, ready for JSON."""
+        """Return what there is besides maps, ready for JSON."""
         places = {"density": self.densest, "pressure": self.hardest}
-        found = {name: [place._asdict() for place in worst] for name, worst in places.items()}
-        return {"name": self.name, "runs": self.runs, "worst_places": found}
+        worst = {name: [place._asdict() for place in worst] for name, worst in places.items()}
+        facts = {"service": self.service, "person_seconds_beyond_injury": self.injured, "left_out": self.left_out}
+        return {
+            "name": self.name,
+            "runs": self.runs,
+            "worst_places": worst,
+            **facts,
+            "zones": [zone._asdict() for zone in self.zones],
+        }
 
 
 def measure(runs: Runs) -> Measured | None:
-    """Return the maps of the recorded runs of a folder; None if there are none.
-
-    Raises
-    ------
-    ValueError
-        If a recording cannot be read.
-    """
-    files, geometry = recordings_in(runs.folder), runs.scenario.geometry
-    grid = grid_over(geometry)
-    spread, most = Spread(grid), np.zeros((2, *grid.shape))
-    for file in files:
-        recording = load(file)
-        pressure = np.nan_to_num(recording.pressure)
-        for first in range(0, len(recording.times), _AT_ONCE):
-            stop = min(first + _AT_ONCE, len(recording.times))
-            rows = np.arange(recording.frame_start[first], recording.frame_start[stop])
-            rows = rows[~recording.beyond[rows]]
-            found = spread(recording.position[rows], pressure[rows], recording.frame[rows] - first, stop - first)
-            most = np.maximum(most, [field.max(axis=0).reshape(grid.shape) for field in found])
-    if not files:
+    """Return what was collected while the runs of a folder went on; None if nothing was."""
+    if not (found := runs.crowding):
         return None
-    return Measured(runs.name, len(files), grid, *most, *(_worst(geometry, grid, values) for values in most))
+    geometry = runs.scenario.geometry
+    grid = grid_over(geometry)
+    density, pressure = (np.max([getattr(one, name) for one in found], axis=0).astype(np.float64) for name in _UNITS)
+    spent = np.sum([one.service for one in found], axis=0)
+    service = dict(zip(SERVICE, (spent / max(spent.sum(), 1e-9)).tolist(), strict=True))
+    injured, left_out = float(np.mean([one.injured for one in found])), sum(one.left_out for one in found)
+    zones = [
+        Zone(
+            name,
+            geometry.area_of(name),
+            named(np.array([one.zone_most[k] for one in found], dtype=np.float64)),
+            named(np.array([one.zone_empty[k] for one in found])),
+        )
+        for k, name in enumerate(geometry.regions)
+    ]
+    return Measured(
+        name=runs.name,
+        runs=len(found),
+        grid=grid,
+        density=density,
+        pressure=pressure,
+        densest=_worst(geometry, grid, density),
+        hardest=_worst(geometry, grid, pressure),
+        service=service,
+        injured=injured,
+        left_out=left_out,
+        zones=zones,
+    )
 
 
 def heat_of(found: Measured, every: Sequence[Measured]) -> list[HeatMap]:
-    """Return the maps to draw, with the colors of the same values as all others that they are compared with."""
+    """Return the maps to draw: densities with the colors of all that they are compared with, pressures from 0 to `INJURY`."""
     maps = []
+    densest = max(float(one.density.max()) for one in every) or None
     for name, unit in _UNITS.items():
-        full = max(float(getattr(one, name).max()) for one in every) or None
-        said = f"largest {name} at any moment"
+        full = densest if name == "density" else INJURY
+        said = f"largest {name} of any run"
         maps.append(HeatMap(said, getattr(found, name), found.grid.origin, CELL, unit, name, full))
     return maps
 

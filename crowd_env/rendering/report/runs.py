@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from crowd_env.analysis.figures import listed, report
+from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
 from crowd_env.core.arrays.outline import room_of
 from crowd_env.core.files.fingerprint import fingerprint
@@ -29,6 +30,7 @@ class Runs(NamedTuple):
     scheme: ContactScheme
     episodes: list[Episode]
     figures: dict[str, Any]  # of `crowd_env.analysis.figures.report`
+    crowding: list[Crowding]  # of those of the runs that it was collected of
 
     @property
     def draw(self) -> str:
@@ -99,11 +101,12 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
         other = config["version"] != __version__
         why = f"they were made by version {config['version']}" if other else "its file has changed since"
         raise ValueError(f"{folder}: {scenario.name} is not what these runs were made of: {why}; run them again")
-    episodes = ResultsFolder(folder, config).finished()
+    kept = ResultsFolder(folder, config)
+    episodes = kept.finished()
     if not episodes:
         raise ValueError(f"{folder / KEPT} holds no finished run; the command that began it goes on with it")
     figures = report(scenario, scheme, episodes, dt=config["dt"], strategy=config["strategy"])
-    return Runs("", folder, config, scenario, scheme, episodes, figures)
+    return Runs("", folder, config, scenario, scheme, episodes, figures, kept.crowding(episodes))
 
 
 def _names(runs: Sequence[Runs]) -> list[str]:

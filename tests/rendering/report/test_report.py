@@ -9,13 +9,15 @@ import pytest
 from cases import looped
 from reported_pages import Parsed, command
 
-from crowd_env.analysis.results.measurements import CELL, MeasurementRecorder, grid_over
+from crowd_env.analysis.results.crowding import CrowdingRecorder
+from crowd_env.analysis.results.measurements import CELL, grid_over
 from crowd_env.cli.report import place_of
 from crowd_env.envs.rollout import run_episodes
+from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.rendering.report.answer import answer
 from crowd_env.rendering.report.assumptions import limits_of
 from crowd_env.rendering.report.figures import differences
-from crowd_env.rendering.report.maps import _worst, measure
+from crowd_env.rendering.report.maps import _worst, heat_of, measure
 from crowd_env.rendering.report.runs import load_runs
 
 pytestmark = pytest.mark.more
@@ -125,21 +127,41 @@ def test_pairs_have_a_shorter_interval_only_where_the_draws_are_the_same(folders
     assert "other people" in differences([nearest, fatter])[0]["why_not"]
 
 
-def test_the_maps_are_those_of_the_recordings(folders: Path) -> None:
+def test_the_maps_are_those_of_all_runs_and_nothing_is_simulated_for_them(
+    folders: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     nearest, room = load_runs([folders / "nearest", folders / "room"], place_of)
+    recorder = CrowdingRecorder(nearest.scenario.geometry)
+    way = {"scheme": nearest.scheme, "strategy": "nearest", "recorder": recorder, "at_once": 1}
+    each = [one.record for one in run_episodes(nearest.scenario, 3, **way)]
+    monkeypatch.setattr(Simulation, "advance", None)
     found = measure(nearest)
-    assert found is not None and found.runs == len(list((folders / "nearest" / "recordings").iterdir()))
-    recorder = MeasurementRecorder(nearest.scenario.geometry)
-    options = {"scheme": nearest.scheme, "strategy": "nearest", "recorder": recorder}
-    run_episodes(nearest.scenario, 3, only=[0], **options)
-    if found.runs == 1:
-        np.testing.assert_allclose(found.density, recorder.maps.density_max, atol=1e-9)
-        np.testing.assert_allclose(found.pressure, recorder.maps.pressure_max, rtol=1e-9)
+    assert found is not None and found.runs == 3
+    np.testing.assert_array_equal(found.density, np.max([one.density for one in each], axis=0))
+    np.testing.assert_array_equal(found.pressure, np.max([one.pressure for one in each], axis=0))
     assert found.densest[0].value <= found.density.max()
     values = [place.value for place in found.densest]
     assert values == sorted(values, reverse=True)
-    shutil.rmtree(folders / "room" / "recordings", ignore_errors=True)
-    assert measure(room) is None
+    assert heat_of(found, [found])[1].full == 1600.0
+    assert measure(room._replace(crowding=[])) is None
+
+
+def test_what_is_collected_of_a_run_is_there_before_the_run_and_goes_on_with_it(tmp_path: Path) -> None:
+    room = ("run", "room-v0", "--people", 4, "--physics", "dem", "--record", 0, "--out", tmp_path / "room")
+    assert command(*room, "--runs", 2)[0] == 0
+    assert sorted(path.name for path in (tmp_path / "room" / "crowding").iterdir()) == ["0.npz", "1.npz"]
+    (tmp_path / "room" / "runs" / "1.json").unlink()  # as if killed between the two files
+    assert command(*room, "--runs", 3)[0] == 0
+    (one,) = load_runs([tmp_path / "room"], place_of)
+    assert len(one.episodes) == len(one.crowding) == 3
+
+
+def test_a_damaged_file_of_crowding_leaves_the_report_the_others(folders: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "some"
+    shutil.copytree(folders / "nearest", copy)
+    (copy / "crowding" / "1.npz").write_bytes(b"no archive")
+    (one,) = load_runs([copy], place_of)
+    assert len(one.episodes) == 3 and len(one.crowding) == 2
 
 
 def test_worst_places_are_peaks_and_not_the_slopes_beside_them(folders: Path) -> None:

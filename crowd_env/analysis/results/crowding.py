@@ -1,0 +1,132 @@
+"""What is collected of evacuations while they run: where it is crowded and people press, how they stand in zones and queues."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowd_env.analysis.results.measurements import CELL, INJURY, Grid, Spread, grid_over
+from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.envs.crowd import CrowdEnv, Step
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.physics.pressure import contact_pressure
+
+SAMPLE = 0.5  # s  between two looks at who stands where; forces are looked at every decision
+HELD_UP = 0.5  # of the own desired speed: who is slower since the sample before, after the response time, is held up
+# Level of service of walkways by the area a person (Fruin 1971), as densities [1/m2] above which the next one begins.
+SERVICE = {"A, B": 0.0, "C": 1 / 2.32, "D": 1 / 1.39, "E": 1 / 0.93, "F": 1 / 0.46}
+
+
+class Crowding(NamedTuple):
+    """What was collected of one evacuation; forces of decisions with a step that the solver did not finish are left out."""
+
+    density: Floats  # (rows, columns)  1/m2  largest of any sample
+    pressure: Floats  # (rows, columns)  N/m  largest mean of a decision
+    service: Floats  # (L,)  s  that people spent at each of the `SERVICE` levels, added up
+    injured: float  # s  that people spent beyond `INJURY`, added up
+    zone_most: Ints  # (Z,)  most people at once in each region of the plan
+    zone_empty: Floats  # (Z,)  s  when it was empty for good; nan if it was not
+    queue: Ints  # (X,)  most people at once who were held up on the way to the exit that they took, by its name
+    wait: Floats  # (X,)  s  that each of them was held up, mean; nan if nobody took it
+    left_out: int  # decisions whose forces are left out
+
+
+class CrowdingRecorder:
+    """Collects the `Crowding` of every evacuation of a place: a `crowd_env.envs.rollout.Recorder`."""
+
+    def __init__(self, geometry: Geometry) -> None:
+        self.grid = grid_over(geometry)
+        self._spread = Spread(self.grid)
+        self._zones = zones_of(geometry, self.grid)
+        names = list(dict.fromkeys(geometry.exit_names))
+        self._exit_of_row = np.array([names.index(name) for name in geometry.exit_names], dtype=np.int64)
+
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
+        """Forget the batch before, and look at the first moment of this one."""
+        count, cells = env.num_envs, self.grid.shape[0] * self.grid.shape[1]
+        self._density, self._pressure = (np.zeros((count, cells), dtype=np.float32) for _ in range(2))
+        self._scratch = np.zeros(cells)
+        self._service, self._injured = np.zeros((count, len(SERVICE))), np.zeros(count)
+        self._zone_most = np.zeros((count, len(self._zones)), dtype=np.int64)
+        self._zone_last = np.zeros((count, len(self._zones)))
+        self._left_out, self._unconverged = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+        self._held: list[Bools] = []
+        self._every, self._decisions = max(round(SAMPLE / env.decision_dt), 1), 0
+        self._position = env.simulation.state.position.copy()
+        self._look(env, env.active)
+
+    def add(self, env: CrowdEnv, step: Step) -> None:
+        """Look at the forces of a decision and, where a sample is due, at who stands where."""
+        self._decisions += 1
+        simulation, inside = env.simulation, env.active | step.truncated
+        pressure = contact_pressure(simulation.results.impulse_magnitude, env.decision_dt, simulation.bodies.radius)
+        broken = simulation.diagnostics.unconverged - self._unconverged > 0
+        self._unconverged[:] = simulation.diagnostics.unconverged
+        self._left_out += broken
+        pressed = np.flatnonzero((inside | step.terminated) & (pressure > 0.0) & ~broken[env.env_of_person])
+        e, p = env.env_of_person[pressed], pressure[pressed]
+        place = self.grid.cell_of(simulation.state.position[pressed])[:, None] + self._spread.felt
+        np.maximum.at(self._pressure, (e[:, None], place), p[:, None].astype(np.float32))
+        self._injured += env.decision_dt * np.bincount(e, p > INJURY, minlength=env.num_envs)
+        if self._decisions % self._every == 0:
+            self._look(env, inside)
+
+    def _look(self, env: CrowdEnv, inside: Bools) -> None:
+        """Take a sample of who is where."""
+        state, bodies = env.simulation.state, env.simulation.bodies
+        duration = self._every * env.decision_dt
+        walked = np.hypot(*(state.position - self._position).T)
+        time = state.time[env.env_of_person]
+        starting = time - duration < bodies.response_time + 1e-9
+        self._held.append(inside & ~starting & (walked < HELD_UP * duration * env.simulation.history.local_speed))
+        self._position[:] = state.position
+        offset, cover = self._spread.near
+        for e in np.unique(env.env_of_person[inside]).tolist():
+            people = env.people(e)
+            at = self.grid.cell_of(state.position[people][inside[people]])
+            place = (at[:, None] + offset).ravel()
+            np.add.at(self._scratch, place, np.tile(cover, len(at)))
+            found = self._scratch[place]
+            self._density[e, place] = np.maximum(self._density[e, place], found)
+            level = np.searchsorted(list(SERVICE.values()), self._scratch[at], side="right") - 1
+            self._service[e] += duration * np.bincount(level, minlength=len(SERVICE))
+            self._scratch[place] = 0.0
+            count = self._zones[:, at].sum(axis=1)
+            self._zone_most[e] = np.maximum(self._zone_most[e], count)
+            self._zone_last[e][count > 0] = state.time[e] + duration
+
+    def record(self, env: CrowdEnv, e: int) -> Crowding:
+        """Return what was collected of the evacuation in environment ``e``, which has just ended."""
+        people, state = env.people(e), env.simulation.state
+        row, held = state.exit_index[people], np.array(self._held)[:, people]
+        taken = np.append(self._exit_of_row, -1)[row]
+        exits = range(int(self._exit_of_row.max(initial=-1)) + 1)
+        ways = [held[:, taken == k] for k in exits]
+        waits = [
+            self._every * env.decision_dt * float(way.sum(axis=0).mean()) if way.shape[1] else np.nan for way in ways
+        ]
+        stay = np.isnan(state.exit_time[people]).any() & (self._zone_last[e] >= state.time[e])
+        return Crowding(
+            density=self._density[e].reshape(self.grid.shape).copy(),
+            pressure=self._pressure[e].reshape(self.grid.shape).copy(),
+            service=self._service[e].copy(),
+            injured=float(self._injured[e]),
+            zone_most=self._zone_most[e].copy(),
+            zone_empty=np.where(stay, np.nan, self._zone_last[e]),
+            queue=np.array([int(way.sum(axis=1).max(initial=0)) for way in ways], dtype=np.int64),
+            wait=np.array(waits),
+            left_out=int(self._left_out[e]),
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy has, here or in another process: it begins with no evacuation under way."""
+        return {name: vars(self)[name] for name in ("grid", "_spread", "_zones", "_exit_of_row")}
+
+
+def zones_of(geometry: Geometry, grid: Grid) -> Bools:
+    """Return which cells (Z, cells) have their middle in each region of a plan."""
+    rows, columns = np.indices(grid.shape)
+    middles = np.asarray(grid.origin) + CELL * (np.stack([columns, rows], axis=-1).reshape(-1, 2) + 0.5)
+    return np.array([geometry.contains(middles, name) for name in geometry.regions], dtype=np.bool_).reshape(
+        len(geometry.regions), len(middles)
+    )

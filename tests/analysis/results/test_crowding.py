@@ -1,0 +1,119 @@
+"""What is collected while runs go on, against positions and by hand on tiny crowds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crowd_env import CrowdEnv, Population, make_scenario, record
+from crowd_env.analysis.results.crowding import SERVICE, CrowdingRecorder
+from crowd_env.analysis.results.measurements import CELL, INJURY
+from crowd_env.envs.rollout import Recorders, run_episodes
+from crowd_env.recording import RunRecorder
+
+
+def hall(starts, speed=1.0, **options):
+    """Return a hall of 20 m x 12 m, exits of 1 m in the middle of its short sides, with people where they are put."""
+    people = Population(len(starts), starts=starts, radius=0.2, mass=80.0, desired_speed=speed)
+    return make_scenario("two-exit-hall-v0", population=people, **options)
+
+
+def collected(place, steps=None, **options):
+    """Return what is collected of one run, of so many decisions or until its end."""
+    recorder = CrowdingRecorder(place.geometry)
+    if steps is None:
+        return run_episodes(place, 1, recorder=recorder, **options)[0].record
+    env = CrowdEnv(place, physics=options.get("scheme", "dem"))
+    env.reset(0)
+    recorder.begin(env, [0])
+    for _ in range(steps):
+        recorder.add(env, env.step())
+    return recorder.record(env, 0)
+
+
+def test_who_stands_alone_is_one_person_on_the_map_and_at_the_best_level():
+    found = collected(hall([(3.1, 2.3)], speed=0.0, time_limit=2.0), scheme="dem")
+    assert found.density.sum() * CELL**2 == pytest.approx(1.0)
+    assert not found.pressure.any() and found.injured == 0.0
+    assert found.service[0] == pytest.approx(2.5) and not found.service[1:].any()  # five samples of 0.5 s
+    assert found.zone_most.tolist() == [1] and np.isnan(found.zone_empty[0])  # the western half
+
+
+def test_levels_of_service_are_those_of_the_number_within_a_meter():
+    corner = [(4.0 + 0.5 * k, 4.0 + 0.5 * m) for k in range(2) for m in range(2)]  # 4 / pi = 1.27 /m2
+    found = collected(hall([*corner, (8.0, 8.0)], speed=0.0, time_limit=1.0), scheme="dem")
+    shares = dict(zip(SERVICE, found.service / found.service.sum(), strict=True))
+    assert shares["E"] == pytest.approx(0.8) and shares["A, B"] == pytest.approx(0.2)
+
+
+def test_who_walks_straight_out_has_not_queued_and_who_stands_before_a_closed_way_has():
+    free = collected(hall([(4.0, 6.0)]), scheme="dem", strategy="nearest")
+    assert free.queue.tolist() == [0, 0] and free.wait[0] == 0.0 and np.isnan(free.wait[1])
+    late = hall([(4.0, 6.0)])
+    late = make_scenario("two-exit-hall-v0", population=late.population.changed(response_time=3.0))
+    assert collected(late, scheme="dem", strategy="nearest").wait[0] == 0.0  # standing still on purpose is no queue
+
+
+def test_queues_are_those_of_recorded_positions():
+    place = replace(make_scenario("two-exit-hall-v0", people=30), manner="hurried")
+    seen = Recorders(crowding=CrowdingRecorder(place.geometry), recording=RunRecorder())
+    (episode,) = run_episodes(place, 1, recorder=seen, scheme="dem", strategy="nearest")
+    found, recording = episode.record["crowding"], episode.record["recording"]
+    where = np.full((len(recording.times), 30, 2), np.nan)
+    where[recording.frame, recording.person] = recording.position
+    time = recording.times
+    held = np.zeros((0, 30), dtype=bool)
+    for k in range(10, len(time), 5):  # in the first half second they speed up
+        moved = np.hypot(*(where[k] - where[k - 5]).T)
+        inside = ~(episode.exit_time <= time[k] + 1e-9)
+        held = np.vstack([held, inside & (moved < 0.5 * 0.5 * episode.desired_speed)])
+    west = episode.exit_index == 0
+    assert west.sum() > 15 and found.queue[0] > 3
+    assert found.queue[0] == held[:, west].sum(axis=1).max()
+    assert found.wait[0] == pytest.approx(0.5 * held[:, west].sum(axis=0).mean())
+
+
+@pytest.mark.parametrize("scheme", ["dem", "nsm2"])
+def test_pressures_are_those_of_the_recording_and_no_larger(scheme):
+    place = make_scenario("two-exit-hall-v0", people=30)
+    seen = Recorders(crowding=CrowdingRecorder(place.geometry), recording=RunRecorder())
+    (episode,) = run_episodes(place, 1, recorder=seen, scheme=scheme, strategy="nearest")
+    found, recording = episode.record["crowding"], episode.record["recording"]
+    assert found.left_out == 0
+    assert found.pressure.max() == pytest.approx(np.nanmax(recording.pressure), rel=1e-6)
+    beyond = (np.nan_to_num(recording.pressure) > INJURY).sum()
+    assert found.injured == pytest.approx(0.1 * beyond)
+
+
+def test_moments_that_a_solver_did_not_finish_are_left_out_and_counted():
+    place = hall([(0.3 + 0.41 * k, 4.8 + 0.41 * m) for k in range(5) for m in range(6)], time_limit=3.0)
+    found = {}
+    for sweeps in (1000, 2):
+        physics = {"name": "nsm2", "max_iterations": sweeps}
+        recorder = CrowdingRecorder(place.geometry)
+        (found[sweeps],) = run_episodes(place, 1, physics=physics, strategy="nearest", recorder=recorder)
+    whole, cut = found[1000], found[2]
+    assert whole.metrics.unconverged == whole.record.left_out == 0 and whole.record.pressure.any()
+    assert 0 < cut.record.left_out <= min(cut.metrics.unconverged, 30)
+    assert cut.record.left_out < 30 or not cut.record.pressure.any()
+
+
+def test_nothing_depends_on_the_batch():
+    place = make_scenario("two-exit-hall-v0", people=12)
+    alone, together = (
+        [
+            one.record
+            for one in run_episodes(place, 3, scheme="dem", recorder=CrowdingRecorder(place.geometry), at_once=k)
+        ]
+        for k in (1, 3)
+    )
+    for one, other in zip(alone, together, strict=True):
+        for a, b in zip(one, other, strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_recording_changes_nothing():
+    place = make_scenario("two-exit-hall-v0", people=12)
+    recording = record(place, scheme="dem", seed=0)
+    (episode,) = run_episodes(place, 1, scheme="dem", seed=0, recorder=CrowdingRecorder(place.geometry))
+    np.testing.assert_array_equal(recording.exit_time, episode.exit_time)
