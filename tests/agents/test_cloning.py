@@ -88,6 +88,20 @@ def test_the_same_seed_clones_the_same_network(monkeypatch):
     assert all((one == two).all() for one, two in zip(networks[0].weights, networks[1].weights, strict=True))
 
 
+@pytest.mark.more
+def test_nothing_is_learned_from_people_who_are_out(monkeypatch):
+    """Their observations are zeros, and what a rule makes of these is no example."""
+    monkeypatch.setattr(cloning, "ROUNDS", 1)
+    monkeypatch.setattr(cloning, "DECISIONS", 80)
+    env, learned, loss = small_env(action=SPEEDS), [], cloning._loss
+    monkeypatch.setattr(cloning, "_loss", lambda *given: learned.append(given[2]) or loss(*given))
+    out = []
+    monkeypatch.setattr(env, "step", lambda action, step=env.step: out.append(~env.active) or step(action))
+    cloning.clone(make_ppo(env, PPOSettings(n_steps=4), seed=0), make_policy("evolution"), seed=0)
+    assert np.mean(out) > 0.1 and len(learned) > 1
+    assert all((rows != 0.0).any(axis=1).all() for rows in learned)
+
+
 def test_rules_act_in_the_frame_of_the_path():
     env = small_env(action="continuous", frame="world")
     with pytest.raises(ValueError, match="'evolution' cannot be cloned: it acts in the frame 'path', not in 'world'"):

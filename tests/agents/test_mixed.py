@@ -30,6 +30,8 @@ def test_a_run_decides_who_has_learned_and_a_larger_share_adds_people():
     np.testing.assert_array_equal(learned_people(seeds[7:9], 50, 0.5), half[7:9])
     assert half.mean(axis=0).min() > 0.2 and half.mean(axis=0).max() < 0.8  # nobody is always, or never, among them
     assert learned_people([0], 4, 0.1).sum() == 1
+    # A share that does not divide the people: the nearest number of them.
+    assert [learned_people([0], 9, share).sum() for share in (0.3, 0.4, 0.5, 0.6)] == [3, 4, 4, 5]
 
 
 def test_the_same_people_learn_under_every_policy_and_the_others_follow_the_rule():

@@ -174,6 +174,14 @@ def test_open_gaps_are_counted_and_do_not_touch_the_plain_exponent():
 
 
 @needs_powerlaw
+def test_an_open_gap_that_is_shorter_than_the_tail_says_nothing_of_its_exponent():
+    closed = np.sort(np.concatenate([np.full(200, 0.1), pareto(3.0, 300, 7, x_min=2.0)]))
+    alone, short, both = (fit_tail(Gaps(closed, np.array(seen)))[0] for seen in ([50.0], [0.05], [0.05, 50.0]))
+    assert alone.x_min > 1.0 and np.isnan(short.alpha_open)
+    assert both.alpha_open == alone.alpha_open
+
+
+@needs_powerlaw
 def test_blocked_runs_are_never_called_free():
     found = clogging([run_of(pareto(3.0, 300, 7), until=1e4), run_of([1.0])])
     assert found.tail.alpha > 2 and "no clogged state" not in found.statement()

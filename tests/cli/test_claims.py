@@ -13,6 +13,7 @@ from crowd_env.cli import run as running
 from crowd_env.cli.agents import evaluate as evaluating
 from crowd_env.cli.agents import learn as learning
 from crowd_env.cli.main import app
+from crowd_env.core.files import store
 from crowd_env.core.files.store import claimed
 
 RUN = "run room-v0 --people 3 --runs 1 --physics dem"
@@ -40,6 +41,28 @@ def test_a_claim_falls_with_a_process_that_is_killed(tmp_path):
     with claimed(lock) as ours:
         assert ours
     assert not lock.exists()
+
+
+@looped("next_one", [True, False])
+def test_a_lock_on_a_file_that_its_owner_has_removed_is_none(tmp_path, monkeypatch, next_one):
+    """Its owner leaves, and perhaps another command comes, between our opening of the file and our locking of it."""
+    lock, real = tmp_path / f"{next_one}.lock", store._lock
+    others = []
+
+    def slow(file):
+        if not others:
+            lock.unlink()
+            others.append(lock.open("w") if next_one else None)
+            if next_one:
+                real(others[0])
+        real(file)
+
+    monkeypatch.setattr(store, "_lock", slow)
+    with claimed(lock) as ours:
+        assert ours is not next_one and lock.exists()
+        if ours:  # who comes later sees it
+            with claimed(lock) as too:
+                assert not too
 
 
 def test_a_claim_leaves_nothing_behind_but_what_was_written(tmp_path):
