@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, is_dataclass
+from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -179,6 +180,10 @@ def _divides(part: float, whole: float) -> bool:
     return abs(whole / part - round(whole / part)) < 1e-6 and whole > 0.5 * part
 
 
+def _controlled(who: Controller, scenario: Scenario, options: dict[str, Any], num_envs: int) -> Driver:
+    return ControllerDriver(who, scenario, num_envs=num_envs, **options)
+
+
 def driver_of(
     who: Policy | Controller, scenario: Scenario, *, learned_share: float | None = None, **options: Any
 ) -> Callable[[int], Driver]:
@@ -190,5 +195,5 @@ def driver_of(
     """
     if not isinstance(who, Policy):
         own = {name: value for name, value in options.items() if name not in ("strategy", "decision_dt", "rules")}
-        return lambda num_envs: ControllerDriver(who, scenario, num_envs=num_envs, **own)
+        return partial(_controlled, who, scenario, own)
     return policy_driver(who, scenario, learned_share=learned_share, **options)

@@ -18,7 +18,7 @@ from .. import POLICIES, PRETRAINED, make_policy
 from ..controllers import Controller
 from ..drivers import SAMPLE, driver_of, policy_driver
 from ..policy import Policy
-from ..rules import StrategyPolicy
+from ..rules import ShortestPath, StrategyPolicy
 from ..tasks.task import Task
 from ..trained import SAMPLED, LearnedPolicy, load_trained, names_file
 
@@ -33,16 +33,18 @@ class Entry:
     Parameters
     ----------
     name : what tables and files call it.
-    driver : takes a scenario, a scheme and a number of threads, and returns a maker of batches; that takes a number of
-        evacuations.
+    driver : takes a scenario, a scheme, a number of threads and further options of `CrowdEnv`, and returns a maker of batches;
+        that takes a number of evacuations.
     source : file of the network; None for a policy without one.
     manner : how people walk under a policy that says so itself; None = as the run says.
+    leads : whether it decides how people walk, and not only which way.
     """
 
     name: str
-    driver: Callable[[Scenario, str | ContactScheme, int], Callable[[int], Driver]]
+    driver: Callable[..., Callable[[int], Driver]]
     source: Path | None = None
     manner: Manner | None = None
+    leads: bool = True
 
 
 def make_entries(
@@ -162,12 +164,14 @@ def _policy_entry(policy: Policy, crowd: _Crowd, source: Path | None = None) -> 
     if learned_share is not None:
         _check_mixed(policy, "shortest" if task is None else task.rule)
 
-    def driver(scenario: Scenario, scheme: str | ContactScheme, threads: int) -> Callable[[int], Driver]:
+    def driver(scenario: Scenario, scheme: str | ContactScheme, threads: int, **more: Any) -> Callable[[int], Driver]:
         # Rules are off unless the policy says otherwise: all entries walk in the same scenario.
         options: dict[str, Any] = {"scheme": scheme, "rules": False, "decision_dt": SAMPLE, "threads": threads}
-        return policy_driver(policy, scenario, learned_share=learned_share, **options | _of_task(task, scheme))
+        return policy_driver(policy, scenario, learned_share=learned_share, **options | _of_task(task, scheme) | more)
 
-    return Entry(policy.name if source is None else source.stem, driver, source, policy.env_options.get("manner"))
+    leads = not isinstance(policy, StrategyPolicy | ShortestPath)
+    name = policy.name if source is None else source.stem
+    return Entry(name, driver, source, policy.env_options.get("manner"), leads)
 
 
 def _check_mixed(policy: Policy, rule: str) -> None:
@@ -225,7 +229,9 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
 def controller_entry(controller: Controller, task: Task | None = None) -> Entry:
     """Return the entry of a controller of ``crowd_env/Routing-v0``."""
 
-    def driver(scenario: Scenario, scheme: str | ContactScheme, threads: int) -> Callable[[int], Driver]:
-        return driver_of(controller, scenario, **{"scheme": scheme, "threads": threads, **_of_task(task, scheme)})
+    def driver(scenario: Scenario, scheme: str | ContactScheme, threads: int, **more: Any) -> Callable[[int], Driver]:
+        return driver_of(
+            controller, scenario, **{"scheme": scheme, "threads": threads, **_of_task(task, scheme), **more}
+        )
 
-    return Entry(controller.name, driver)
+    return Entry(controller.name, driver, leads=False)

@@ -79,4 +79,9 @@ _ROUTING = (
     "scenario's; where that says nothing the fastest of several exits."
 )
 RoutingName = Annotated[str | None, of_people(_ROUTING, names=("--routing",), among=STRATEGIES)]
+_POLICY = (
+    "Who decides how people walk: a policy by its name in crowd-env list, a network (.safetensors), or your own, "
+    "my_policy.py:MyPolicy. Without --crowd people keep the distance that it was trained with, else none."
+)
+PolicyName = Annotated[str | None, of_people(_POLICY, names=("--policy",))]
 TimeLimit = Annotated[float | None, of_runs("People who are inside after this many seconds are unfinished.")]

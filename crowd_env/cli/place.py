@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crowd_env.core.arrays.state import MOTIVATION
 from crowd_env.core.checks import flag, known
@@ -19,6 +19,9 @@ from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.starts import read_starts
 from crowd_env.scenarios.titles import with_manner
 
+if TYPE_CHECKING:
+    from crowd_env.cli.led import Led
+
 # Names of --set that change people, and what they change in a population.
 _DRAWN = {"speed": "desired_speed", **{name: name for name in (*DRAWN, *MOTIVATION) if name != "desired_speed"}}
 _RUNNING = 4.0  # m/s
@@ -31,6 +34,7 @@ class Setting(NamedTuple):
     place: Scenario
     scheme: ContactScheme
     options: dict[str, Any]  # of a rollout: dt, max_drive, strategy, rules
+    led: "Led | None" = None  # by a policy
 
 
 def place_of(given: Mapping[str, Any]) -> Setting:
@@ -66,7 +70,13 @@ def place_of(given: Mapping[str, Any]) -> Setting:
     options: dict[str, Any] = {"strategy": place.strategy_of_run(given.get("routing")), "dt": numbers.pop("dt", None)}
     options |= {name: numbers.pop(name) for name in ("max_drive",) if name in numbers}
     options["rules"] = flag("--set signs", _value(changes.get("signs", "yes")))
-    return Setting(place, replace(make_scheme(scheme, social), **numbers), options)
+    led = None
+    if given.get("policy") is not None:
+        from crowd_env.cli.led import led_by
+
+        led = led_by(given["policy"], place, given.get("crowd"))
+        place = led.place
+    return Setting(place, replace(make_scheme(scheme, social), **numbers), options, led)
 
 
 def read_place(

@@ -23,7 +23,7 @@ CURVES = "nt.png"
 
 # Options that decide the results: what a config keeps of a command line.
 _KEPT = (
-    *("scenario", "exit", "unit", "people", "starts", "crowd", "routing", "physics", "set"),
+    *("scenario", "exit", "unit", "people", "starts", "crowd", "routing", "policy", "physics", "set"),
     *("runs", "seed", "time_limit"),
 )
 

@@ -51,6 +51,7 @@ def run(
     starts: options.Starts = None,
     crowd: options.CrowdName = None,
     routing: options.RoutingName = None,
+    policy: options.PolicyName = None,
     physics: options.PhysicsName = "nsm2",
     set: options.Changes = None,
     runs: options.Runs = 50,
@@ -66,12 +67,14 @@ def run(
     """Evacuate a place many times and report how it went; keep the runs in a folder."""
     with friendly_errors():
         recorded = _recorded(record, runs, out)
-        place, scheme, way = place_of(context.params)
+        place, scheme, way, led = place_of(context.params)
         walk, start = place.longest_walk()
         if walk > place.time_limit:
             where = f"({start[0]:.1f}, {start[1]:.1f})"
             say(f"note: from {where} it takes up to {walk:.0f} s to walk out; the time limit is {place.time_limit:g} s")
         here = config_of(context.params, place, scheme, way)
+        if led is not None:
+            here["policy"] = led.facts
         folder, kept = (None, []) if out is None else open_folder(context, out, here)
         recorder = None
         if out is not None:
@@ -80,7 +83,7 @@ def run(
                 from crowd_env.recording import RunRecorder
                 from crowd_env.recording.formats import RECORDINGS
 
-                facts = {"rules": way["rules"]}
+                facts = {"rules": way["rules"], **({} if led is None else {"policy": led.name})}
                 path = out / RECORDINGS / ("run-0.sqlite" if len(recorded) == 1 else "run.sqlite")
                 seen["recording"] = RunRecorder(path, runs=recorded, contacts=contacts, seed=seed, facts=facts)
                 there = {one.run for one in kept if (out / RECORDINGS / f"run-{one.run}.sqlite").exists()}
@@ -98,9 +101,12 @@ def run(
             kept=kept,
             keep=None if folder is None else keep_in(folder),
             scheme=scheme,
+            **({} if led is None else {"driver": led.driver(scheme, **way)}),
             **way,
         )
         figures = report(place, scheme, done.episodes, dt=way["dt"], strategy=way["strategy"])
+        if led is not None:
+            figures["policy"] = led.name
         if done.stopped is not None:
             figures["interrupted_of"] = done.stopped.runs
         figures["doubts"] = doubts(figures)
@@ -110,6 +116,7 @@ def run(
     else:
         who = counted(figures["people"], "person", "people"), counted(figures["runs"], "run", "runs")
         title = run_title(place, scheme.info.name, people=who[0], runs=who[1])
+        title += "" if led is None else f", led by {led.name}"
         settings = f"seed {seed}, step {figures['dt']:g} s, {figures['strategy']}; {time.monotonic() - begin:.1f} s"
         show_table(title, {"": cells(place, figures)}, caption=settings)
         if figures["doubts"]:

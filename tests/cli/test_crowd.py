@@ -60,7 +60,7 @@ def test_a_file_says_how_people_walk_unless_the_command_does(place):
 
 def test_what_is_set_reaches_the_people_the_physics_and_the_routing():
     changes = ["speed=0.5", "radius=0.2,0.22", "dt=0.005", "max_drive=300", "max_iterations=40", "signs=no"]
-    place, scheme, options = place_of({"scenario": "floor-v0", "set": changes, "routing": "nearest"})
+    place, scheme, options, _ = place_of({"scenario": "floor-v0", "set": changes, "routing": "nearest"})
     people = place.population
     assert (people.desired_speed.low, people.desired_speed.high) == (0.5, 0.5)
     assert (people.radius.low, people.radius.high) == (0.2, 0.22)
@@ -71,7 +71,7 @@ def test_what_is_set_reaches_the_people_the_physics_and_the_routing():
 def test_a_law_of_ones_own_is_named_by_its_file(tmp_path):
     (tmp_path / "my_law_of_a_test.py").write_text(LAW)
     for name in ("MyLaw", "gentle"):
-        _, scheme, _ = place_of({"physics": f"{tmp_path}/my_law_of_a_test.py:{name}", "set": ["social=lin"]})
+        _, scheme, *_ = place_of({"physics": f"{tmp_path}/my_law_of_a_test.py:{name}", "set": ["social=lin"]})
         assert scheme.info.name.startswith("hertz") and scheme.social is not None
     for wrong, words in (("none.py:MyLaw", "there is no file"), ("my_law_of_a_test.py:Glue", "has no Glue")):
         with pytest.raises(ValueError, match=words):

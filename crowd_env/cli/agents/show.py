@@ -14,18 +14,21 @@ from crowd_env.agents.evaluation.entries import RULE, Entry, make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.tasks import TASKS, Task, make_task
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
-from crowd_env.cli.options import complete_from, of_output, plain
+from crowd_env.cli.led import Led
+from crowd_env.cli.options import Exits, PeopleCount, Unit, complete_from, of_output, plain
+from crowd_env.cli.place import read_place
 from crowd_env.cli.recorded import FilmFps, FilmSpeed, FilmWidth, film_file, size_of
 from crowd_env.core.checks import Range, whole
 from crowd_env.core.console import friendly_errors, progress_bar, say
 from crowd_env.envs.rollout import Driver
+from crowd_env.scenarios import SCENARIOS
 
 # Task -> a draw in which people who follow the rule block their way out for good; 0 where none is known.
 DRAWS: Mapping[str, int] = MappingProxyType({"competitive-door": 2})
 
-_TASK = f"What people have to do: {', '.join(TASKS)}."
+_TASK = f"What people have to do: {', '.join(TASKS)}; or a place: a scenario, its file, or a floor plan."
 _WHO = "Who are shown, from left to right; the names are those of `crowd-env evaluate`."
-_OF_TASK = "rule and what was learned for the task"
+_OF_TASK = "rule and what was learned for the task; of a place how people walk by themselves"
 _NAMES = (RULE, *POLICIES, *PRETRAINED)
 _BLOCKED = "one in which the rule blocks the door, or 0"
 
@@ -40,6 +43,9 @@ def main(
     policies: Annotated[
         list[str] | None, plain(_WHO, _OF_TASK, names=("--policies", "--policy"), among=_NAMES, metavar="POLICY ...")
     ] = None,
+    people: PeopleCount = None,
+    exit: Exits = None,
+    unit: Unit = None,
     seed: Annotated[int | None, plain("Which held-out draw of the people.", _BLOCKED)] = None,
     film: Annotated[Path | None, of_output("Where: .mp4 or .gif.", "TASK.mp4 here")] = None,
     film_width: FilmWidth = None,
@@ -53,15 +59,21 @@ def main(
     crowd-env show competitive-door
 
     crowd-env show competitive-door --policies rule follow competitive-door/ppo --seed 5 --film door.gif
+
+    crowd-env show examples/office.dxf --people 40 --policies fastest competitive-door/ppo
     """
     with friendly_errors():
-        chosen = make_task(task)
-        if seed is None:
-            seed = DRAWS.get(task, 0)
-        whole("--seed", seed, Range(0, HELD_OUT_SEED - 1))
-        place = chosen.place()
-        entries = make_entries(policies or _of_task(task), place, chosen)
-        path = film_file("--film", Path(task) if film is None else film, task)
+        seed = whole("--seed", DRAWS.get(task, 0) if seed is None else seed, Range(0, HELD_OUT_SEED - 1))
+        chosen = None if task not in TASKS and _is_place(task) else make_task(task)
+        name = task
+        if chosen is None:
+            place = read_place(task, exits=exit, unit=unit, people=people)
+            name = place.name
+            entries = make_entries(policies or [place.strategy_of_run()], place)
+        else:
+            place = chosen.place(people)
+            entries = make_entries(policies or _of_task(task), place, chosen)
+        path = film_file("--film", Path(name) if film is None else film, name)
 
         from crowd_env.agents.evaluation.side_by_side import RULE_AHEAD, record_beside, write_beside
 
@@ -78,6 +90,10 @@ def main(
         say(f"film: {size_of(path)}")
 
 
+def _is_place(name: str) -> bool:
+    return name in SCENARIOS or Path(name).exists()
+
+
 def _of_task(task: str) -> list[str]:
     """Return the rule and the first policy that is shipped for a task."""
     learned = [name for name in PRETRAINED if name.startswith(f"{task}/")]
@@ -86,5 +102,5 @@ def _of_task(task: str) -> list[str]:
     return [RULE, *learned[:1]]
 
 
-def _driver(entry: Entry, task: Task, place: Scenario) -> Callable[[int], Driver]:
-    return entry.driver(place, task.scheme, 1)
+def _driver(entry: Entry, task: Task | None, place: Scenario) -> Callable[[int], Driver]:
+    return Led.of(entry, place).driver("nsm2") if task is None else entry.driver(place, task.scheme, 1)

@@ -17,7 +17,7 @@ from crowd_env.rendering.words import told_apart
 from crowd_env.scenarios.scenario import Scenario
 
 # Returns the place and the contact scheme that the arguments of a config name, and more.
-PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme, Any]]
+PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme, Any, Any]]
 
 
 class Runs(NamedTuple):

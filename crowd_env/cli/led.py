@@ -1,0 +1,55 @@
+"""A crowd that a policy leads, in ``crowd-env run``."""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from crowd_env.agents.evaluation.entries import Entry, make_entries
+from crowd_env.agents.trained import load_trained
+from crowd_env.envs.rollout import Driver
+from crowd_env.physics import ContactScheme
+from crowd_env.scenarios.scenario import Scenario
+
+
+class Led(NamedTuple):
+    """Who leads, and where."""
+
+    entry: Entry
+    place: Scenario  # with people who walk as the policy was made for
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return self.entry.name
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """Its name and what identifies its network, ready for JSON."""
+        source = self.entry.source
+        digest = {} if source is None else {"sha256": hashlib.sha256(source.read_bytes()).hexdigest()}
+        return {"name": self.name, **digest}
+
+    def driver(self, scheme: str | ContactScheme, **way: Any) -> Callable[[int], Driver]:
+        """Return a maker of batches under a scheme; ``way`` holds the options of `CrowdEnv` that the run has."""
+        return self.entry.driver(self.place, scheme, 1, **way)
+
+    @classmethod
+    def of(cls, entry: Entry, place: Scenario) -> "Led":
+        """Return the crowd of a place whose people keep the distance that the policy was trained with, if any."""
+        if entry.leads:
+            trained = {} if entry.source is None else load_trained(entry.source).trained
+            place = replace(place, manner=trained.get("manner"))
+        return cls(entry, place)
+
+
+def led_by(policy: str, place: Scenario, crowd: str | None) -> Led:
+    """Return the crowd of a place under a policy; with a ``crowd`` its people walk as that says.
+
+    Raises
+    ------
+    ValueError
+        If the policy is unknown, or does not fit the place.
+    """
+    (entry,) = make_entries([policy], place)
+    return Led.of(entry, place) if crowd is None else Led(entry, place)
