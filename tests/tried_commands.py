@@ -22,6 +22,7 @@ from shown import Command
 from typer.testing import CliRunner
 
 import benchmarks.cli
+import validation.cli
 from benchmarks.measuring import Row
 from crowd_env.agents import benchmark
 from crowd_env.agents.evaluation import same_draws
@@ -160,6 +161,8 @@ def measure_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(benchmarks.cli.CASES, case, lambda effort: [Row("a, 5 people", "speed, 1/s", 2.0)])
     monkeypatch.setattr(benchmarks.cli, "write_table", lambda *words: None)
     monkeypatch.setattr(benchmarks.cli, "fill_pages", lambda: [])
+    monkeypatch.setattr(validation.cli, "make", lambda names, source: None)  # a map takes minutes
+    monkeypatch.setattr(validation.cli, "fill_pages", lambda: [])
 
 
 def run_shell(line: str) -> str:
