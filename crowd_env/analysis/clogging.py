@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike
 from crowd_env.analysis.figures import share
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.files.json_file import json_number
-from crowd_env.core.libraries import needed_for
 
 FEWEST_GAPS = 50  # with fewer there is no exponent
 FEWEST_IN_TAIL = 10
@@ -185,8 +184,6 @@ def clogging(
     ------
     ValueError
         If there is no run, or ``pause`` or ``blocked_after`` is not positive.
-    ModuleNotFoundError
-        If the fit is possible but powerlaw is not installed; the message says how to install it.
     """
     if not runs:
         raise ValueError("no runs; clogging statistics need at least one")
@@ -212,19 +209,16 @@ def clogging(
 
 
 def fit_tail(gaps: Gaps) -> tuple[Tail | None, str]:
-    """Return the power law that fits the tail of the closed gaps best, or None and the reason.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If powerlaw is not installed; the message says how to install it.
-    """
+    """Return the power law that fits the tail of the closed gaps best, or None and the reason."""
     closed = gaps.closed[gaps.closed > 0.0]
     if len(closed) < FEWEST_GAPS:
         return None, f"{len(closed)} gaps above 0 s, an exponent needs at least {FEWEST_GAPS}"
     if len(np.unique(closed)) < FEWEST_IN_TAIL:
         return None, f"the gaps have {len(np.unique(closed))} lengths, an exponent needs at least {FEWEST_IN_TAIL}"
-    powerlaw = powerlaw_library()
+    try:
+        import powerlaw  # brings scipy and matplotlib
+    except ModuleNotFoundError as error:
+        return None, f"it needs {error.name}, which is not installed: pip install {error.name}"
     # Left alone, powerlaw prints, draws a progress bar, and reports an exponent of 3 for every steeper tail.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -237,19 +231,6 @@ def fit_tail(gaps: Gaps) -> tuple[Tail | None, str]:
     error = float((alpha - 1.0) / np.sqrt(count))
     told = map(float, (law.D, other.Lambda, ratio, p, _alpha_of_censored(gaps, x_min)))
     return Tail(alpha, error, x_min, count, *told), ""
-
-
-def powerlaw_library() -> Any:
-    """Return the package powerlaw, loaded now: it brings scipy and matplotlib.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        If it or something it needs is not installed; the message says how to install it.
-    """
-    with needed_for("the exponent of the gaps", "powerlaw"):
-        import powerlaw
-    return powerlaw
 
 
 def _series(run: RunExits, per_exit: bool) -> list[Floats]:

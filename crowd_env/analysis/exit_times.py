@@ -1,6 +1,6 @@
 """Exit times in files, of an experiment or of a simulation, in one form.
 
-Columns ``run,time``: the run that an exit belongs to, and its time [s].  More may follow: ``exit``, the name of the exit taken,
+Column ``time`` [s].  More may be there: ``run``, that an exit belongs to, ``exit``, the name of the exit taken,
 and ``out``, 1 for someone who got out; a row with 0 says that watching the run ended at that time with people inside.  Where a
 column ``until`` holds that time, ``time`` is empty, and there may be such a row for each of them.
 """
@@ -25,13 +25,13 @@ def read_exits(path: str | Path) -> list[RunExits]:
     ValueError
         If the file cannot be read, lacks a column, or holds something that is no time >= 0; the file and row are named.
     """
-    table = read_table(path, "the exit times", ("run", "time"), "seconds", "an exit")
+    table = read_table(path, "the exit times", ("time",), "seconds", "an exit")
     times: dict[str, list[float]] = {}
     exits: dict[str, list[str]] = {}
     until: dict[str, float] = {}
     for row in table.rows:
         what = f"row {row.number}"
-        run = row.cells["run"]
+        run = row.cells.get("run", "0")
         until_then = row.cells.get("out") == "0" and not row.cells["time"] and bool(row.cells.get("until"))
         time = table.number(row, "until" if until_then else "time", what)
         if time < 0:

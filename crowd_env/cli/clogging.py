@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from crowd_env.analysis.clogging import Clogging, RunExits, clogging, powerlaw_library
+from crowd_env.analysis.clogging import Clogging, RunExits, clogging
 from crowd_env.analysis.exit_times import read_exits, write_gaps
 from crowd_env.analysis.figures import number, percent
 from crowd_env.analysis.results.folder import CONFIG, EXITS
@@ -16,11 +16,12 @@ from crowd_env.cli.console import show_table
 from crowd_env.cli.options import AsJson, plain
 from crowd_env.core.console import check_folder, friendly_errors, say
 from crowd_env.core.files.json_file import read_json
+from crowd_env.rendering.libraries import require_libraries
 
 _BLOCKED_AFTER = 120.0  # s, where the place does not say it
 _SOURCES = (
-    "Folder of crowd-env run --out, or CSV file of recorded exits, columns run,time (out = 0: watched until then with "
-    "people inside); several compare."
+    "Folder of crowd-env run --out, or CSV file of recorded exits, columns time and run, if there are several (out = 0: "
+    "watched until then with people inside); several compare."
 )
 
 EXAMPLES = """Examples:
@@ -47,7 +48,7 @@ def clog(
     with friendly_errors():
         if out is not None:
             check_folder("--out", out)
-        powerlaw_library()  # is missed now, not after the work
+            require_libraries(".png")
         names = [source.name for source in sources]
         sets, found = {}, {}
         for source, name in zip(sources, names, strict=True):

@@ -23,7 +23,9 @@ def report(
     ],
     out: Annotated[Path, of_output("Page to write, .html.", names=("--out", "-o"))] = Path("report.html"),
     title: Annotated[str | None, of_output("Title of the page; default the place.")] = None,
-    maps: Annotated[bool, of_output("Leave out the maps of recorded runs.", names=(" /--no-maps",))] = True,
+    maps: Annotated[
+        bool, of_output("Leave out the maps of recorded runs.", names=(" /--no-maps",), show_default=False)
+    ] = True,
     as_json: AsJson = False,
 ) -> None:
     """Make one web page to hand in: plan, people, assumptions, results with intervals, comparison, limits of validity.

@@ -61,7 +61,7 @@ def run(
     config: Annotated[Path | None, options.of_runs(_CONFIG, is_eager=True, callback=again)] = None,
     out: Annotated[Path | None, options.of_output(_OUT)] = None,
     record: Annotated[str | None, options.of_output(_RECORD, metavar="N|all")] = None,
-    contacts: Annotated[bool, options.of_output(_NO_CONTACTS, names=(" /--no-contacts",))] = True,
+    contacts: Annotated[bool, options.of_output(_NO_CONTACTS, names=(" /--no-contacts",), show_default=False)] = True,
     as_json: options.AsJson = False,
 ) -> None:
     """Evacuate a place many times and report how it went; keep the runs in a folder."""

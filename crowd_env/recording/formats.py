@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.atomic import check_suffix
+from crowd_env.core.files.foreign import require_file
 from crowd_env.core.libraries import needed_for
 from crowd_env.recording.foreign import read_text_trajectory
 from crowd_env.recording.hdf5 import Hdf5Writer, read_hdf5
@@ -83,6 +84,7 @@ def load(path: str | Path) -> Recording:
         part = part_of(path)
         hint = f"; {part} holds what was recorded before its run broke off" if part.exists() else ""
         raise ValueError(f"there is no recording {path}{hint}")
+    require_file(path)
     _require_library(path, "reading")
     try:
         return FORMATS[path.suffix.lower()].read(path)

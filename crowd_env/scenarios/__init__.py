@@ -78,7 +78,7 @@ def kind_of_place(scenario: str | Path) -> Literal["name", "file", "plan"]:
     Raises
     ------
     ValueError
-        If it is none of them; the message lists the known names.
+        If it is none of them; the message lists the known names.  Or if it is a pipe or a device.
     """
     if str(scenario) in SCENARIOS:
         return "name"

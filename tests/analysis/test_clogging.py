@@ -1,5 +1,6 @@
 """Clogging statistics: samples counted by hand, laws of known exponent, and a command that says what it could not see."""
 
+import json
 import sys
 
 import numpy as np
@@ -241,17 +242,22 @@ def test_the_fit_says_nothing(capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_missing_library_is_one_sentence(monkeypatch, tmp_path):
+def test_without_the_library_there_is_no_exponent_and_all_else(monkeypatch, tmp_path):
+    """A file of times alone, as people have them, and an installation without powerlaw."""
+    gaps = pareto(2.0, 100, 1)
+    (tmp_path / "a.csv").write_text("time\n" + "".join(f"{time}\n" for time in np.cumsum([1.0, *gaps])))
     monkeypatch.setitem(sys.modules, "powerlaw", None)
-    with pytest.raises(ModuleNotFoundError, match=r"powerlaw.*not installed: pip install powerlaw"):
-        fit_tail(Gaps(pareto(2.0, 100, 1), NONE))
-    result = CliRunner().invoke(app, ["clogging", "exits.csv"])
-    assert result.exit_code == 2 and result.stdout == ""
-    assert (
-        result.stderr.startswith("error: ")
-        and result.stderr.count("\n") == 1
-        and "pip install powerlaw" in result.stderr
-    )
+    tail, reason = fit_tail(Gaps(gaps, NONE))
+    assert tail is None and reason == "it needs powerlaw, which is not installed: pip install powerlaw"
+    result = CliRunner().invoke(app, ["clogging", str(tmp_path / "a.csv")])
+    assert result.exit_code == 0, result.stderr
+    rows = [line.split() for line in result.stdout.splitlines()]
+    assert ["gaps", "100"] in rows and ["exponent", "of", "the", "tail", "-"] in rows
+    assert f"no exponent: {reason}." in result.stdout
+    told = CliRunner().invoke(app, ["clogging", str(tmp_path / "a.csv"), "--json", "--out", str(tmp_path / "out")])
+    (found,) = json.loads(told.stdout)["sets"]
+    assert (found["runs"], found["tail"], found["gaps"]["count"]) == (1, None, 100) and found["bursts"]["count"] > 1
+    assert len((tmp_path / "out" / "gaps.csv").read_text().splitlines()) == 101
 
 
 # ------------------------------------------------------------------------------------------------------------ picture

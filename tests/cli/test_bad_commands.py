@@ -1,5 +1,6 @@
 """Mistakes at the command line, one table: each is one sentence with exit code 2, prints no result and writes nothing."""
 
+import os
 import shlex
 
 import pytest
@@ -25,6 +26,7 @@ CASES = [
     ("run theatre-v0 --people 1000000000", "1000000000"),
     ("run floor-v0 --people 400000", "people do not fit 'south-offices'"),
     ("run floor-v0 --people 1", "1 person for groups at least 1"),
+    ("run --set dt=1e-9", "decision_dt = 0.1 s 1e+08 physics steps 1e-09 100000"),
     ("run --set radius=wide", "--set radius=wide 0.2,0.25"),
     ("run --set radius=0.1,0.2,0.3", "--set 0.2,0.25"),
     ("run --set radius=0.3,0.2", "0.3 0.2 not be larger"),
@@ -282,6 +284,35 @@ def test_a_mistake_is_one_sentence(line, words, folder, monkeypatch):
 @looped(("line", "words"), [case for k, case in enumerate(CASES) if k % 8])
 def test_each_mistake_is_one_sentence(line, words, folder, monkeypatch):
     refused(line, words, folder, monkeypatch)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes with names")
+@looped(
+    "line",
+    [
+        *("run {}", "plan {}", "run room-v0 --people 5 --starts {}", "run --config {}", "clogging {}"),
+        *(
+            "evaluate --scenario {}",
+            "train --scenario {}",
+            "film {}.sqlite",
+            "replay {}.h5",
+            "run {}.dxf",
+            "run {}.toml",
+        ),
+    ],
+)
+def test_a_pipe_or_a_device_is_no_file(line, folder, monkeypatch):
+    """Whoever opened one would wait for ever, or read until there is no memory left."""
+    suffix = line.partition("{}")[2]
+    for name, make in (("pipe", os.mkfifo), ("zeros", lambda path: os.symlink("/dev/zero", path))):
+        if not os.path.lexists(folder / f"{name}{suffix}"):
+            make(folder / f"{name}{suffix}")
+        result = call(line.format(name), folder, monkeypatch)
+        assert (result.exit_code, result.stdout) == (2, ""), line
+        assert (
+            result.stderr
+            == f"error: {name}{suffix} is no regular file but a device or a pipe; copy what it holds into a file\n"
+        )
 
 
 @looped("line", USAGE)

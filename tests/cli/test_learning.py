@@ -4,11 +4,13 @@ import subprocess
 import sys
 
 import pytest
+import typer
 from cases import looped
 from commands import call
 from repository import ROOT
 
 from crowd_env.cli.agents import COMMANDS
+from crowd_env.cli.main import app
 
 
 def test_help_lists_them():
@@ -23,6 +25,13 @@ def test_each_tells_what_it_does(name):
     result = call(f"{name} --help")
     assert result.exit_code == 0, result.stderr
     assert f"{name} [OPTIONS]" in result.stdout
+
+
+def test_no_switch_that_leaves_something_out_has_a_default_that_reads_as_if_it_did_so_already():
+    group = typer.main.get_command(app)
+    for name in group.list_commands(context := typer.Context(group)):
+        for option in group.get_command(context, name).params:
+            assert not (getattr(option, "secondary_opts", ()) and option.show_default), (name, option.name)
 
 
 def test_a_mistake_is_told_as_everywhere():

@@ -51,6 +51,7 @@ def read_text(path: Path, what: str, read: str, kinds: Collection[str] = ()) -> 
     ValueError
         If the file cannot be read or is no text; the message says what it is if that is known.
     """
+    require_file(path)
     try:
         data = path.read_bytes()
     except OSError as error:

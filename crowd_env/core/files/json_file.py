@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from crowd_env.core.files.atomic import write_text
+from crowd_env.core.files.foreign import require_file
 
 
 def json_number(value: float) -> float | int | None:
@@ -34,6 +35,7 @@ def read_json(path: Path) -> Any:
     ValueError
         If the file is missing or is not JSON.
     """
+    require_file(path)
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:  # of the encoding, of JSON, of its depth
