@@ -217,8 +217,8 @@ def fit_tail(gaps: Gaps) -> tuple[Tail | None, str]:
         return None, f"the gaps have {len(np.unique(closed))} lengths, an exponent needs at least {FEWEST_IN_TAIL}"
     try:
         import powerlaw  # brings scipy and matplotlib
-    except ModuleNotFoundError as error:
-        return None, f"it needs {error.name}, which is not installed: pip install {error.name}"
+    except ModuleNotFoundError as missing:
+        return None, f"it needs {missing.name}, which is not installed: pip install {missing.name}"
     # Left alone, powerlaw prints, draws a progress bar, and reports an exponent of 3 for every steeper tail.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
