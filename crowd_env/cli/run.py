@@ -122,13 +122,14 @@ def run(
         if figures["doubts"]:
             Console(highlight=False).print(f"[yellow]check:[/] {escape(figures['doubts'])}", soft_wrap=True)
     with friendly_errors():
-        if folder is not None:
-            write_results(folder, place, run_title(place, scheme.info.name), figures, done.episodes)
-        for number, records in sorted(done.records.items()):
-            record = records["recording"]
+        recordings = {number: records["recording"] for number, records in sorted(done.records.items())}
+        for number, record in recordings.items():
             if isinstance(record, OSError):
                 say(f"note: run {number} is not recorded: {record}", "yellow")
-            else:
+        if folder is not None:
+            write_results(folder, place, run_title(place, scheme.info.name), figures, done.episodes)
+        for record in recordings.values():
+            if not isinstance(record, OSError):
                 say(f"recording: {record}")
         if done.stopped is not None:
             said = f"{done.stopped}; the figures are of these, and lean to short evacuations"

@@ -19,7 +19,7 @@ import numpy as np
 from crowd_env.core.files.atomic import written
 from crowd_env.recording.foreign import recording_of_positions
 from crowd_env.recording.recording import OF_PEOPLE, FrameContacts, Recording
-from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing, part_of, recording_of
+from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing, part_of, recording_of, remove_part
 
 _NUMBERS = ("x", "y", "z", "ox", "oy", "vx", "vy", "pressure")
 _ROW = [("frame", "<i4"), ("id", "<i4"), *((name, "<f8") for name in _NUMBERS)]
@@ -36,7 +36,7 @@ class Hdf5Writer:
         import h5py
 
         self._path, self._part, self._facts = path, part_of(path), first.facts
-        self._part.unlink(missing_ok=True)
+        remove_part(path)
         with _named(self._part):
             self._file = h5py.File(self._part, "w", libver="latest")  # also lets a plan be longer than 64 kB
         with _named(self._part, self._file):

@@ -16,7 +16,7 @@ from crowd_env.envs.rollout import Driver, rollout
 from crowd_env.recording.formats import check_writable, open_writer
 from crowd_env.recording.frames import FrameSampler, facts_of
 from crowd_env.recording.recording import Recording, joined
-from crowd_env.recording.writer import Writer, plain
+from crowd_env.recording.writer import Writer, plain, remove_part
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario
 
@@ -111,6 +111,7 @@ class RunRecorder:
         self.seed, self.facts = seed, dict(facts or {})
         self._running: dict[int, RunningRecording] = {}
         self._finished: dict[int, Any] = {}
+        self._numbers: Sequence[int] = ()  # of the runs of the batch
 
     def path_of(self, run: int) -> Path | None:
         """Return where a run is written."""
@@ -122,7 +123,7 @@ class RunRecorder:
         """Begin the recordings of a batch with its first moment."""
         for running in self._running.values():  # of a batch that broke off
             running.sampler.stop()
-        self._running, self._finished = {}, {}
+        self._running, self._finished, self._numbers = {}, {}, runs
         every = 1 if self.every is None else parts_of("every", self.every, "decisions", env.decision_dt)
         longest = float(env.time_limit.max())
         if self.every is not None and self.every > longest:
@@ -139,7 +140,7 @@ class RunRecorder:
                     self._running[e] = RunningRecording(self.path_of(run), sampler, first)
                 except OSError as error:
                     sampler.stop()
-                    self._finished[e] = error
+                    self._drop(e, error)
 
     def add(self, env: CrowdEnv, step: Step) -> None:
         """Record the moment after a step, and finish the recordings of evacuations that ended in it."""
@@ -152,9 +153,15 @@ class RunRecorder:
                     self._finished[e] = running.finish(_end_of(env, e, step))
             except OSError as error:
                 running.abandon()
-                self._finished[e] = error
+                self._drop(e, error)
             if e in self._finished:
                 del self._running[e]
+
+    def _drop(self, e: int, error: OSError) -> None:
+        """Give up a recording, and the room that it takes: others, and the tables of results, may need it."""
+        path, self._finished[e] = self.path_of(self._numbers[e]), error
+        if path is not None:
+            remove_part(path)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy has, here or in another process: it begins with no evacuation under way."""

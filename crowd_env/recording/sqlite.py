@@ -18,7 +18,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.recording.foreign import recording_of_positions
 from crowd_env.recording.recording import OF_PEOPLE, FrameContacts, Recording
-from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing, part_of, recording_of
+from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing, part_of, recording_of, remove_part
 
 # What JuPedSim and PedPy read.
 _JUPEDSIM = """
@@ -60,8 +60,7 @@ class SqliteWriter:
         facts = {**first.facts, **{name: getattr(first, name) for name in PLACE if name != "exits"}}
         people = zip(first.radius.tolist(), first.desired_speed.tolist(), first.group.tolist(), strict=True)
         with _named(self._part):
-            self._part.unlink(missing_ok=True)
-            self._part.with_name(f"{self._part.name}-journal").unlink(missing_ok=True)
+            remove_part(path)
             self._file = sqlite3.connect(self._part, isolation_level=None, check_same_thread=False)
             # The journal is there for a process that dies, not for the machine.
             self._file.execute("PRAGMA synchronous = OFF")

@@ -31,6 +31,13 @@ def part_of(path: Path) -> Path:
     return path.with_name(f"{path.stem}.part{path.suffix}")
 
 
+def remove_part(path: Path) -> None:
+    """Remove what there is of a recording that is not finished, and the journal that SQLite has left beside it."""
+    part = part_of(path)
+    for name in (part.name, f"{part.name}-journal"):
+        part.with_name(name).unlink(missing_ok=True)
+
+
 def plain(value: Any) -> Any:
     """Return data as they come back from JSON."""
     return json.loads(as_json(value))

@@ -46,12 +46,19 @@ def test_a_full_disk_loses_recordings_alone(tmp_path, monkeypatch):
     def full(self, part):
         raise OSError("cannot write it: disk is full")
 
+    def fails(*args):
+        raise OSError("this one too")
+
     monkeypatch.setattr("crowd_env.recording.sqlite.SqliteWriter.append", full)
     told = call(f"{RUN} --runs 3 --json --out {tmp_path} --record 2")
     assert told.exit_code == 0 and json.loads(told.stdout) == figures(f"{RUN} --runs 3")
     assert len(list((tmp_path / "runs").iterdir())) == 3
     for run in range(2):
         assert f"note: run {run} is not recorded: cannot write it: disk is full\n" in told.stderr
+    monkeypatch.setattr(running, "write_results", fails)
+    told = call(f"{RUN} --runs 3 --json --out {tmp_path} --record 2")
+    assert told.exit_code == 2 and json.loads(told.stdout) and told.stderr.count("is not recorded: ") == 2
+    assert told.stderr.endswith("error: this one too\n")
 
 
 @looped(

@@ -102,13 +102,12 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(suffix, limit, at, tmp_p
     command = [sys.executable, "-c", FULL, str(path), str(limit), at]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(command, cwd=ROOT, check=False, env=environment, capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "") and not path.exists()
+    assert (done.returncode, done.stderr) == (0, "")
     expected = next(rollout(make_scenario(SCENARIO), 1, seed=3, scheme="dem"))
     end, error = done.stdout.splitlines()
     assert end == f"{expected.end} {expected.exit_time.sum()}"
     assert error.startswith(f"OSError cannot write {path.parent}")
-    if limit > 100_000:
-        assert len(load(part_of(path)).times) > 10
+    assert not list(path.parent.iterdir())  # there is room for others
 
 
 @pytest.mark.parametrize("suffix", WRITTEN)
