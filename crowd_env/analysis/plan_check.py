@@ -14,7 +14,7 @@ from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import counted
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import closed_off, stuck_bodies
-from crowd_env.geometry.placement import CLOSEST_PACKING
+from crowd_env.geometry.placement import room_for
 from crowd_env.routing.fields.grid import nearest_nodes
 from crowd_env.scenarios.groups import People
 from crowd_env.scenarios.scenario import Scenario
@@ -54,7 +54,7 @@ class PlanCheck:
     free_area
         m^2, where the center of the smallest body may be.
     capacity
-        How many bodies of the middle size fit where people start, packed as closely as can be.
+        How many of the largest bodies stand where people start, on a regular lattice: what `run` has room for.
     start_area
         m^2, of the regions in which people start; of all if they start anywhere.
     remarks
@@ -114,7 +114,6 @@ def check_plan(
     group = np.repeat(np.arange(len(people.parts)), [part.people for part in people.parts])
     regions = tuple(dict.fromkeys(part.start_region for part in people.parts if part.starts is None))
     start_area = geometry.area if None in regions or not regions else sum(geometry.area_of(r) for r in regions)
-    middle = 0.5 * room * (least + people.radius.high)
     widths = geometry.exit_widths
     lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.exits, least) if widths else ())]
     passages = narrowest_passages(geometry, terrain, _starts(terrain, people, geometry, position)) if widths else {}
@@ -133,7 +132,7 @@ def check_plan(
         passages=passages,
         unreached=tuple((part, float(part.area)) for part in lost),
         free_area=float(terrain.free(least).sum()) * terrain.spacing**2,
-        capacity=int(CLOSEST_PACKING * start_area / (np.pi * middle**2)),
+        capacity=sum(room_for(geometry, room * people.radius.high, region) for region in regions or (None,)),
         start_area=start_area,
         remarks=tuple(remarks),
     )
@@ -264,7 +263,7 @@ def cells(check: PlanCheck) -> dict[str, str]:
         "doors": _rows(list(geometry.doors)),
         "no exit reaches": _rows(lost),
         "people": f"{counted(check.people.people, 'person', 'people')}, bodies {body_width(check)} wide",
-        "room for": f"at most {check.capacity} people on the {check.start_area:.1f} m2 where they start",
+        "room for": f"about {check.capacity} people on the {check.start_area:.1f} m2 where they start",
         "  centers of bodies": f"{check.free_area:.1f} m2",
         "check": _rows(check.remarks),
     }

@@ -5,7 +5,7 @@ All segments are oriented with the walkable area to their LEFT, so the outward n
 
 import warnings
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -199,6 +199,16 @@ class Geometry:
     def from_wkt(cls, text: str, **others: Any) -> "Geometry":
         """Return the geometry whose walkable area is the WKT ``text``; the ``others`` are those of `from_polygon`."""
         return cls.from_polygon(require_text("walkable area", text, "well-known text (WKT)"), **others)
+
+    def with_regions(self, regions: Mapping[str, Shape]) -> "Geometry":
+        """Return the geometry with these regions in place of its own.
+
+        Raises
+        ------
+        ValueError
+            If one is malformed, has the name of an exit, or nothing of it can be walked on.
+        """
+        return replace(self, regions=_regions(self.walkable, self.left_out, regions, self.exit_names))
 
     def walls_when(self, closed: Collection[str] = ()) -> tuple[Floats, Bools]:
         """Return the walls (W, 2, 2) and which are two-sided (W,) while these doors are closed and all others open."""

@@ -176,22 +176,40 @@ def _accept(
     return done
 
 
+def room_for(geometry: Geometry, radius: float, region: str | None = None) -> int:
+    """Return how many bodies of ``radius`` [m] stand on a hexagonal lattice, where people stand who are too many for chance."""
+    return len(_lattice(geometry, radius, (0.0, 0.0), region, None))
+
+
+def _lattice(
+    geometry: Geometry, radius: float, offset: tuple[float, float], region: str | None, standing: Standing | None
+) -> Floats:
+    """Return the points (K, 2) of a hexagonal lattice on which discs of ``radius`` [m] fit, moved by ``offset`` (2,) [m]."""
+    low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
+    step, height = _steps(radius)
+    x, y = np.meshgrid(
+        np.arange(low_x + radius + offset[0], high_x, step), np.arange(low_y + radius + offset[1], high_y, height)
+    )
+    x[1::2] += 0.5 * step
+    points = np.column_stack([x.ravel(), y.ravel()])
+    return points[_usable(geometry, points, region, standing) >= radius - 1e-12]
+
+
+def _steps(radius: float) -> tuple[float, float]:
+    """Return how far discs of ``radius`` are apart in a row of the lattice, and how far its rows."""
+    step = 2.0 * radius * (1.0 + 1e-9)
+    return step, step * float(np.sqrt(0.75))
+
+
 def _place_on_lattice(
     geometry: Geometry, radius: Floats, rng: np.random.Generator, region: str | None, standing: Standing | None
 ) -> Floats:
-    low_x, low_y, high_x, high_y = geometry.bounds if region is None else geometry.regions[region].bounds
-    step = 2.0 * float(radius.max()) * (1.0 + 1e-9)
-    height = step * np.sqrt(0.75)
+    widest = float(radius.max())
+    step, height = _steps(widest)
     shift = rng.uniform(0.0, 1.0, 2) * (step, height)
     most = 0
     for offset in ((0.0, 0.0), tuple(shift)):  # flush with the walls first: nothing holds more
-        x, y = np.meshgrid(
-            np.arange(low_x + radius.max() + offset[0], high_x, step),
-            np.arange(low_y + radius.max() + offset[1], high_y, height),
-        )
-        x[1::2] += 0.5 * step
-        points = np.column_stack([x.ravel(), y.ravel()])
-        points = points[_usable(geometry, points, region, standing) >= radius.max() - 1e-12]
+        points = _lattice(geometry, widest, offset, region, standing)
         most = max(most, len(points))
         if len(points) >= len(radius):
             return points[rng.permutation(len(points))[: len(radius)]]

@@ -6,12 +6,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 
-from crowd_env.core.checks import texts
+from crowd_env.core.checks import counted, texts
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.parsing import SLIVER, Area
+from crowd_env.geometry.placement import room_for
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios.groups import Groups, People, as_people
-from crowd_env.scenarios.plans.floor_plan import FloorPlan
+from crowd_env.scenarios.plans.floor_plan import FloorPlan, listed
 from crowd_env.scenarios.plans.reading import read_plan
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
@@ -88,14 +91,28 @@ def scenario_on(plan: FloorPlan, population: People, *, time_limit: float | None
     if not plan.exits:
         raise ValueError(f"{path}: a floor plan needs at least one exit, for example --exit 5,2,5,3")
     try:
-        geometry = Geometry.from_polygon(
-            plan.walkable, exits=plan.exits, regions=plan.regions, narrowest=population.radius.low
-        )
+        geometry = Geometry.from_polygon(plan.walkable, exits=plan.exits, narrowest=population.radius.low)
+        geometry = geometry.with_regions(_reached(geometry, plan))
         limit = 1.0 if time_limit is None else time_limit
         place = Scenario(plan.name, geometry, population, limit, title=plan.title, **options)
         return place.with_enough_time() if time_limit is None else place
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _reached(geometry: Geometry, plan: FloorPlan) -> dict[str, Area]:
+    """Return the regions of which an exit can be reached, and those in which people start, which have to be."""
+    reached = {
+        name: shape
+        for name, shape in plan.regions.items()
+        if name in plan.starts or shapely.intersection(geometry.walkable, shape).area > SLIVER
+    }
+    if len(reached) < len(plan.regions):
+        lost = [name for name in plan.regions if name not in reached]
+        warnings.warn(
+            f"left out: {counted(len(lost), 'region', 'regions')} that no exit reaches, {listed(lost)}", stacklevel=4
+        )
+    return reached
 
 
 def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> People:
@@ -109,16 +126,38 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
     if fields.get("starts") is not None or not plan.starts:
         return Population(**{"people": PEOPLE if people is None else people, **fields})
     areas = {name: float(plan.regions[name].intersection(plan.walkable).area) for name in plan.starts}
-    room = {name: max(1, int(_CROWDED * area)) for name, area in areas.items()}
-    said = {name: many for name, many in plan.starts.items() if many is not None}
-    if len(said) == len(areas) and all(many <= room[name] for name, many in said.items()):
+    most = _room(plan, Population(**{"people": 1, **fields}).radius.high)
+    room = {name: min(max(1, int(_CROWDED * area)), most.get(name, 1)) for name, area in areas.items()}
+    small = [name for name, many in room.items() if not many]
+    if small and len(small) < len(room):
+        narrow = counted(len(small), "start area", "start areas")
+        warnings.warn(f"left out: {narrow} that bodies do not fit into, {listed(small)}", stacklevel=2)
+        room = {name: many for name, many in room.items() if many}
+    said = {name: many for name in room if (many := plan.starts[name]) is not None}
+    if len(said) == len(room) and all(many <= room[name] for name, many in said.items()):
         shares, usual = said, sum(said.values())
     else:
-        shares = {name: max(1, round(1000.0 * area / sum(areas.values()))) for name, area in areas.items()}
-        usual = max(min(PEOPLE, sum(room.values())), len(areas))
-        if people is None and (said or usual < PEOPLE):
-            wanted = f"the file says {sum(said.values())} people" if said else f"{PEOPLE} people may not fit"
-            warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --people decides", stacklevel=2)
+        shares = {name: max(1, round(1000.0 * areas[name] / sum(areas.values()))) for name in room}
+        usual = max(min(PEOPLE, sum(room.values())), len(room))
+        if people is None:
+            shares = {name: max(1, many) for name, many in room.items()}
+            if said or usual < PEOPLE:
+                wanted = f"the file says {sum(said.values())} people" if said else f"{PEOPLE} people may not fit"
+                warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --people decides", stacklevel=2)
     parts = [Population(**{**fields, "people": share, "start_region": name}) for name, share in shares.items()]
     crowd: People = parts[0] if len(parts) == 1 else Groups(tuple(parts))
     return crowd.changed(people=usual if people is None else people)
+
+
+def _room(plan: FloorPlan, radius: float) -> dict[str, int]:
+    """Return how many bodies of ``radius`` [m] stand in each start area; none if what is drawn makes no place."""
+    areas = [shape for shape in plan.exits.values() if "Polygon" in shape.geom_type]
+    starts = {name: plan.regions[name] for name in plan.starts}
+    try:
+        with warnings.catch_warnings():  # what it has to say is said where the plan becomes a place
+            warnings.simplefilter("ignore")
+            inside = shapely.difference(plan.walkable, shapely.union_all(areas))
+            closed = Geometry.from_polygon(inside, regions=starts)
+    except (ValueError, shapely.errors.ShapelyError):
+        return {}
+    return {name: room_for(closed, radius, name) for name in starts}

@@ -17,7 +17,7 @@ from crowd_env.geometry.parsing import parse_exit, read_area
 from crowd_env.scenarios.plans.dxf import read_dxf
 from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, listed
 from crowd_env.scenarios.plans.geojson import is_geojson, level_name, read_geojson
-from crowd_env.scenarios.plans.tidying import regions_in, simplified, tidied, without_obstacles
+from crowd_env.scenarios.plans.tidying import apart, regions_in, simplified, tidied, without_obstacles
 from crowd_env.scenarios.plans.units import judge_unit, unit_in_meters
 from crowd_env.scenarios.plans.vadere import is_vadere, read_vadere
 from crowd_env.scenarios.plans.wkt import read_jupedsim_sqlite, read_wkt
@@ -204,8 +204,8 @@ def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
         walkable = read_area(_collected(simplified(_scaled(drawing.walkable, meters), notes), notes), "walkable area")
         walkable = without_obstacles(walkable, simplified(_scaled(drawing.obstacles, meters), notes), notes)
         regions = regions_in(walkable, _named(drawing.regions, meters), notes)
+        exits = apart(_named(drawing.exits, meters), notes)
     notes += [str(warning.message) for warning in said if issubclass(warning.category, UserWarning)]
-    exits = _named(drawing.exits, meters)
     own = {name: f"{name} (area)" if name in exits else name for name in regions}  # no region has the name of an exit
     starts = {own[name]: people for name, people in drawing.starts.items() if name in regions}
     regions = {own[name]: shape for name, shape in regions.items()}

@@ -20,10 +20,13 @@ _AWAY = 0.005  # m; ... and those that lie nearer than this to the line of their
 _MOST = 20_000  # corners; the ways out take seconds to find for every ten thousand, and more in large plans
 
 
-def tidied(shapes: Sequence[BaseGeometry], what: str, notes: list[str], thinnest: float = _THIN) -> list[BaseGeometry]:
+def tidied(
+    shapes: Sequence[BaseGeometry], what: str, notes: list[str], thinnest: float = _THIN, *, crossing: bool = False
+) -> list[BaseGeometry]:
     """Return the parts of ``shapes`` [m] without slivers; outlines that only touch themselves are made valid.
 
-    What else is wrong with them stays for those who read them.
+    So are those that cross themselves, if they may be ``crossing``: each loop is an area of its own.  What else is wrong with
+    them stays for those who read them.
     """
     parts = [one for shape in shapes for one in flat_parts(shape)]
     kept, slivers, mended = [], [], []
@@ -35,10 +38,12 @@ def tidied(shapes: Sequence[BaseGeometry], what: str, notes: list[str], thinnest
         elif part.is_valid:
             kept.append(part)
         else:
-            valid = _mended(part)
+            valid = _mended(part, crossing)
             kept += valid or [part]
             mended += [part] if valid else []
     themselves = ("outline that runs along itself", "outlines that run along themselves")
+    if crossing:
+        themselves = ("outline that meets itself", "outlines that meet themselves")
     for found, said, words in ((slivers, "left out", ("sliver", "slivers")), (mended, "mended", themselves)):
         if found:
             at = place(shapely.get_coordinates(found[0])[0])
@@ -83,9 +88,9 @@ def without_obstacles(walkable: Area, obstacles: Sequence[BaseGeometry], notes: 
     Raises
     ------
     ValueError
-        If an obstacle crosses itself, or nothing is left to walk on.
+        If nothing is left to walk on.
     """
-    parts = _walls(tidied(obstacles, "obstacles", notes, thinnest=0.0), notes)
+    parts = _walls(tidied(obstacles, "obstacles", notes, thinnest=0.0, crossing=True), notes)
     holes = [read_area(part, f"obstacle {k}") for k, part in enumerate(parts) if _is_area(part)]
     if not holes:
         return walkable
@@ -114,6 +119,28 @@ def _walls(parts: Sequence[BaseGeometry], notes: list[str]) -> list[BaseGeometry
     if points:
         notes.append(f"left out: {points} {'obstacle that is a point' if points == 1 else 'obstacles that are points'}")
     return [*areas, *(shapely.buffer(line, 0.5 * _WALL, cap_style="square", join_style="mitre") for line in lines)]
+
+
+def apart(exits: Mapping[str, BaseGeometry], notes: list[str]) -> dict[str, BaseGeometry]:
+    """Return the exits [m] such that no areas of them overlap: what two have in common is left to the one that comes first."""
+    found: dict[str, BaseGeometry] = {}
+    for name, shape in exits.items():
+        others = [other for other in found if _is_valid_area(found[other])] if _is_valid_area(shape) else []
+        for other in others:
+            common = shapely.intersection(shape, found[other])
+            if common.area > _NOTHING:
+                shape = shapely.difference(shape, found[other])
+                at = place(shapely.get_coordinates(common.representative_point())[0])
+                notes.append(
+                    f"exits {other!r} and {name!r} overlap at {at}: what they have in common is left to {other!r}"
+                )
+        if not others or shape.area > _NOTHING:
+            found[name] = shape
+    return found
+
+
+def _is_valid_area(shape: BaseGeometry) -> bool:
+    return shape.geom_type in ("Polygon", "MultiPolygon") and shape.is_valid
 
 
 def regions_in(walkable: Area, regions: Mapping[str, BaseGeometry], notes: list[str]) -> dict[str, Area]:
@@ -150,8 +177,8 @@ def _is_area(part: BaseGeometry) -> bool:
     return part.geom_type == "Polygon" and not part.is_empty and not (part.is_valid and part.area <= _NOTHING)
 
 
-def _mended(part: Polygon) -> list[Polygon]:
-    """Return a polygon whose outline touches or runs back along itself as valid ones; none if it crosses itself."""
+def _mended(part: Polygon, crossing: bool) -> list[Polygon]:
+    """Return a polygon whose outline touches or runs back along itself as valid ones; none if it may not cross itself."""
     valid = [one for one in flat_parts(shapely.make_valid(part)) if one.geom_type == "Polygon"]
     total = sum(one.area for one in valid)
-    return valid if abs(total - part.area) <= _SAME * total else []
+    return valid if crossing or abs(total - part.area) <= _SAME * total else []

@@ -2,13 +2,16 @@
 
 import json
 import sqlite3
+import warnings
 
+import numpy as np
 import pytest
 import shapely
 from cases import looped
 from plan_files import EAST, ROOM, room_drawing
 
 from crowd_env import CrowdEnv, make_scenario
+from crowd_env.scenarios.floor_plan import people_on
 from crowd_env.scenarios.plans.reading import is_plan, read_plan
 
 
@@ -188,6 +191,62 @@ def test_sources_that_let_in_more_than_there_is_room_for_are_told(tmp_path):
     with pytest.warns(UserWarning, match="one after the other"), said:
         place = make_scenario(path)
     assert place.population.people == 5
+
+
+def target(number, x, y, width, height, **more):
+    return {"id": number, "shape": {"type": "RECTANGLE", "x": x, "y": y, "width": width, "height": height}, **more}
+
+
+def wall(*points):
+    return {"id": 9, "shape": {"type": "POLYGON", "points": [{"x": x, "y": y} for x, y in points]}}
+
+
+def test_an_obstacle_that_crosses_itself_is_mended(tmp_path):
+    path = vadere(tmp_path / "room.scenario", obstacles=[wall((2, 2), (4, 4), (4, 2), (2, 4))])
+    plan = read_plan(path)
+    assert plan.walkable.area == pytest.approx(48.0 - 2.0)
+    assert [note.split(",")[0] for note in plan.notes] == ["obstacles: mended 1 outline that meets itself"]
+
+
+def test_of_targets_that_overlap_the_first_has_what_they_share(tmp_path):
+    corner = [target(3, 7.5, 0.5, 1, 2), target(4, 6, 0.5, 2, 1), target(5, 8, 1, 0.5, 0.5)]
+    plan = read_plan(vadere(tmp_path / "room.scenario", targets=corner))
+    assert {name: shape.area for name, shape in plan.exits.items()} == pytest.approx({"target-3": 2.0, "target-4": 1.5})
+    assert len(plan.notes) == 2 and all("overlap at" in note for note in plan.notes)
+    assert make_scenario(plan.path).exits == ("target-3", "target-4")
+
+
+def test_a_target_that_no_exit_reaches_is_left_out(tmp_path):
+    closet = [{"id": 1, "shape": {"type": "RECTANGLE", "x": 3, "y": 0.5, "width": 0.5, "height": 6}}]
+    targets = [
+        target(3, 7.5, 2.5, 1, 1),
+        target(4, 1, 1, 1, 1, absorbing=False),
+        target(5, 5, 5, 1, 1, absorbing=False),
+    ]
+    with pytest.warns(UserWarning, match="left out: 1 region that no exit reaches, target-4"):
+        place = make_scenario(vadere(tmp_path / "room.scenario", obstacles=closet, targets=targets))
+    assert list(place.geometry.regions) == ["target-5"]
+
+
+@looped("radius", [0.15, 0.19, 0.25])
+def test_a_number_of_people_that_the_reader_chooses_fits(radius, tmp_path):
+    """One of the sources lies between two walls."""
+    bars = [target(k, 1 + 0.6 * k, 3, 0.2, 3) for k in range(2)]
+    areas = [(1.2, 3.5, 0.4, 1.0), (3, 3, 0.6, 2.5), (0.5, 0.5, 1, 1)]
+    shapes = [{"type": "RECTANGLE", "x": x, "y": y, "width": w, "height": h} for x, y, w, h in areas]
+    path = vadere(
+        tmp_path / "room.scenario",
+        obstacles=bars,
+        sources=[{**source(k, 1.0, 400), "shape": shape} for k, shape in enumerate(shapes)],
+    )
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        place = make_scenario(path, population=people_on(read_plan(path), radius=radius))
+    assert any("1 start area that bodies do not fit into, source-0" in str(one.message) for one in said) == (
+        radius > 0.2
+    )
+    for seed in range(10):
+        place.population.draw(np.random.default_rng(seed), place.geometry)
 
 
 @looped("name", ["room.json", "room.scenario"])
