@@ -14,7 +14,7 @@ from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import counted
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import closed_off, stuck_bodies
-from crowd_env.geometry.placement import room_for
+from crowd_env.geometry.placement import lattice
 from crowd_env.routing.fields.grid import nearest_nodes
 from crowd_env.scenarios.groups import People
 from crowd_env.scenarios.scenario import Scenario
@@ -132,7 +132,7 @@ def check_plan(
         passages=passages,
         unreached=tuple((part, float(part.area)) for part in lost),
         free_area=float(terrain.free(least).sum()) * terrain.spacing**2,
-        capacity=sum(room_for(geometry, room * people.radius.high, region) for region in regions or (None,)),
+        capacity=sum(len(lattice(geometry, room * people.radius.high, region)) for region in regions or (None,)),
         start_area=start_area,
         remarks=tuple(remarks),
     )

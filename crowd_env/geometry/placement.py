@@ -176,9 +176,9 @@ def _accept(
     return done
 
 
-def room_for(geometry: Geometry, radius: float, region: str | None = None) -> int:
-    """Return how many bodies of ``radius`` [m] stand on a hexagonal lattice, where people stand who are too many for chance."""
-    return len(_lattice(geometry, radius, (0.0, 0.0), region, None))
+def lattice(geometry: Geometry, radius: float, region: str | None = None) -> Floats:
+    """Return where (K, 2) bodies of ``radius`` [m] can stand on the lattice of those who are too many for chance."""
+    return _lattice(geometry, radius, (0.0, 0.0), region, None)
 
 
 def _lattice(

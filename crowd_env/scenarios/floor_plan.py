@@ -11,7 +11,7 @@ import shapely
 from crowd_env.core.checks import counted, texts
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import SLIVER, Area
-from crowd_env.geometry.placement import room_for
+from crowd_env.geometry.placement import lattice
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios.groups import Groups, People, as_people
 from crowd_env.scenarios.plans.floor_plan import FloorPlan, listed
@@ -126,12 +126,14 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
     if fields.get("starts") is not None or not plan.starts:
         return Population(**{"people": PEOPLE if people is None else people, **fields})
     areas = {name: float(plan.regions[name].intersection(plan.walkable).area) for name in plan.starts}
-    most = _room(plan, Population(**{"people": 1, **fields}).radius.high)
+    most = _room(plan, Population(**{"people": 1, **fields}).radius.high, beside=people is None)
     room = {name: min(max(1, int(_CROWDED * area)), most.get(name, 1)) for name, area in areas.items()}
     small = [name for name, many in room.items() if not many]
     if small and len(small) < len(room):
         narrow = counted(len(small), "start area", "start areas")
-        warnings.warn(f"left out: {narrow} that bodies do not fit into, {listed(small)}", stacklevel=2)
+        warnings.warn(
+            f"left out: {narrow} that bodies do not fit into beside the others, {listed(small)}", stacklevel=2
+        )
         room = {name: many for name, many in room.items() if many}
     said = {name: many for name in room if (many := plan.starts[name]) is not None}
     if len(said) == len(room) and all(many <= room[name] for name, many in said.items()):
@@ -142,6 +144,7 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
         if people is None:
             shares = {name: max(1, many) for name, many in room.items()}
             if said or usual < PEOPLE:
+                said = {name: many for name, many in plan.starts.items() if many is not None}
                 wanted = f"the file says {sum(said.values())} people" if said else f"{PEOPLE} people may not fit"
                 warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --people decides", stacklevel=2)
     parts = [Population(**{**fields, "people": share, "start_region": name}) for name, share in shares.items()]
@@ -149,15 +152,25 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
     return crowd.changed(people=usual if people is None else people)
 
 
-def _room(plan: FloorPlan, radius: float) -> dict[str, int]:
-    """Return how many bodies of ``radius`` [m] stand in each start area; none if what is drawn makes no place."""
+def _room(plan: FloorPlan, radius: float, beside: bool) -> dict[str, int]:
+    """Return how many bodies of ``radius`` [m] can stand in each start area, whoever stands in those before if ``beside``.
+
+    None if what is drawn makes no place.
+    """
     areas = [shape for shape in plan.exits.values() if "Polygon" in shape.geom_type]
     starts = {name: plan.regions[name] for name in plan.starts}
     try:
         with warnings.catch_warnings():  # what it has to say is said where the plan becomes a place
             warnings.simplefilter("ignore")
-            inside = shapely.difference(plan.walkable, shapely.union_all(areas))
-            closed = Geometry.from_polygon(inside, regions=starts)
+            closed = Geometry.from_polygon(shapely.difference(plan.walkable, shapely.union_all(areas)), regions=starts)
     except (ValueError, shapely.errors.ShapelyError):
         return {}
-    return {name: room_for(closed, radius, name) for name in starts}
+    centers, taken = shapely.buffer(closed.walkable, -radius), shapely.Point()
+    room = {}
+    for name, area in starts.items():
+        points = shapely.points(lattice(closed, radius, name))
+        free = ~shapely.dwithin(points, taken, 2.0 * radius * (1.0 - 1e-9)) if beside else points
+        room[name] = int(np.count_nonzero(free))
+        if room[name]:
+            taken = shapely.union(taken, shapely.intersection(area, centers))
+    return room

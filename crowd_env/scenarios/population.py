@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import shapely
 
 from crowd_env.core.arrays.state import MAX_SPEED, MOTIVATION, Bodies, Floats, make_bodies
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, from_table, known, plain_name, whole
@@ -192,17 +193,20 @@ def require_room(geometry: Geometry, parts: Iterable[Population], room: float = 
 
     They are placed as discs of ``room`` radii.
     """
-    waiting: dict[str | None, tuple[int, float]] = {}
+    waiting: dict[str | None, tuple[int, float, float]] = {}
     for part in parts:
         if part.starts is None:
-            count, cover = waiting.get(part.start_region, (0, 0.0))
+            count, cover, widest = waiting.get(part.start_region, (0, 0.0, 0.0))
             cover += part.people * np.pi * (room * part.radius.low) ** 2
-            waiting[part.start_region] = count + part.people, cover
-    for region, (count, cover) in waiting.items():
-        area = geometry.area_of(region)
-        if cover > CLOSEST_PACKING * area:
+            waiting[part.start_region] = count + part.people, cover, max(widest, room * part.radius.high)
+    for region, (count, cover, widest) in waiting.items():
+        area = reached = geometry.area_of(region)
+        if region is not None and cover > CLOSEST_PACKING * area:  # centers lie in it, bodies may reach out
+            around = shapely.buffer(geometry.regions[region], widest)
+            reached = float(shapely.intersection(geometry.walkable, around).area)
+        if cover > CLOSEST_PACKING * reached:
             where = f"{area:.1f} m2" + ("" if region is None else f" of {region!r}")
-            most = int(count * CLOSEST_PACKING * area / cover)
+            most = int(count * CLOSEST_PACKING * reached / cover)
             raise ValueError(
                 f"{count} people do not fit without overlap into {where}: even the closest packing of the smallest bodies "
                 f"leaves room for at most {most}"

@@ -230,9 +230,9 @@ def test_a_target_that_no_exit_reaches_is_left_out(tmp_path):
 
 @looped("radius", [0.15, 0.19, 0.25])
 def test_a_number_of_people_that_the_reader_chooses_fits(radius, tmp_path):
-    """One of the sources lies between two walls."""
+    """One of the sources lies between two walls, and one in another source."""
     bars = [target(k, 1 + 0.6 * k, 3, 0.2, 3) for k in range(2)]
-    areas = [(1.2, 3.5, 0.4, 1.0), (3, 3, 0.6, 2.5), (0.5, 0.5, 1, 1)]
+    areas = [(1.2, 3.5, 0.4, 1.0), (3, 3, 0.6, 2.5), (0.5, 0.5, 1, 1), (3.1, 3.1, 0.4, 0.4)]
     shapes = [{"type": "RECTANGLE", "x": x, "y": y, "width": w, "height": h} for x, y, w, h in areas]
     path = vadere(
         tmp_path / "room.scenario",
@@ -242,9 +242,10 @@ def test_a_number_of_people_that_the_reader_chooses_fits(radius, tmp_path):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         place = make_scenario(path, population=people_on(read_plan(path), radius=radius))
-    assert any("1 start area that bodies do not fit into, source-0" in str(one.message) for one in said) == (
-        radius > 0.2
+    lost = (
+        "2 start areas that bodies do not fit into beside the others, source-0, " if radius > 0.2 else "1 start area "
     )
+    assert any(f"left out: {lost}" in str(one.message) and "source-3" in str(one.message) for one in said)
     for seed in range(10):
         place.population.draw(np.random.default_rng(seed), place.geometry)
 
