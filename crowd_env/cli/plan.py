@@ -12,7 +12,7 @@ from crowd_env.cli import options
 from crowd_env.cli.console import check_picture, show_table
 from crowd_env.cli.place import people_options, place_of, plan_options, split_changes
 from crowd_env.core.arrays.outline import make_outline, room_of
-from crowd_env.core.console import friendly_errors, progress_bar, say
+from crowd_env.core.console import friendly_errors, noted, progress_bar, say
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios import kind_of_place
 from crowd_env.scenarios.floor_plan import people_on
@@ -78,15 +78,8 @@ def plan(
 
 def _understood(given: dict[str, Any]) -> tuple[PlanCheck, list[str]]:
     """Return a place as it was understood, and what was noted on the way."""
-    said: list[str] = []
-    try:
-        with warnings.catch_warnings(record=True) as told:
-            warnings.simplefilter("always", UserWarning)
-            check = _check(given)
-    finally:  # also those that lead up to a mistake
-        said += dict.fromkeys(" ".join(str(warning.message).split()) for warning in told)
-        for text in said:
-            warnings.warn(text, stacklevel=2)
+    with noted() as said:
+        check = _check(given)
     return check, said
 
 

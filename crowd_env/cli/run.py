@@ -19,7 +19,7 @@ from crowd_env.cli.console import show_table
 from crowd_env.cli.place import place_of
 from crowd_env.cli.results_folder import again, config_of, keep_in, open_folder, write_results
 from crowd_env.core.checks import counted, whole
-from crowd_env.core.console import friendly_errors, interrupted, progress_bar, say
+from crowd_env.core.console import friendly_errors, interrupted, noted, progress_bar, say
 from crowd_env.core.executors import Processes, all_cores
 from crowd_env.envs.rollout import Episode, Recorder, Recorders, RunsInterrupted, run_episodes
 from crowd_env.scenarios.scenario import Scenario
@@ -67,12 +67,13 @@ def run(
     """Evacuate a place many times and report how it went; keep the runs in a folder."""
     with friendly_errors():
         recorded = _recorded(record, runs, out)
-        place, scheme, way, led = place_of(context.params)
+        with noted() as notes:
+            place, scheme, way, led = place_of(context.params)
         walk, start = place.longest_walk()
         if walk > place.time_limit:
             where = f"({start[0]:.1f}, {start[1]:.1f})"
             say(f"note: from {where} it takes up to {walk:.0f} s to walk out; the time limit is {place.time_limit:g} s")
-        here = config_of(context.params, place, scheme, way)
+        here = config_of(context.params, place, scheme, way) | {"notes": notes}
         if led is not None:
             here["policy"] = led.facts
         folder, kept = (None, []) if out is None else open_folder(context, out, here)

@@ -71,6 +71,20 @@ def _sentence(error: Exception) -> str:
 
 
 @contextmanager
+def noted() -> Iterator[list[str]]:
+    """Give the warnings of the block, a sentence each, and warn of them when it ends, also with a mistake."""
+    said: list[str] = []
+    try:
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always", UserWarning)
+            yield said
+    finally:
+        said += dict.fromkeys(" ".join(str(warning.message).split()) for warning in told)
+        for text in said:
+            warnings.warn(text, stacklevel=3)
+
+
+@contextmanager
 def _warnings_are_notes() -> Iterator[None]:
     """Show every warning of the block once, as a sentence without the line of code that it came from."""
     said: set[str] = set()

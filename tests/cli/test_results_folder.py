@@ -5,6 +5,7 @@ import json
 import pytest
 from cases import looped
 from commands import call, figures
+from plan_files import room_drawing
 
 from crowd_env.cli import run as running
 from crowd_env.envs.rollout import RunsInterrupted, run_episodes
@@ -152,6 +153,14 @@ def test_a_plan_in_a_file_is_found_from_anywhere(tmp_path, monkeypatch):
     assert tables(tmp_path / "again") == tables(tmp_path / "out") and "note" not in told.stderr
     files = json.loads((tmp_path / "out" / "config.json").read_text())["files"]
     assert set(files) == {str(plan), str(starts)} and all(len(digest) == 64 for digest in files.values())
+
+
+def test_what_was_noted_of_a_plan_stays_with_its_results(tmp_path):
+    """Whoever reads the results later has to know in which unit the plan was taken."""
+    drawing = room_drawing(tmp_path / "room.dxf", 2, 3.28)
+    told = call(f"run {drawing} --people 2 --runs 1 --physics dem --out {tmp_path / 'out'}")
+    (note,) = json.loads((tmp_path / "out" / "config.json").read_text())["notes"]
+    assert note.startswith("taken as feet, as the file says") and f"note: {note}" in told.stderr
 
 
 @looped("text", ["", "[1]", "{}", '{"version": "0.1.0", "arguments": {"scheme": "dem"}}'])

@@ -20,7 +20,7 @@ from crowd_env.scenarios.scenario import Scenario
 DECISION_DT = 0.1  # s  that of `CrowdEnv`, unless it is told another
 
 # Parts of a config in which two commands may differ and still go on with each other's runs.
-FREE = ("runs", "platform", "command", "arguments", "files")
+FREE = ("runs", "platform", "command", "arguments", "files", "notes")
 
 
 def run_config(

@@ -16,7 +16,7 @@ from crowd_env.core.libraries import needed_for
 from crowd_env.scenarios.plans.floor_plan import Drawing, listed
 from crowd_env.scenarios.plans.lines import GAP, open_line, outlines
 from crowd_env.scenarios.plans.roles import LAYERS, role_of_layer
-from crowd_env.scenarios.plans.units import judge_unit, unit_in_meters
+from crowd_env.scenarios.plans.units import judge_unit
 
 if TYPE_CHECKING:
     from ezdxf.document import Drawing as Document
@@ -25,6 +25,11 @@ _MOST = 50_000  # entities of exploded blocks, which come at about ten thousand 
 _DEEPEST = 16  # blocks in blocks
 _COARSE = 0.005  # m; curves become straight lines that are no further from them
 _SHOWN = 6  # layers in a message
+# Code in the header -> the unit, and how many meters it is if it is one that plans have.
+_UNITS = {
+    **{1: ("inches", 0.0254), 2: ("feet", 0.3048), 4: ("mm", 0.001), 5: ("cm", 0.01), 6: ("m", 1.0)},
+    **{7: ("km", None), 10: ("yards", 0.9144), 14: ("decimeters", 0.1)},
+}
 # Kinds of entities that draw nothing that could be a wall.
 _NO_LINES = ("TEXT", "MTEXT", "ATTDEF", "ATTRIB", "POINT", "DIMENSION", "LEADER", "MULTILEADER", "VIEWPORT", "IMAGE")
 
@@ -73,10 +78,7 @@ def _open(path: Path) -> "Document":
 
 def _unit(document: "Document") -> tuple[str | None, float | None]:
     """Return the unit that the header names, and how many meters it is if it is one that plans have."""
-    names = {1: "inches", 2: "feet", 4: "mm", 5: "cm", 6: "m", 7: "km", 10: "yards", 14: "decimeters"}
-    units = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m"}
-    code = int(document.header.get("$INSUNITS", 0))
-    return names.get(code), unit_in_meters(units[code]) if code in units else None
+    return _UNITS.get(int(document.header.get("$INSUNITS", 0)), (None, None))
 
 
 class _Layer(NamedTuple):

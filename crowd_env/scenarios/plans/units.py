@@ -9,6 +9,8 @@ _WIDE_EXIT, _LARGE = 20.0, 300.0  # m
 # ... and beyond this no plan is accepted.
 _WIDEST_EXIT, _LARGEST = 200.0, 3000.0  # m
 _SMALL = 1.0  # m
+_DOOR = (0.6, 3.0)  # m; nearly all doors are as wide
+_DELIBERATE = (0.1, 0.99)  # m; feet, yards and decimeters
 
 
 def unit_in_meters(unit: str | None) -> float:
@@ -27,8 +29,9 @@ def judge_unit(
 ) -> tuple[float, str]:
     """Return how many meters a unit of a drawing is, where the user has not said it, and a note about it ("" = none).
 
-    It is the meter, if a building can be so large.  Drawings often name another unit than the one that they are drawn in, so
-    what the file says counts only if it cannot be meters and can be that.
+    It is the meter, if a building can be so large.  Drawings often name the unit of a template, and are drawn in another, so
+    what the file says counts only if it cannot be meters and can be that.  Feet, yards and decimeters are in no template: they
+    count unless the exits are as wide as doors in meters and not in them.
 
     Parameters
     ----------
@@ -46,6 +49,9 @@ def judge_unit(
     across = max(width, height)
     file_says = "" if said is None or meters == 1.0 else f"; the file says that it is in {said}"
     usual = _SMALL <= across <= _LARGE and widest <= _WIDE_EXIT
+    if meters is not None and _DELIBERATE[0] <= meters <= _DELIBERATE[1]:
+        as_meters, as_said = (_DOOR[0] <= scale * widest <= _DOOR[1] for scale in (1.0, meters))
+        usual = as_meters and not as_said
     if file_says and meters is not None and not usual:
         size = f"{meters * width:.4g} m x {meters * height:.4g} m"
         if _SMALL <= meters * across <= _LARGEST and meters * widest <= _WIDEST_EXIT:

@@ -90,10 +90,10 @@ def test_an_area_of_single_lines_within_another_is_like_one_of_closed_lines(laye
 
 
 # What the header says, how many units the plan is wide, and how many meters a unit is taken for: those of the header where
-# meters cannot be.
+# meters cannot be, and feet, which no template has.
 @looped(
     ("header", "name", "wide", "taken"),
-    [(1, "inches", 60, 1.0), (1, "inches", 600, 0.0254), (2, "feet", 60, 1.0), (2, "feet", 600, 0.3048)],
+    [(1, "inches", 60, 1.0), (1, "inches", 600, 0.0254), (2, "feet", 60, 0.3048), (2, "feet", 600, 0.3048)],
 )
 def test_inches_and_feet_are_taken_as_other_units_are(header, name, wide, taken, tmp_path):
     document, space = drawing(header)
@@ -104,6 +104,28 @@ def test_inches_and_feet_are_taken_as_other_units_are(header, name, wide, taken,
     unit, meters = {"inches": ("in", 0.0254), "feet": ("ft", 0.3048)}[name]
     said = read(document, tmp_path, unit=unit)
     assert said.walkable.bounds[2] == pytest.approx(wide * meters) and said.notes == ()
+
+
+@looped(
+    ("header", "name", "door", "taken"),
+    [
+        (2, "feet", 3.0, 0.3048),  # 0.91 m, or a wide one of 3 m
+        (2, "feet", 8.0, 0.3048),
+        (2, "feet", 1.0, 1.0),  # 0.30 m: nobody passes
+        (10, "yards", 1.0, 0.9144),
+        (14, "decimeters", 12.0, 0.1),
+        (1, "inches", 3.0, 1.0),
+    ],
+)
+def test_feet_are_believed_unless_the_doors_are_doors_in_meters(header, name, door, taken, tmp_path):
+    """A plan of 60 x 40 feet became one of 2400 m2 with a door of 3 m."""
+    document, space = drawing(header)
+    box_of(space, 0, 0, 60, 40, "walkablearea")
+    outline(space, [(60, 10), (60, 10 + door)], "exits", close=False)
+    plan = read(document, tmp_path)
+    assert plan.walkable.area == pytest.approx(2400 * taken**2)
+    assert plan.exits["exit-0"].length == pytest.approx(door * taken)
+    assert [name in note for note in plan.notes] == [True]
 
 
 def features(path, *shapes, **others):
