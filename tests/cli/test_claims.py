@@ -118,6 +118,7 @@ def test_an_evaluation_has_its_folder_alone(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.more
 def test_a_training_has_its_folder_alone(tmp_path):
     (tmp_path / "config.json").write_text("{}")
     with claimed(tmp_path / ".lock") as ours:
@@ -128,6 +129,7 @@ def test_a_training_has_its_folder_alone(tmp_path):
     assert (tmp_path / "config.json").read_text() == "{}"
 
 
+@pytest.mark.more
 def test_a_new_training_has_its_folder_alone(tmp_path, monkeypatch):
     def train(folder, config, threads):
         with claimed(folder / ".lock") as ours:
@@ -141,7 +143,8 @@ def test_a_new_training_has_its_folder_alone(tmp_path, monkeypatch):
 @looped(
     ("line", "name"),
     [
-        (RUN, "summary.json"), (RUN, "nt.csv"), (RUN, "nt.png"), (RUN, "recordings"), (RUN, "evaluation.json"),
+        (RUN, "summary.json"), (RUN, "nt.csv"), (RUN, "nt.png"), (RUN, "recordings"),
+        (RUN, "crowding"), (RUN, "evaluation.json"),
         (EVALUATE, "rows.json"), (EVALUATE, "runs.csv"), (EVALUATE, "egress-nsm2.png"), (EVALUATE, "config.json"),
     ],
 )  # fmt: skip

@@ -103,7 +103,7 @@ def decode(run: int, content: dict[str, Any]) -> Episode:
 RUNS, EXITS, CURVE = "runs.csv", "exits.csv", "nt.csv"
 
 # What the folder comes to hold, and what says that it is one of ``crowd-env evaluate``.
-_OWNED = (RUNS, EXITS, CURVE, SUMMARY, KEPT, "nt.png", "recordings", "evaluation.json")
+_OWNED = (RUNS, EXITS, CURVE, SUMMARY, KEPT, CROWDING, "nt.png", "recordings", "evaluation.json")
 
 # Columns of runs.csv with their units, after run and seed; those of `EpisodeMetrics` have its names.
 _RUN_COLUMNS = ("run", "seed", "people", "end", "time_limit", "t95", *EpisodeMetrics._fields)
