@@ -116,6 +116,8 @@ def _hold_at_walls(e: int, batch: Batch) -> None:
                 px, py = bodies.mass[i] * (ux - velocity[i, 0]), bodies.mass[i] * (uy - velocity[i, 1])
                 batch.results.impulse[i, 0] += px
                 batch.results.impulse[i, 1] += py
+                batch.results.wall_impulse[i, 0] += px
+                batch.results.wall_impulse[i, 1] += py
                 batch.results.impulse_magnitude[i] += np.sqrt(px * px + py * py)
                 velocity[i, 0], velocity[i, 1] = ux, uy
         entry = entry_stop

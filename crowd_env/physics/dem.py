@@ -162,12 +162,13 @@ def _push_people(row: int, batch: Batch, stiffness: float) -> None:
 
 
 @inner_kernel
-def _push_off_walls(e: int, row: int, batch: Batch, stiffness: float) -> None:
+def _push_off_walls(e: int, row: int, batch: Batch, dt: float, stiffness: float) -> None:
     """Add the spring forces of walls on the people of one slab, and note how many and how deep these overlaps are."""
     near, soa, partition = batch.workspace.neighbors, batch.workspace.soa, batch.workspace.partition
     boundary, radius, g = batch.world.boundary, batch.bodies.radius, batch.world.geometry_of_env[e]
     owner, partner, found = near.owner, near.partner, partition.found
     x, y, fx, fy, magnitude = soa.x, soa.y, soa.fx, soa.fy, soa.force_magnitude
+    of_walls = batch.results.wall_impulse
     found[row, OUTSIDE] = 0.0
     for entry in range(index(partition.wall_start[row]), index(partition.wall_stop[row])):
         i = owner[entry]
@@ -177,6 +178,8 @@ def _push_off_walls(e: int, row: int, batch: Batch, stiffness: float) -> None:
             fx[i] += size * nx
             fy[i] += size * ny
             magnitude[i] += size
+            of_walls[i, 0] += dt * size * nx
+            of_walls[i, 1] += dt * size * ny
             found[row, OUTSIDE] = max(found[row, OUTSIDE], -gap)
             found[row, OVERLAP] -= gap
             found[row, OVERLAPS] += 1
@@ -268,7 +271,7 @@ def _advance_range(
                 regular_forces(e, row, batch, dt, acting.social, acting.walking)
                 # The law: springs between people, and between people and walls.
                 _push_people(row, batch, stiffness)
-                _push_off_walls(e, row, batch, stiffness)
+                _push_off_walls(e, row, batch, dt, stiffness)
             wait_for_all(partition.barrier, team)
             for row in range(row_start, row_stop, team):
                 # Motion: the springs that reach from slab to slab, then velocities, positions, bounds and sums of impulses.

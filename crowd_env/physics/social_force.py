@@ -21,7 +21,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_choice, number
-from crowd_env.core.kernels.jit import index, inner_kernel
+from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.physics.narrow_phase import gap_to_feature
 from crowd_env.physics.workspace import Batch
 
@@ -172,6 +172,27 @@ def add_social_forces(e: int, rank_stop: int, batch: Batch, params: SocialParams
             wall += index(1)
         force[i, 0] += total_x
         force[i, 1] += total_y
+
+
+@kernel
+def social_forces_of_walls(batch: Batch, params: SocialParams, force: Floats) -> None:
+    """Add the social forces [N] of walls at the present positions to ``force`` (P, 2)."""
+    near, boundary, state = batch.workspace.neighbors, batch.world.boundary, batch.state
+    position, desired, radius = state.position, batch.workspace.desired_velocity, batch.bodies.radius
+    for e in range(len(state.time)):
+        g = batch.world.geometry_of_env[e]
+        for wall in range(index(near.pair_end[e]), index(near.wall_end[e])):
+            i = near.owner[wall]
+            x, y = desired[i, 0], desired[i, 1]
+            gap, nx, ny = gap_to_feature(
+                position[i, 0], position[i, 1], radius[i], boundary, g, np.int64(near.partner[wall])
+            )
+            if state.active[i] and gap < params.cutoff:
+                speed = np.sqrt(x * x + y * y)
+                share = params.anisotropy / speed if speed > 0.0 else 0.0
+                size = params.wall_strength * _exp(-gap / params.length) * (1.0 - share * (x * nx + y * ny))
+                force[i, 0] += size * nx
+                force[i, 1] += size * ny
 
 
 @inner_kernel

@@ -74,6 +74,7 @@ def extent_of(e: int, batch: Batch) -> Extent:
 def record_impulses(e: int, batch: Batch, share: float) -> None:
     """Add a share of the contact impulses of environment ``e`` to what people have received in this call."""
     contacts, received, magnitudes = batch.history.contacts, batch.results.impulse, batch.results.impulse_magnitude
+    of_walls = batch.results.wall_impulse
     ci, cj, direction, impulse = contacts.i, contacts.j, contacts.normal, contacts.impulse
     contact_start, contact_stop = contact_range(e, batch)
     for c in range(contact_start, contact_stop):
@@ -89,6 +90,9 @@ def record_impulses(e: int, batch: Batch, share: float) -> None:
             received[j, 0] -= px
             received[j, 1] -= py
             magnitudes[j] += magnitude
+        else:
+            of_walls[i, 0] += px
+            of_walls[i, 1] += py
 
 
 @inner_kernel

@@ -80,11 +80,12 @@ class Results(NamedTuple):
 
     impulse: Annotated[Floats, "P 2"]  # N s  sum of the contact impulses on each person
     impulse_magnitude: Annotated[Floats, "P"]  # N s  sum of their magnitudes
+    wall_impulse: Annotated[Floats, "P 2"]  # N s  those of them that walls gave; they bear the opposite
     diagnostics: Diagnostics
 
     def copy(self) -> "Results":
         """Return an independent copy."""
-        return Results(self.impulse.copy(), self.impulse_magnitude.copy(), self.diagnostics.copy())
+        return Results._make(part.copy() for part in self)
 
 
 class History(NamedTuple):
@@ -272,7 +273,7 @@ def begin_history(e: int, people: slice, history: History, bodies: Bodies, route
 
 def begin_results(e: int, people: slice, results: Results, total: Diagnostics) -> None:
     """Set to zero what the people of environment ``e`` got, and what went on since its start."""
-    results.impulse[people], results.impulse_magnitude[people] = 0.0, 0.0
+    results.impulse[people], results.impulse_magnitude[people], results.wall_impulse[people] = 0.0, 0.0, 0.0
     for array in (*total, *results.diagnostics):
         array[e] = 0
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 
 from crowd_env.analysis.results.measurements import CELL, INJURY, Grid, Spread, grid_over
 from crowd_env.core.arrays.state import Bools, Floats, Ints
@@ -11,6 +12,7 @@ from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import contact_pressure
 
+LOAD_SPAN = 1.0  # s  over which the load of a wall is a mean
 SAMPLE = 0.5  # s  between two looks at who stands where; forces are looked at every decision
 HELD_UP = 0.5  # of the own desired speed: who is slower since the sample before, after the response time, is held up
 # Level of service of walkways by the area a person (Fruin 1971), as densities [1/m2] above which the next one begins.
@@ -28,6 +30,7 @@ class Crowding(NamedTuple):
     zone_empty: Floats  # (Z,)  s  when it was empty for good; nan if it was not
     queue: Ints  # (X,)  most people at once who were held up on the way to the exit that they took, by its name
     wait: Floats  # (X,)  s  that each of them was held up, mean; nan if nobody took it
+    wall_load: Floats  # (K,)  N/m  largest mean of `LOAD_SPAN` on each of `wall_pieces`, by contact and by social force
     left_out: int  # decisions whose forces are left out
 
 
@@ -38,6 +41,7 @@ class CrowdingRecorder:
         self.grid = grid_over(geometry)
         self._spread = Spread(self.grid)
         self._zones = zones_of(geometry, self.grid)
+        self._pieces = wall_pieces(geometry)
         names = list(dict.fromkeys(geometry.exit_names))
         self._exit_of_row = np.array([names.index(name) for name in geometry.exit_names], dtype=np.int64)
 
@@ -49,6 +53,8 @@ class CrowdingRecorder:
         self._service, self._injured = np.zeros((count, len(SERVICE))), np.zeros(count)
         self._zone_most = np.zeros((count, len(self._zones)), dtype=np.int64)
         self._zone_last = np.zeros((count, len(self._zones)))
+        self._load, self._load_most = (np.zeros((count, len(self._pieces), *more)) for more in ((2,), ()))
+        self._tree = shapely.STRtree(shapely.linestrings(self._pieces))
         self._left_out, self._unconverged = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
         self._held: list[Bools] = []
         self._every, self._decisions = max(round(SAMPLE / env.decision_dt), 1), 0
@@ -63,13 +69,31 @@ class CrowdingRecorder:
         broken = simulation.diagnostics.unconverged - self._unconverged > 0
         self._unconverged[:] = simulation.diagnostics.unconverged
         self._left_out += broken
-        pressed = np.flatnonzero((inside | step.terminated) & (pressure > 0.0) & ~broken[env.env_of_person])
+        counts = (inside | step.terminated) & ~broken[env.env_of_person]
+        self._press_on_walls(env, counts)
+        pressed = np.flatnonzero(counts & (pressure > 0.0))
         e, p = env.env_of_person[pressed], pressure[pressed]
         place = self.grid.cell_of(simulation.state.position[pressed])[:, None] + self._spread.felt
         np.maximum.at(self._pressure, (e[:, None], place), p[:, None].astype(np.float32))
         self._injured += env.decision_dt * np.bincount(e, p > INJURY, minlength=env.num_envs)
         if self._decisions % self._every == 0:
             self._look(env, inside)
+
+    def _press_on_walls(self, env: CrowdEnv, counts: Bools) -> None:
+        """Add what walls give to the people who count to the load of the nearest piece of a wall."""
+        simulation = env.simulation
+        force = simulation.results.wall_impulse / env.decision_dt + simulation.social_forces_of_walls()
+        who = np.flatnonzero(counts & force.any(axis=1))
+        if len(who):
+            piece = self._tree.nearest(shapely.points(simulation.state.position[who]))
+            np.add.at(self._load, (env.env_of_person[who], piece), force[who])
+        span = max(round(LOAD_SPAN / env.decision_dt), 1)
+        if self._decisions % span == 0:
+            length = np.maximum(np.hypot(*(self._pieces[:, 1] - self._pieces[:, 0]).T), 1.0)
+            np.maximum(
+                self._load_most, np.hypot(*np.moveaxis(self._load, -1, 0)) / (span * length), out=self._load_most
+            )
+            self._load[:] = 0.0
 
     def _look(self, env: CrowdEnv, inside: Bools) -> None:
         """Take a sample of who is where."""
@@ -115,12 +139,26 @@ class CrowdingRecorder:
             zone_empty=np.where(stay, np.nan, self._zone_last[e]),
             queue=np.array([int(way.sum(axis=1).max(initial=0)) for way in ways], dtype=np.int64),
             wait=np.array(waits),
+            wall_load=self._load_most[e].copy(),
             left_out=int(self._left_out[e]),
         )
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy has, here or in another process: it begins with no evacuation under way."""
-        return {name: vars(self)[name] for name in ("grid", "_spread", "_zones", "_exit_of_row")}
+        return {name: vars(self)[name] for name in ("grid", "_spread", "_zones", "_pieces", "_exit_of_row")}
+
+
+def wall_pieces(geometry: Geometry) -> Floats:
+    """Return the walls of a plan (K, 2, 2) [m], cut into pieces of one to two meters; a shorter wall is a piece.
+
+    The load of a shorter one is that of a meter.
+    """
+    count = np.maximum(np.hypot(*(geometry.walls[:, 1] - geometry.walls[:, 0]).T).astype(np.int64), 1)
+    wall = np.repeat(np.arange(len(count)), count)
+    first = (np.arange(len(wall)) - np.repeat(np.cumsum(count) - count, count)) / count[wall]
+    a, along = geometry.walls[wall, 0], geometry.walls[wall, 1] - geometry.walls[wall, 0]
+    ends = (a + share[:, None] * along for share in (first, first + 1.0 / count[wall]))
+    return np.stack(list(ends), axis=1)
 
 
 def zones_of(geometry: Geometry, grid: Grid) -> Bools:

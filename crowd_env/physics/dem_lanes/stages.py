@@ -180,6 +180,8 @@ def _hold_at_walls(e: int, row: int, batch: Batch, dt: float) -> None:
                 px, py = (ux - vx[i]) / inv_mass[i], (uy - vy[i]) / inv_mass[i]
                 soa.impulse_x[i] += px
                 soa.impulse_y[i] += py
+                batch.results.wall_impulse[i, 0] += px
+                batch.results.wall_impulse[i, 1] += py
                 soa.impulse_magnitude[i] += np.sqrt(px * px + py * py)
                 vx[i], vy[i] = ux, uy
         entry = stop

@@ -28,6 +28,7 @@ from crowd_env.physics.simulation.checkpoint import (
     write_arrays,
 )
 from crowd_env.physics.simulation.stepper import Stepper
+from crowd_env.physics.social_force import social_forces_of_walls
 from crowd_env.physics.spatial_order import SortedCrowd, between
 from crowd_env.physics.workspace import (
     Batch,
@@ -389,6 +390,16 @@ class Simulation:
             getattr(self.bodies, name)[people] = values
         if self._sorted is not None:
             self._sorted.gather_bodies(people)
+
+    def social_forces_of_walls(self) -> Floats:
+        """Return the social force [N] of walls on everyone (P, 2) at the present positions; 0 where walls have none."""
+        force, social = np.zeros((len(self.bodies.radius), 2)), self.scheme.social
+        if social is None or social.wall_strength == 0.0:
+            return force
+        social_forces_of_walls(self.batch, social.params(), force)
+        if self._sorted is not None:
+            force[self._sorted.slot] = force.copy()
+        return force
 
     def contacts(self, e: int = 0) -> ContactList:
         """Return a copy of the contacts of environment ``e``."""

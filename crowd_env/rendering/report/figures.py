@@ -44,8 +44,11 @@ def figures(runs: Sequence[Runs], measured: Sequence[Measured], folder: Path) ->
     of_name = {one.name: one for one in runs}
     for one in measured:
         heat_maps(path, of_name[one.name].scenario.geometry, heat_of(one, measured), title=one.name)
-        pairs = zip_longest(one.densest, one.hardest)
-        rows = [(k + 1, _spot(dense, "people/m²", 1), _spot(hard, "N/m", 0)) for k, (dense, hard) in enumerate(pairs)]
+        places = zip_longest(one.densest, one.hardest, one.loaded)
+        rows = [
+            (k + 1, _spot(dense, "people/m²"), _spot(hard, "kN/m", 1e-3), _spot(load, "kN/m", 1e-3))
+            for k, (dense, hard, load) in enumerate(places)
+        ]
         service = ("share of time", *(f"{100.0 * share:.0f} %" for share in one.service.values()))
         found["maps"].append(
             {
@@ -95,11 +98,11 @@ def _places(runs: Sequence[Runs], path: Path) -> list[dict[str, Any]]:
     return parts
 
 
-def _spot(place: Worst | None, unit: str, digits: int) -> str:
+def _spot(place: Worst | None, unit: str, scale: float = 1.0) -> str:
     if place is None:
         return "–"
     at = f"at ({place.x:.1f}, {place.y:.1f}) m, {place.distance:.1f} m from exit {place.exit}"
-    return f"{place.value:.{digits}f} {unit} {at}"
+    return f"{scale * place.value:.1f} {unit} {at}"
 
 
 def _curves(runs: Sequence[Runs], path: Path) -> str:

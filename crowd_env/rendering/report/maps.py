@@ -7,7 +7,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from crowd_env.analysis.figures import named
-from crowd_env.analysis.results.crowding import SERVICE
+from crowd_env.analysis.results.crowding import SERVICE, wall_pieces
 from crowd_env.analysis.results.measurements import CELL, INJURY, Grid, grid_over
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
@@ -49,6 +49,7 @@ class Measured(NamedTuple):
     pressure: Floats  # N/m
     densest: list[Worst]
     hardest: list[Worst]
+    loaded: list[Worst]  # N/m  of walls
     service: dict[str, float]  # level -> share of the time that people spent inside
     injured: float  # s  that people spent beyond `INJURY`, added up, mean over runs
     left_out: int  # decisions whose forces are left out, of all runs
@@ -56,7 +57,7 @@ class Measured(NamedTuple):
 
     def as_json(self) -> dict[str, Any]:
         """Return what there is besides maps, ready for JSON."""
-        places = {"density": self.densest, "pressure": self.hardest}
+        places = {"density": self.densest, "pressure": self.hardest, "wall_load": self.loaded}
         worst = {name: [place._asdict() for place in worst] for name, worst in places.items()}
         facts = {"service": self.service, "person_seconds_beyond_injury": self.injured, "left_out": self.left_out}
         return {
@@ -95,6 +96,7 @@ def measure(runs: Runs) -> Measured | None:
         pressure=pressure,
         densest=_worst(geometry, grid, density),
         hardest=_worst(geometry, grid, pressure),
+        loaded=_most_loaded(geometry, np.max([one.wall_load for one in found], axis=0)),
         service=service,
         injured=injured,
         left_out=left_out,
@@ -127,7 +129,18 @@ def _worst(geometry: Geometry, grid: Grid, values: Floats) -> list[Worst]:
         pad = [(reach, reach) if k == axis else (0, 0) for k in (0, 1)]
         around = sliding_window_view(np.pad(around, pad), 2 * reach + 1, axis=axis).max(axis=-1)
     worth = (inside >= around) & (inside >= _LEAST * inside.max(initial=0.0))
-    left = np.where(worth, inside, 0.0).ravel()
+    return _largest(geometry, points, np.where(worth, inside, 0.0).ravel())
+
+
+def _most_loaded(geometry: Geometry, load: Floats) -> list[Worst]:
+    """Return the pieces of walls that bear most, the largest first; of those near each other one."""
+    return _largest(
+        geometry, wall_pieces(geometry).mean(axis=1), np.where(load >= _LEAST * load.max(initial=0.0), load, 0.0)
+    )
+
+
+def _largest(geometry: Geometry, points: Floats, left: Floats) -> list[Worst]:
+    """Return the places with the largest values that are ``left``, `_APART` from each other."""
     middles = geometry.exits.mean(axis=1)
     found: list[Worst] = []
     while len(found) < _PLACES and left.max(initial=0.0) > 0.0:
