@@ -23,6 +23,7 @@ from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
 
 _HALF, _NEARLY_ALL = 0.5, 0.95  # of the people, for T50 and T95
+FEWEST = 10  # runs, before an interval is believed
 PEAK = 10.0  # s  over which the largest flow of an exit is a mean
 # 1/(s m)  What crowds of experiments reach at doors is below.
 HIGHEST_FLOW = 2.8
@@ -122,6 +123,18 @@ def time_of_share(exit_time: Floats, share: float) -> float:
     """
     count = max(int(np.ceil(share * len(exit_time) - 1e-9)), 1)
     return float(np.sort(exit_time)[count - 1])  # nan go last
+
+
+def runs_enough(times: Floats, share: float) -> int | None:
+    """Return after how many of the first evacuation times (R,) [s] their mean is known to this share of it; None if after none.
+
+    That is the 95 % interval of `summarise`, over the runs that ended, `FEWEST` at least.
+    """
+    for runs in range(FEWEST, len(times) + 1):
+        mean, _, (_, high) = summarise(times[:runs])
+        if np.isfinite(times[:runs]).sum() >= FEWEST and high - mean <= share * mean:
+            return runs
+    return None
 
 
 def exit_names(scenario: Scenario, exit_index: Ints) -> np.ndarray:
@@ -288,6 +301,8 @@ def doubts(figures: Mapping[str, Any]) -> str:
         said.append(f"{counted(left, 'person is', 'people are')} left inside")
         if cut:
             said.append(f"{counted(cut, 'run was', 'runs were')} cut by the time limit")
+    if figures.get("until") and not figures["enough"]:
+        said.append(f"the mean evacuation time is not known to {100.0 * figures['until']:g} % yet: give more --runs")
     if "interrupted_of" in figures:
         said.append(f"only {figures['runs']} of {figures['interrupted_of']} runs were finished")
     return "; ".join(said)

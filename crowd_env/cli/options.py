@@ -44,6 +44,11 @@ of_runs, of_output, plain = map(section, ("Runs", "Output", None))
 AsJson = Annotated[bool, of_output("Print one JSON object instead of a table.", names=("--json",))]
 Workers = Annotated[int | None, of_runs("Processes at most; default one a core. Results do not depend on it.", min=1)]
 Runs = Annotated[int, of_runs("Number of evacuations, each with other people in other places.")]
+_UNTIL = (
+    "Stop as soon as the mean evacuation time is known to so much, such as 2% (95 % interval), after 10 runs or more; "
+    "--runs is the most."
+)
+Until = Annotated[str | None, of_runs(_UNTIL, metavar="PERCENT%")]
 Seed = Annotated[int, of_runs("Run k draws its people from seed + k.", min=0)]
 
 # What a command line says of a place.

@@ -24,7 +24,7 @@ CURVES = "nt.png"
 # Options that decide the results: what a config keeps of a command line.
 _KEPT = (
     *("scenario", "exit", "unit", "people", "starts", "crowd", "routing", "policy", "physics", "set"),
-    *("runs", "seed", "time_limit"),
+    *("runs", "until", "seed", "time_limit"),
 )
 
 

@@ -1,18 +1,20 @@
 """The command ``crowd-env run``: many evacuations under a bar, on all cores, and what an interruption has left of them."""
 
+import itertools
 import json
 import shlex
 import sys
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
 
-from crowd_env.analysis.figures import cells, doubts, report
+from crowd_env.analysis.figures import FEWEST, cells, doubts, report, runs_enough
 from crowd_env.analysis.results.crowding import CrowdingRecorder
 from crowd_env.cli import options
 from crowd_env.cli.console import show_table
@@ -21,6 +23,7 @@ from crowd_env.cli.results_folder import again, config_of, keep_in, open_folder,
 from crowd_env.core.checks import counted, whole
 from crowd_env.core.console import friendly_errors, interrupted, noted, progress_bar, say
 from crowd_env.core.executors import Processes, all_cores
+from crowd_env.envs.metrics import t_quantile
 from crowd_env.envs.rollout import Episode, Recorder, Recorders, RunsInterrupted, run_episodes
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.titles import run_title
@@ -55,6 +58,7 @@ def run(
     physics: options.PhysicsName = "nsm2",
     set: options.Changes = None,
     runs: options.Runs = 50,
+    until: options.Until = None,
     seed: options.Seed = 0,
     time_limit: options.TimeLimit = None,
     workers: options.Workers = None,
@@ -66,7 +70,7 @@ def run(
 ) -> None:
     """Evacuate a place many times and report how it went; keep the runs in a folder."""
     with friendly_errors():
-        recorded = _recorded(record, runs, out)
+        recorded, share = _recorded(record, runs, out), _share(until)
         with noted() as notes:
             place, scheme, way, led = place_of(context.params)
         walk, start = place.longest_walk()
@@ -95,6 +99,7 @@ def run(
             run_title(place, scheme.info.name),
             place,
             runs,
+            until=share,
             seed=seed,
             workers=workers,
             recorder=recorder,
@@ -108,6 +113,8 @@ def run(
         figures = report(place, scheme, done.episodes, dt=way["dt"], strategy=way["strategy"])
         if led is not None:
             figures["policy"] = led.name
+        if share is not None:
+            figures |= {"until": share, "enough": done.enough is not None}
         if done.stopped is not None:
             figures["interrupted_of"] = done.stopped.runs
         figures["doubts"] = doubts(figures)
@@ -128,6 +135,8 @@ def run(
             if isinstance(record, OSError):
                 say(f"note: run {number} is not recorded: {record}", "yellow")
         if folder is not None:
+            if done.enough is not None:
+                folder.end_at(done.enough)
             write_results(folder, place, run_title(place, scheme.info.name), figures, done.episodes)
         for record in recordings.values():
             if not isinstance(record, OSError):
@@ -154,6 +163,27 @@ def _recorded(record: str | None, runs: int, out: Path | None) -> frozenset[int]
     return frozenset(range(runs if record == "all" else int(record or 1)))
 
 
+def _share(until: str | None) -> float | None:
+    """Return the share that ``--until`` asks for; None if it asks for nothing.
+
+    Raises
+    ------
+    ValueError
+        If it is no percentage, or there is nothing that makes intervals.
+    """
+    if until is None:
+        return None
+    try:
+        percent = float(until.removesuffix("%"))
+    except ValueError:
+        percent = -1.0
+    if not until.endswith("%") or not 0.0 < percent < 100.0:
+        raise ValueError(f"--until is {until!r}; it must be a percentage such as 2%")
+    if t_quantile(FEWEST) != t_quantile(FEWEST):
+        raise ValueError("--until needs scipy, which makes intervals: pip install '.[analysis]'")
+    return percent / 100.0
+
+
 _WORTH_A_PROCESS = 5.0  # s of work; a process takes seconds to start
 _BATCHES = 8  # of a process: a batch is what an interruption loses, and by what the bar moves
 
@@ -164,6 +194,7 @@ class Evacuations(NamedTuple):
     episodes: list[Episode]  # that were finished, in the order of their numbers
     stopped: RunsInterrupted | None  # the interruption, if they are not all
     records: dict[int, Any]  # what the recorder kept, by the numbers of the runs
+    enough: int | None  # how many were enough, if that was asked for and found
 
 
 def evacuate(
@@ -171,6 +202,7 @@ def evacuate(
     place: Scenario,
     runs: int,
     *,
+    until: float | None = None,
     workers: int | None = None,
     kept: Sequence[Episode] = (),
     keep: Callable[[Sequence[Episode]], object] | None = None,
@@ -184,6 +216,8 @@ def evacuate(
 
     Parameters
     ----------
+    until : share of the mean evacuation time to which it has to be known; then no more runs are made, and only those that
+        were needed count, however many were made at once.
     workers : most processes; default one a core.
     kept : runs that were finished before.
     keep : is given the runs that have just ended, with what was recorded of them.
@@ -211,17 +245,30 @@ def evacuate(
 
         try:
             begin = time.monotonic()
-            if todo:
+            if todo and _enough(found, until) is None:
                 run_episodes(place, runs, only=todo[:1], recorder=recorder, keep=take, **options)
-            if rest := todo[1:]:
-                work = (time.monotonic() - begin) * len(rest)
-                processes = min(all_cores() if workers is None else workers, len(rest))
+            a_run = time.monotonic() - begin  # s
+            rest = todo[1:]
+            while rest and _enough(found, until) is None:
+                now = rest if until is None else rest[: max(FEWEST, len(found) // 2)]
+                rest = rest[len(now) :]
+                work = a_run * len(now)
+                processes = min(all_cores() if workers is None else workers, len(now))
                 executor = Processes(processes) if processes > 1 and work > _WORTH_A_PROCESS else None
-                at_once = -(-len(rest) // (_BATCHES * processes))
+                at_once = -(-len(now) // (_BATCHES * processes))
                 way: dict[str, Any] = {"executor": executor, "at_once": at_once, "recorder": recorder, "keep": take}
-                run_episodes(place, runs, only=rest, **way, **options)
+                run_episodes(place, runs, only=now, **way, **options)
         except KeyboardInterrupt:
             stopped = RunsInterrupted([found[run] for run in sorted(found)], runs)
     if stopped is not None and not found:
         interrupted(f"0 of {counted(runs, 'run', 'runs')} were finished")
-    return Evacuations([found[run] for run in sorted(found)], stopped, records)
+    enough = None if stopped is not None else _enough(found, until)
+    return Evacuations([found[run] for run in sorted(found)[:enough]], stopped, records, enough)
+
+
+def _enough(found: Mapping[int, Episode], until: float | None) -> int | None:
+    """Return how many of the first runs are enough; None if more are needed, or that is not asked for."""
+    if until is None:
+        return None
+    first = itertools.takewhile(found.__contains__, itertools.count())
+    return runs_enough(np.array([found[run].metrics.evacuation_time for run in first]), until)

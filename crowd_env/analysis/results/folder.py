@@ -50,6 +50,11 @@ class ResultsFolder(Store):
         kept = ((run, self.load(f"{KEPT}/{first + run}")) for run in range(runs))
         return [decode(run, content) for run, content in kept if content is not None]
 
+    def end_at(self, runs: int) -> None:
+        """Let the folder be of so many runs: those beyond are kept, and counted if the command asks for more."""
+        assert self.identity is not None
+        self.identity["runs"] = runs
+
     def crowding(self, episodes: Sequence[Episode]) -> list[Crowding]:
         """Return what was collected of these runs; of a damaged file nothing."""
         found = (self.load(f"{CROWDING}/{episode.seed}") for episode in episodes)
