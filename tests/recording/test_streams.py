@@ -55,10 +55,15 @@ def full(of, *args):
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
     return before[sys.argv[3]](of, *args)
 
+def run(recorder):
+    return next(rollout(place, 1, seed=3, scheme="dem", recorder=recorder))
+
+place = make_scenario({SCENARIO!r})
+run(RunRecorder(contacts=True))  # what is compiled is kept on the disk while there is room
 before = {{"begin": RunRecorder.begin, "finish": RunningRecording.finish}}
 setattr(RunRecorder if sys.argv[3] == "begin" else RunningRecording, sys.argv[3], full)
-place, recorder = make_scenario({SCENARIO!r}), RunRecorder(sys.argv[1], contacts=True, seed=3)
-(one,) = rollout(place, 1, seed=3, scheme="dem", recorder=recorder)
+recorder = RunRecorder(sys.argv[1], contacts=True, seed=3)
+one = run(recorder)
 recorder.close()
 print(one.end, one.exit_time.sum())
 print(type(one.record).__name__, one.record)
