@@ -27,6 +27,7 @@ FEWEST = 10  # runs, before an interval is believed
 PEAK = 10.0  # s  over which the largest flow of an exit is a mean
 # 1/(s m)  What crowds of experiments reach at doors is below.
 HIGHEST_FLOW = 2.8
+_HANDFUL = 10  # people; the flow of fewer is chance: three side by side are 20 a second
 _EXITS_SHOWN, _RUNS_SHOWN = 4, 10
 
 
@@ -146,20 +147,24 @@ def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> dict[str, Any]:
     """Return figures of each exit, ready for JSON.
 
     ``people`` took it in all runs, ``share`` is of those who got out in a run, ``first`` and ``last`` are when it was first
-    and last used [s].  ``flow_per_meter`` is its flow over its width [1/(s m)], ``peak_flow_per_meter`` its `peak_flow`.
+    and last used [s].  ``flow_per_meter`` is its flow over its width [1/(s m)], ``peak_flow_per_meter`` its `peak_flow`; that
+    of a zone in the floor is over the width of a door that lets through as many, see `Geometry.clear_widths`, and a handful of
+    people have none.
     """
     taken = [exit_names(scenario, episode.exit_index) for episode in episodes]
     out = np.array([(names != "").sum() for names in taken])
     found = {}
-    for name, width in scenario.geometry.exit_widths.items():
+    body = scenario.population.radius.low + scenario.population.radius.high
+    for name, width in scenario.geometry.clear_widths(body).items():
         count = np.array([(names == name).sum() for names in taken])
         of_run = np.divide(count, out, out=np.full(len(out), np.nan), where=out > 0)
         times = [np.sort(one.exit_time[names == name]) for one, names in zip(episodes, taken, strict=True)]
+        flows = [one if len(one) >= _HANDFUL else one[:0] for one in times]
         of_each = {
             "first": [float(one[0]) if len(one) else np.nan for one in times],
             "last": [float(one[-1]) if len(one) else np.nan for one in times],
-            "flow_per_meter": [flow_slope(one) / width for one in times],
-            "peak_flow_per_meter": [peak_flow(one) / width for one in times],
+            "flow_per_meter": [flow_slope(one) / width for one in flows],
+            "peak_flow_per_meter": [peak_flow(one) / width for one in flows],
         }
         figures = {name: named(np.array(values)) for name, values in of_each.items()}
         found[name] = {"people": int(count.sum()), "share": named(of_run), **figures}

@@ -38,6 +38,8 @@ from crowd_env.geometry.parts import closed_off, is_within, join_near_parts, say
 
 __all__ = ["Boundary", "Geometry", "box", "join_boundaries", "parse_exit"]
 
+_BENT = 0.1  # m; an opening that is deeper is no line between two jambs
+
 
 class Boundary(NamedTuple):
     """What kernels read of the geometry; the arrays of G geometries lie one behind the other."""
@@ -286,13 +288,22 @@ class Geometry:
         Lines that hang together are one opening.  One that is bent, such as the sides of a zone that people walk into, is as
         wide as the longer side of the smallest rectangle around it: people come from one side.
         """
+        return self.clear_widths()
+
+    def clear_widths(self, body: float = 0.0) -> dict[str, float]:
+        """Return the `exit_widths` [m] of doors through which people of a width ``body`` [m] pass as they do here.
+
+        Between jambs the middle of a body stays half its width off each of them.  A zone has none: middles enter all along its
+        side, as through a door that is wider by a body.
+        """
         names = np.array(self.exit_names, dtype=object)
         widths = {}
         for name in dict.fromkeys(self.exit_names):
             lines = shapely.linestrings(self.exits[names == name])
             chains = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(lines)))
             boxes = shapely.get_coordinates(shapely.oriented_envelope(chains), return_index=True)
-            widths[name] = float(sum(_longest_side(boxes[0][boxes[1] == k]) for k in range(len(chains))))
+            sides = [_sides(boxes[0][boxes[1] == k]) for k in range(len(chains))]
+            widths[name] = sum(long + (body if short > _BENT else 0.0) for short, long in sides)
         return widths
 
     def nearest_exit(self, points: ArrayLike) -> Ints:
@@ -309,8 +320,10 @@ class Geometry:
         return np.asarray(distance)
 
 
-def _longest_side(corners: Floats) -> float:
-    return float(np.hypot(*np.diff(corners, axis=0).T).max())
+def _sides(corners: Floats) -> tuple[float, float]:
+    """Return the shorter and the longer side of a rectangle, which may be a line."""
+    lengths = np.hypot(*np.diff(corners, axis=0).T)
+    return (0.0 if len(lengths) < 2 else float(lengths.min())), float(lengths.max())
 
 
 def join_boundaries(geometries: Sequence[Geometry]) -> Boundary:

@@ -2,14 +2,16 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import shapely
 from repository import ROOT
 
-from crowd_env import Groups, Population, make_scenario
+from crowd_env import Geometry, Groups, Population, Scenario, make_scenario
 from crowd_env.analysis.exit_times import read_exits
-from crowd_env.analysis.figures import peak_flow, report, time_of_share
+from crowd_env.analysis.figures import exits_of, peak_flow, report, time_of_share
 from crowd_env.analysis.results.config import FREE, run_config
 from crowd_env.analysis.results.folder import ResultsFolder, egress, write_curve, write_tables
 from crowd_env.core.files.csv_table import read_table
@@ -186,3 +188,17 @@ def test_figures_of_exits_are_those_of_the_people_who_took_them(place, episodes)
         for key, of in (("first", np.min), ("last", np.max)):
             expected = np.mean([of(one) for one in used]) if used else None
             assert found[name][key]["mean"] == (None if expected is None else pytest.approx(expected))
+
+
+def test_flows_of_a_small_zone_and_of_a_handful_of_people_are_no_records():
+    """Two a second who walk into a box of 0.4 m were 5 people a second and meter: as a door it would be wider by a body."""
+    walkable, exits = shapely.box(0, 0, 9, 8), {"zone": shapely.box(5, 4, 5.2, 4.4), "door": [[9, 2], [9, 3]]}
+    place = Scenario("zones", Geometry.from_polygon(walkable, exits=exits), Population(50), 60.0)
+    zone, door = (place.geometry.exit_names.index(name) for name in exits)
+    times = np.r_[np.arange(20) / 2.0, np.arange(9) / 9.0]
+    run = SimpleNamespace(exit_time=times, exit_index=np.repeat([zone, door], [20, 9]))
+    found = exits_of(place, [run])
+    body = place.population.radius.low + place.population.radius.high
+    for key in ("flow_per_meter", "peak_flow_per_meter"):
+        assert found["zone"][key]["mean"] == pytest.approx(2.0 / (0.4 + body)) and found["door"][key]["mean"] is None
+    assert found["door"]["people"] == 9
