@@ -308,6 +308,10 @@ def doubts(figures: Mapping[str, Any]) -> str:
             said.append(f"{counted(cut, 'run was', 'runs were')} cut by the time limit")
     if figures.get("until") and not figures["enough"]:
         said.append(f"the mean evacuation time is not known to {100.0 * figures['until']:g} % yet: give more --runs")
+    if figures.get("unconverged_steps"):
+        said.append(
+            f"the contact solver ended above its tolerance in {counted(figures['unconverged_steps'], 'step', 'steps')}"
+        )
     if "interrupted_of" in figures:
         said.append(f"only {figures['runs']} of {figures['interrupted_of']} runs were finished")
     return "; ".join(said)

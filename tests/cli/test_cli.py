@@ -50,6 +50,7 @@ KEYS = {
     "evacuation_time": {"mean", "sd", "ci95"},
     "flow": {"mean", "sd", "ci95"},
     "mean_exit_time": {"mean", "sd", "ci95"},
+    "t50": {"mean", "sd", "ci95"},
     "t95": {"mean", "sd", "ci95"},
     "exits": {"door"},
     "overlap_mm": {"mean", "max"},
@@ -85,6 +86,8 @@ def test_run_says_when_its_figures_are_doubtful():
     assert call("run --runs 1 --people 5").stdout.count("check:") == 0
     short = call("run --runs 2 --people 5 --time-limit 1").stdout
     assert "check: 9 people are left inside; 2 runs were cut by the time limit" in short
+    gives_up = call("run --runs 1 --people 20 --time-limit 10 --set max_iterations=1").stdout
+    assert "the contact solver ended above its tolerance in" in " ".join(gives_up.split())
     fast = {"exits": {"door": {"flow_per_meter": {"mean": 3.1}}}, "unfinished": 0, "runs": 2, "interrupted_of": 5}
     assert doubts(fast) == (
         "3.1 people per second and meter pass exit door, more than the 2.8 that experiments found; "
