@@ -127,7 +127,8 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
         return Population(**{"people": PEOPLE if people is None else people, **fields})
     areas = {name: float(plan.regions[name].intersection(plan.walkable).area) for name in plan.starts}
     most = _room(plan, Population(**{"people": 1, **fields}).radius.high, beside=people is None)
-    room = {name: min(max(1, int(_CROWDED * area)), most.get(name, 1)) for name, area in areas.items()}
+    spread = {name: max(1, int(_CROWDED * area)) for name, area in areas.items()}
+    room = {name: min(many, most.get(name, many)) for name, many in spread.items()}
     small = [name for name, many in room.items() if not many]
     if small and len(small) < len(room):
         narrow = counted(len(small), "start area", "start areas")
