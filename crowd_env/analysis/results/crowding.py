@@ -12,7 +12,7 @@ from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import contact_pressure
 
-LOAD_SPAN = 1.0  # s  over which the load of a wall is a mean
+LOAD_SPAN = 1.0  # s  over which what presses on bodies and walls is a mean: loads that last, not impacts
 SAMPLE = 0.5  # s  between two looks at who stands where; forces are looked at every decision
 HELD_UP = 0.5  # of the own desired speed: who is slower since the sample before, after the response time, is held up
 # Level of service of walkways by the area a person (Fruin 1971), as densities [1/m2] above which the next one begins.
@@ -23,7 +23,8 @@ class Crowding(NamedTuple):
     """What was collected of one evacuation; forces of decisions with a step that the solver did not finish are left out."""
 
     density: Floats  # (rows, columns)  1/m2  largest of any sample
-    pressure: Floats  # (rows, columns)  N/m  largest mean of a decision
+    pressure: Floats  # (rows, columns)  N/m  largest mean of `LOAD_SPAN`
+    impact: float  # N/m  largest mean of a decision, of anyone
     service: Floats  # (L,)  s  that people spent at each of the `SERVICE` levels, added up
     injured: float  # s  that people spent beyond `INJURY`, added up
     zone_most: Ints  # (Z,)  most people at once in each region of the plan
@@ -50,6 +51,8 @@ class CrowdingRecorder:
         count, cells = env.num_envs, self.grid.shape[0] * self.grid.shape[1]
         self._density, self._pressure = (np.zeros((count, cells), dtype=np.float32) for _ in range(2))
         self._scratch = np.zeros(cells)
+        self._impulse, self._whole = np.zeros(env.num_people), np.zeros(count, dtype=np.int64)
+        self._impact = np.zeros(count)
         self._service, self._injured = np.zeros((count, len(SERVICE))), np.zeros(count)
         self._zone_most = np.zeros((count, len(self._zones)), dtype=np.int64)
         self._zone_last = np.zeros((count, len(self._zones)))
@@ -57,6 +60,7 @@ class CrowdingRecorder:
         self._tree = shapely.STRtree(shapely.linestrings(self._pieces))
         self._left_out, self._unconverged = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
         self._held: list[Bools] = []
+        self._span = max(round(LOAD_SPAN / env.decision_dt), 1)
         self._every, self._decisions = max(round(SAMPLE / env.decision_dt), 1), 0
         self._position = env.simulation.state.position.copy()
         self._look(env, env.active)
@@ -70,29 +74,45 @@ class CrowdingRecorder:
         self._unconverged[:] = simulation.diagnostics.unconverged
         self._left_out += broken
         counts = (inside | step.terminated) & ~broken[env.env_of_person]
-        self._press_on_walls(env, counts)
-        pressed = np.flatnonzero(counts & (pressure > 0.0))
-        e, p = env.env_of_person[pressed], pressure[pressed]
-        place = self.grid.cell_of(simulation.state.position[pressed])[:, None] + self._spread.felt
-        np.maximum.at(self._pressure, (e[:, None], place), p[:, None].astype(np.float32))
-        self._injured += env.decision_dt * np.bincount(e, p > INJURY, minlength=env.num_envs)
+        pressure[~counts] = 0.0
+        np.maximum.at(self._impact, env.env_of_person, pressure)
+        self._injured += env.decision_dt * np.bincount(env.env_of_person, pressure > INJURY, minlength=env.num_envs)
+        self._whole += np.bincount(env.env_of_person[counts], minlength=env.num_envs) > 0
+        # Means are over the decisions that count, but over half of the span at least.
+        duration, ends = (
+            env.decision_dt * np.maximum(self._whole, -(-self._span // 2)),
+            self._decisions % self._span == 0,
+        )
+        self._press_on_bodies(env, counts, duration, ends | step.terminated | step.truncated)
+        self._press_on_walls(env, counts, duration, ends)
+        if ends:
+            self._whole[:] = 0
         if self._decisions % self._every == 0:
             self._look(env, inside)
 
-    def _press_on_walls(self, env: CrowdEnv, counts: Bools) -> None:
-        """Add what walls give to the people who count to the load of the nearest piece of a wall."""
+    def _press_on_bodies(self, env: CrowdEnv, counts: Bools, duration: Floats, ends: Bools) -> None:
+        """Add impulses to those of the span, and its mean to the map for those (P,) for whom it ends."""
+        results = env.simulation.results
+        self._impulse += np.where(counts, results.impulse_magnitude, 0.0)
+        who = np.flatnonzero((self._impulse > 0.0) & ends)
+        pressure = contact_pressure(self._impulse, 1.0, env.simulation.bodies.radius)[who]
+        pressure /= duration[env.env_of_person[who]]
+        place = self.grid.cell_of(env.simulation.state.position[who])[:, None] + self._spread.felt
+        np.maximum.at(self._pressure, (env.env_of_person[who][:, None], place), pressure[:, None].astype(np.float32))
+        self._impulse[who] = 0.0
+
+    def _press_on_walls(self, env: CrowdEnv, counts: Bools, duration: Floats, ends: bool) -> None:
+        """Add what walls give to the people who count to the load of the nearest piece of a wall, until the span ends."""
         simulation = env.simulation
-        force = simulation.results.wall_impulse / env.decision_dt + simulation.social_forces_of_walls()
-        who = np.flatnonzero(counts & force.any(axis=1))
+        given = simulation.results.wall_impulse + env.decision_dt * simulation.social_forces_of_walls()
+        who = np.flatnonzero(counts & given.any(axis=1))
         if len(who):
             piece = self._tree.nearest(shapely.points(simulation.state.position[who]))
-            np.add.at(self._load, (env.env_of_person[who], piece), force[who])
-        span = max(round(LOAD_SPAN / env.decision_dt), 1)
-        if self._decisions % span == 0:
+            np.add.at(self._load, (env.env_of_person[who], piece), given[who])
+        if ends:
             length = np.maximum(np.hypot(*(self._pieces[:, 1] - self._pieces[:, 0]).T), 1.0)
-            np.maximum(
-                self._load_most, np.hypot(*np.moveaxis(self._load, -1, 0)) / (span * length), out=self._load_most
-            )
+            load = np.hypot(*np.moveaxis(self._load, -1, 0)) / (duration[:, None] * length)
+            np.maximum(self._load_most, load, out=self._load_most)
             self._load[:] = 0.0
 
     def _look(self, env: CrowdEnv, inside: Bools) -> None:
@@ -133,6 +153,7 @@ class CrowdingRecorder:
         return Crowding(
             density=self._density[e].reshape(self.grid.shape).copy(),
             pressure=self._pressure[e].reshape(self.grid.shape).copy(),
+            impact=float(self._impact[e]),
             service=self._service[e].copy(),
             injured=float(self._injured[e]),
             zone_most=self._zone_most[e].copy(),

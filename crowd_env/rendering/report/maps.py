@@ -51,6 +51,7 @@ class Measured(NamedTuple):
     hardest: list[Worst]
     loaded: list[Worst]  # N/m  of walls
     service: dict[str, float]  # level -> share of the time that people spent inside
+    impact: float  # N/m  largest mean of 0.1 s, of anyone in any run
     injured: float  # s  that people spent beyond `INJURY`, added up, mean over runs
     left_out: int  # decisions whose forces are left out, of all runs
     zones: list[Zone]
@@ -59,7 +60,12 @@ class Measured(NamedTuple):
         """Return what there is besides maps, ready for JSON."""
         places = {"density": self.densest, "pressure": self.hardest, "wall_load": self.loaded}
         worst = {name: [place._asdict() for place in worst] for name, worst in places.items()}
-        facts = {"service": self.service, "person_seconds_beyond_injury": self.injured, "left_out": self.left_out}
+        facts = {
+            "service": self.service,
+            "impact": self.impact,
+            "person_seconds_beyond_injury": self.injured,
+            "left_out": self.left_out,
+        }
         return {
             "name": self.name,
             "runs": self.runs,
@@ -98,6 +104,7 @@ def measure(runs: Runs) -> Measured | None:
         hardest=_worst(geometry, grid, pressure),
         loaded=_most_loaded(geometry, np.max([one.wall_load for one in found], axis=0)),
         service=service,
+        impact=max(one.impact for one in found),
         injured=injured,
         left_out=left_out,
         zones=zones,

@@ -74,15 +74,24 @@ def test_queues_are_those_of_recorded_positions():
 
 
 @pytest.mark.parametrize("scheme", ["dem", "nsm2"])
-def test_pressures_are_those_of_the_recording_and_no_larger(scheme):
+def test_pressures_are_those_of_the_recording(scheme):
     place = make_scenario("two-exit-hall-v0", people=30)
     seen = Recorders(crowding=CrowdingRecorder(place.geometry), recording=RunRecorder())
     (episode,) = run_episodes(place, 1, recorder=seen, scheme=scheme, strategy="nearest")
     found, recording = episode.record["crowding"], episode.record["recording"]
     assert found.left_out == 0
-    assert found.pressure.max() == pytest.approx(np.nanmax(recording.pressure), rel=1e-6)
-    beyond = (np.nan_to_num(recording.pressure) > INJURY).sum()
-    assert found.injured == pytest.approx(0.1 * beyond)
+    of_frame = np.zeros((len(recording.times), 30))
+    of_frame[recording.frame, recording.person] = np.nan_to_num(recording.pressure)
+    assert found.impact == pytest.approx(of_frame.max())
+    assert found.injured == pytest.approx(0.1 * (of_frame > INJURY).sum())
+    means = []  # of whole seconds; of who leaves in the middle of one, of that part, or of half a second if it is shorter
+    for person in range(30):
+        out = int(np.ceil(episode.exit_time[person] / 0.1 - 1e-9))  # the frame in which this one was out
+        for first in range(1, out + 1, 10):
+            last = min(first + 9, out)
+            means.append(of_frame[first : last + 1, person].sum() / max(last - first + 1, 5))
+    assert found.pressure.max() == pytest.approx(max(means), rel=1e-6)
+    assert max(means) < 0.8 * found.impact
 
 
 def test_moments_that_a_solver_did_not_finish_are_left_out_and_counted():
@@ -100,7 +109,8 @@ def test_moments_that_a_solver_did_not_finish_are_left_out_and_counted():
         (cut if results.diagnostics.unconverged[0] else whole).append(pressure.max())
     found = recorder.record(env, 0)
     assert found.left_out == len(cut) > 0 and max(cut) > max(whole) > 0.0
-    assert found.pressure.max() == pytest.approx(max(whole), rel=1e-6)
+    assert found.impact == pytest.approx(max(whole), rel=1e-6)
+    assert 0.0 < found.pressure.max() <= max(whole)
 
 
 def test_nothing_depends_on_the_batch():
