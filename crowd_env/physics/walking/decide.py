@@ -57,6 +57,8 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, batch: Batch, params
     count, aside = _look(e, i, cell, seen_start, batch, params)
     seen = (seen_start, seen_start + count)
     aside += _overtake(e, i, seen, time_gap, speed, batch, params)
+    if params.off_walls > 0.0:
+        aside += _off_walls(e, i, batch, params)
     aside = min(max((1.0 - push) * aside, -_MOST_ASIDE), _MOST_ASIDE)
     per_size = 1.0 / np.sqrt(1.0 + aside * aside)
     ex, ey = per_size * (way_x - aside * way_y), per_size * (way_y + aside * way_x)
@@ -150,6 +152,22 @@ def _overtake(
 
 
 @inner_kernel
+def _off_walls(e: int, i: int, batch: Batch, params: Headway) -> float:
+    """Return how far to bend the way off walls at either hand, of the way (left > 0)."""
+    walkers, world, r = batch.workspace.walkers, batch.world, batch.bodies.radius[i]
+    x, y = batch.state.position[i, 0], batch.state.position[i, 1]
+    way_x, way_y = walkers.way_x[i], walkers.way_y[i]
+    near, wall, reach = (
+        walls_near(world.wall_grid, world.geometry_of_env[e], x, y),
+        world.boundary.wall,
+        r + params.off_walls,
+    )
+    left = free_path(world.wall_grid, near, wall, x, y, -way_y, way_x, reach)
+    right = free_path(world.wall_grid, near, wall, x, y, way_y, -way_x, reach)
+    return params.shyness * (min(left - r, params.off_walls) - min(right - r, params.off_walls)) / params.off_walls
+
+
+@inner_kernel
 def _speed_behind(
     i: int,
     seen: tuple[int, int],
@@ -160,7 +178,7 @@ def _speed_behind(
     params: Headway,
     width: float,
 ) -> tuple[float, int]:
-    """Return how fast [m/s] those seen whose bodies overlap the strip along (ex, ey) let ``i`` walk, and who slows most."""
+    """Return how fast [m/s] those seen in the strip along (ex, ey), and beside it, let ``i`` walk, and who slows most."""
     walkers, radius = batch.workspace.walkers, batch.bodies.radius
     position, velocity = batch.state.position, batch.state.velocity
     x, y, r, slowest, leader = position[i, 0], position[i, 1], radius[i], np.inf, i
@@ -169,16 +187,23 @@ def _speed_behind(
         n = walkers.seen[m]
         dx, dy, reach = walkers.x[n] - x, walkers.y[n] - y, r + walkers.radius[n]
         along, across = dx * ex + dy * ey, dy * ex - dx * ey
-        if along > 0.0 and abs(across) < width * reach:
+        beyond = abs(across) - width * reach  # of the strip
+        if along > 0.0 and (beyond < 0.0 or beyond < params.beside * min(slowest, walkers.speed[i])):
             j = walkers.slot[n]
             ux, uy = walkers.way_x[j], walkers.way_y[j]
             same = max(way_x * ux + way_y * uy, 0.0)
             is_ahead = same > 0.0 and -(dx * ux + dy * uy) > dx * way_x + dy * way_y
-            if is_ahead and abs(dy * ux - dx * uy) < width * reach and gives_way[j]:
+            if is_ahead and (beyond >= 0.0 or abs(dy * ux - dx * uy) < width * reach) and gives_way[j]:
                 continue  # the other has this one further in front, and gives way
             foreseen = same * params.anticipation
             onward = max(velocity[j, 0] * ex + velocity[j, 1] * ey, 0.0)
             room = np.sqrt(dx * dx + dy * dy) - reach - same * params.standing + foreseen * onward
-            if room < slowest * (time_gap + foreseen):
+            if beyond >= 0.0:
+                pace = max(
+                    room / (time_gap + foreseen), beyond / max(same * params.beside, 1e-9), params.keep_up * onward
+                )
+                if pace < slowest:
+                    slowest, leader = pace, j
+            elif room < slowest * (time_gap + foreseen):
                 slowest, leader = room / (time_gap + foreseen), j
     return max(slowest, 0.0), leader

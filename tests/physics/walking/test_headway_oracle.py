@@ -66,6 +66,9 @@ def decide_one(simulation, manner, e, i, inside, ways):
     left = np.array([-way[1], way[0]])
     aside = sum(step_aside(simulation, manner, i, j, left, ways) for j in seen)
     aside += overtake(simulation, manner, time_gap, i, seen, ways, e)
+    if manner.off_walls:
+        free = [min(gap_to_walls(simulation, e, i, side), manner.off_walls) for side in (left, -left)]
+        aside += manner.shyness * (free[0] - free[1]) / manner.off_walls
     heading = turned(way, np.clip((1.0 - push) * aside, -MOST_ASIDE, MOST_ASIDE))
     behind, _ = speed_behind(simulation, manner, time_gap, manner.width, i, heading, seen, ways)
     return np.clip(behind, push * speed, speed) * heading, waited
@@ -138,11 +141,14 @@ def speed_behind(simulation, manner, time_gap, width, i, heading, seen, ways):
     """Return the least speed [m/s] that anyone in the strip along a heading allows, infinite if nobody is, and who that is."""
     speeds = {}
     for j in seen:
+        same = max(ways[i][0] @ ways[j][0], 0.0)
+        onward = max(simulation.state.velocity[j] @ heading, 0.0)
+        room = gap_to(simulation, i, j) + same * (manner.anticipation * onward - manner.standing)
         if is_in_front(simulation, width, i, j, heading, ways):
-            same = max(ways[i][0] @ ways[j][0], 0.0)
-            onward = max(simulation.state.velocity[j] @ heading, 0.0)
-            room = gap_to(simulation, i, j) + same * (manner.anticipation * onward - manner.standing)
             speeds[j] = room / (time_gap + same * manner.anticipation)
+        elif manner.beside and same and (beyond := beside(simulation, width, i, j, heading, ways)) is not None:
+            following = room / (time_gap + same * manner.anticipation)
+            speeds[j] = max(following, beyond / (same * manner.beside), manner.keep_up * onward)
     leader = min(speeds, key=speeds.__getitem__, default=None)
     return (math.inf if leader is None else max(speeds[leader], 0.0)), leader
 
@@ -158,6 +164,14 @@ def is_in_front(simulation, width, i, j, heading, ways):
     mine, other = ways[i][0], ways[j][0]
     gives_way = mine @ other > 0.0 and -away @ other > away @ mine and abs(cross(other, away)) < width
     return not (gives_way and simulation.batch.control.gives_way[j])
+
+
+def beside(simulation, width, i, j, heading, ways):
+    """Return how far [m] the strip of ``i`` misses the body of ``j``; None if it does not, or ``i`` is further ahead."""
+    away = simulation.state.position[j] - simulation.state.position[i]
+    beyond = abs(cross(heading, away)) - width * simulation.bodies.radius[[i, j]].sum()
+    gives_way = -away @ ways[j][0] > away @ ways[i][0] and simulation.batch.control.gives_way[j]
+    return None if away @ heading <= 0.0 or beyond < 0.0 or gives_way else beyond
 
 
 def cross(a, b):
@@ -224,10 +238,13 @@ MANNERS = [
         gain=0.0, berth=0.9, patience=0.4,
         impatience=0.5, sight=0.7, interval=0.03,
     ),
+    Headway(
+        time_gap=0.3, width=0.8, strength=0.12, beside=0.2, keep_up=0.7, off_walls=0.3, shyness=0.5, interval=0.05,
+    ),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("manner", MANNERS, ids=["alert", "blunt"])
+@pytest.mark.parametrize("manner", MANNERS, ids=["alert", "blunt", "wide"])
 @looped("seed", range(3))
 def test_a_decision_is_the_rule_written_plainly(manner, seed):
     simulation, asked = crowd(np.random.default_rng(seed), manner, scheme="dem")
