@@ -125,7 +125,8 @@ def run(
         who = counted(figures["people"], "person", "people"), counted(figures["runs"], "run", "runs")
         title = run_title(place, scheme.info.name, people=who[0], runs=who[1])
         title += "" if led is None else f", led by {led.name}"
-        settings = f"seed {seed}, step {figures['dt']:g} s, {figures['strategy']}; {time.monotonic() - begin:.1f} s"
+        took = f"{time.monotonic() - begin:.1f} s of computing"
+        settings = f"seed {seed}, step {figures['dt']:g} s, {figures['strategy']}; {took}"
         show_table(title, {"": cells(place, figures)}, caption=settings)
         if figures["doubts"]:
             Console(highlight=False).print(f"[yellow]check:[/] {escape(figures['doubts'])}", soft_wrap=True)

@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import shapely
 
 from crowd_env.analysis.results.measurements import CELL, INJURY, Grid, Spread, grid_over
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.envs.crowd import CrowdEnv, Step
-from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.geometry import Geometry, nearest_among
 from crowd_env.physics.pressure import contact_pressure
 
 LOAD_SPAN = 1.0  # s  over which what presses on bodies and walls is a mean: loads that last, not impacts
@@ -57,7 +56,7 @@ class CrowdingRecorder:
         self._zone_most = np.zeros((count, len(self._zones)), dtype=np.int64)
         self._zone_last = np.zeros((count, len(self._zones)))
         self._load, self._load_most = (np.zeros((count, len(self._pieces), *more)) for more in ((2,), ()))
-        self._tree = shapely.STRtree(shapely.linestrings(self._pieces))
+        self._nearest_piece = nearest_among(self._pieces)
         self._left_out, self._unconverged = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
         self._held: list[Bools] = []
         self._span = max(round(LOAD_SPAN / env.decision_dt), 1)
@@ -107,7 +106,7 @@ class CrowdingRecorder:
         given = simulation.results.wall_impulse + env.decision_dt * simulation.social_forces_of_walls()
         who = np.flatnonzero(counts & given.any(axis=1))
         if len(who):
-            piece = self._tree.nearest(shapely.points(simulation.state.position[who]))
+            piece = self._nearest_piece(simulation.state.position[who])
             np.add.at(self._load, (env.env_of_person[who], piece), given[who])
         if ends:
             length = np.maximum(np.hypot(*(self._pieces[:, 1] - self._pieces[:, 0]).T), 1.0)
