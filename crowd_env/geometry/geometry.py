@@ -4,9 +4,9 @@ All segments are oriented with the walkable area to their LEFT, so the outward n
 """
 
 import warnings
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -324,6 +324,15 @@ def _sides(corners: Floats) -> tuple[float, float]:
     """Return the shorter and the longer side of a rectangle, which may be a line."""
     lengths = np.hypot(*np.diff(corners, axis=0).T)
     return (0.0 if len(lengths) < 2 else float(lengths.min())), float(lengths.max())
+
+
+def nearest_among(segments: Floats) -> Callable[[Floats], Ints]:
+    """Return what tells for points (K, 2) [m] the row (K,) of the nearest of some ``segments`` (S, 2, 2) [m]."""
+    return partial(_nearest, shapely.STRtree(shapely.linestrings(segments)))
+
+
+def _nearest(tree: shapely.STRtree, points: Floats) -> Ints:
+    return np.asarray(tree.nearest(shapely.points(points)), dtype=np.int64)
 
 
 def join_boundaries(geometries: Sequence[Geometry]) -> Boundary:
