@@ -66,10 +66,14 @@ def write_force_network(
     Raises
     ------
     ValueError
-        If the suffix is another, or ``around`` or ``full_force`` is not positive.
+        If the suffix is another, or ``around`` or ``full_force`` is not positive; or if ``crowd`` is a simulation whose scheme
+        solves for impulses.
     """
     if isinstance(crowd, Recording):
         crowd = forces_of(crowd, at)
+    if isinstance(crowd, Simulation) and "constraints" in crowd.scheme.info.uses:
+        of = crowd.scheme.info.name
+        raise ValueError(f"{of} solves for impulses, and those of one step are no forces: draw a recording, or a mean")
     forces = contact_forces(crowd, e) if isinstance(crowd, Simulation) else crowd
     figure = force_network_figure(forces, around=around, full_force=full_force, color=color, title=title)
     return save_figure(figure, path, formulas=False)

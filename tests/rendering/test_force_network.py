@@ -190,6 +190,13 @@ def test_a_simulation_is_drawn_as_it_stands(tmp_path):
     assert write_force_network(tmp_path / "a.png", env.simulation).stat().st_size > 1000
 
 
+@looped("scheme", ["nsm1", "nsm1-inertial", "nsm2", "nsm2-printed"])
+def test_impulses_of_one_step_are_not_drawn_as_forces(scheme, tmp_path):
+    simulation = Simulation(ROOM, make_bodies([0.25], [80.0]), make_state([[2.0, 2.0]]), scheme=scheme)
+    with pytest.raises(ValueError, match="are no forces"):
+        write_force_network(tmp_path / "a.png", simulation)
+
+
 @pytest.mark.more
 @looped("bad", [{"around": 0.0}, {"around": np.nan}, {"full_force": -1.0}])
 def test_nonsense_is_refused(bad, tmp_path):
