@@ -29,6 +29,7 @@ _DETOUR, _QUEUE_FLOW = (
     0.5,
 )  # ... lets people walk this many times as far, and pass the exits at so many 1/(s m), ...
 _ROUND = 100.0  # ... and is a multiple of this [s]
+_LARGE = 40_000.0  # m2, of the box around a place
 _SLOW = 0.1  # m/s, at which those are taken to walk who hardly want to
 _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
 
@@ -49,7 +50,8 @@ class Scenario:
     drive harder than a person can; ``**FULL_SPEED`` gives the people of the papers, who do neither.
 
     ``strategy`` is how people choose their way, unless the run says otherwise.  By default it is the fastest where there are
-    several exits and nothing else says who takes which (routes, rules, one-way doors, a straight ``target``), or the shortest.
+    several exits and nothing else says who takes which (routes, rules, one-way doors, a straight ``target``), or the shortest;
+    also in a place of more than 200 m x 200 m, where looking for the fastest way again and again takes longer than all else.
 
     ``outline`` is the shape of all bodies, unless the run says otherwise: a name in ``OUTLINES``, an Outline, or a table of its
     parameters; by default they are discs.  People are placed with room to turn.
@@ -140,7 +142,8 @@ class Scenario:
         strategy = self.strategy if strategy is None else strategy
         if strategy is None:
             said = self.routes or self.rules or self.one_way or self.target != "path" or len(self.exits) == 1
-            return "shortest" if said else "fastest"
+            x0, y0, x1, y1 = self.geometry.bounds
+            return "shortest" if said or (x1 - x0) * (y1 - y0) > _LARGE else "fastest"
         known = (*STRATEGIES, *(route.name for route in self.routes), *self.exits)
         if not isinstance(strategy, str) or strategy not in known:
             raise ValueError(f"{self.name}: unknown strategy {shown(strategy)}; known: {', '.join(known)}")

@@ -57,6 +57,8 @@ def test_of_several_exits_people_take_the_fastest_unless_somebody_says_which():
     assert Scenario("two", TWO, Population(5), 60.0).strategy_of_run() == "fastest"
     assert Scenario("one", HALL, Population(5), 60.0).strategy_of_run() == "shortest"
     assert Scenario("near", TWO, Population(5), 60.0, target="nearest").strategy_of_run() == "shortest"
+    wide = Geometry.from_polygon(box(0, 0, 250, 200), exits={"east": [(250, 3), (250, 5)], "west": [(0, 3), (0, 5)]})
+    assert Scenario("wide", wide, Population(5), 60.0).strategy_of_run() == "shortest"
     west = Scenario("west", TWO, Population(5), 60.0, strategy="west")
     assert west.strategy_of_run() == "west" and west.strategy_of_run("nearest") == "nearest"
     assert CrowdEnv(west).strategies == ["west"]
