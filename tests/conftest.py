@@ -56,6 +56,6 @@ def fields_of_a_place_are_made_once():
         return known[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in (arguments, route_set):
-            patch.setattr(module, "travel_time_field", once)
+        patch.setattr(arguments, "travel_time_field", once)
+        patch.setattr(route_set, "_field_of", once)
         yield

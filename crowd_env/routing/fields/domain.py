@@ -210,7 +210,7 @@ def _levels(plan: Plan, nodes: Grid, spacing: float) -> Iterator[Level]:
         seeds, closed = free & (in_goal(plan, nodes) | before), set(plan.widest)
         for segment, name in zip(plan.exits, plan.names, strict=True):
             near = free & (source_distance(segment[None], nodes, dilation) < SOURCE * nodes.spacing)
-            if plan.widest[name] >= 2 * body - _TOUCH and near.any():
+            if near.any():
                 seeds |= near
                 closed.discard(name)
         parts = grid.connected_parts(free, seeds)
@@ -227,21 +227,24 @@ def _finer(plan: Plan, spacing: float) -> Iterator[float]:
         yield spacing
 
 
-def _most_open(plan: Plan, spacing: float) -> Grid:
-    """Return the grid on which the largest bodies get furthest: the coarsest of those that show as much."""
+def _most_open(plan: Plan, spacing: float) -> tuple[Grid, list[Level]]:
+    """Return the grid on which the largest bodies get furthest, the coarsest of those that show as much, and its levels.
+
+    The levels are left to the caller, [], unless the first is all that is needed, as in most places.
+    """
     smallest, most, best = max(plan.min_radius, 2 * spacing), -np.inf, None
     for h in chain([spacing], () if plan.partial else _finer(plan, spacing)):
         nodes = _make_grid(plan, h)
-        for level in _levels(plan, nodes, spacing):
+        for k, level in enumerate(_levels(plan, nodes, spacing)):
             if level.radius < plan.radius:
                 break
             area = float(level.reached.sum()) * h**2
             if best is None or area > most + np.pi * smallest**2:
                 best, most = nodes, area
             if not level.closed and _lost_part(level.parts, nodes, smallest) is None:
-                return nodes
+                return nodes, [] if k else [level]
     assert best is not None
-    return best
+    return best, []
 
 
 def dilate(plan: Plan, spacing: float) -> tuple[Grid, list[Level]]:
@@ -252,7 +255,9 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, list[Level]]:
     ValueError
         If at the smallest radius an exit, or a part of the area larger than a body, is still closed off.
     """
-    smallest, best = max(plan.min_radius, 2 * spacing), _most_open(plan, spacing)
+    smallest, (best, whole) = max(plan.min_radius, 2 * spacing), _most_open(plan, spacing)
+    if whole:
+        return best, whole
     leads_anywhere = len(plan.rows) == len(plan.geometry.exits)  # of one exit alone it is not worth a word
     for nodes in chain([best], (_make_grid(plan, h) for h in _finer(plan, best.spacing))):
         levels: list[Level] = []
@@ -277,15 +282,13 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, list[Level]]:
             return nodes, levels
     if closed:
         narrowest = min(closed, key=plan.widest.__getitem__)
-        narrow = plan.widest[narrowest] < 2 * smallest - _TOUCH
-        problem = (
-            f"exit {narrowest!r} is too narrow"
-            if narrow
-            else f"the way to exit {narrowest!r} is blocked right in front of it"
-        )
+        problem = f"the way to exit {narrowest!r} is blocked right in front of it"
+        if plan.widest[narrowest] < 2 * smallest - _TOUCH:
+            problem = f"exit {narrowest!r} is too narrow"
     else:
+        assert lost is not None  # or the levels would do
         what = "no exit can" if plan.goal is None else "the region that the way leads to cannot"
-        problem = f"{what} be reached from ({lost[0]:.2f}, {lost[1]:.2f})"  # type: ignore[index]
+        problem = f"{what} be reached from ({lost[0]:.2f}, {lost[1]:.2f})"
     raise ValueError(f"{problem} for a body of diameter {2 * smallest:.2f} m; widen the passage or open an exit there")
 
 

@@ -54,12 +54,14 @@ def test_where_only_slim_people_get_out_the_way_is_said_to_be_theirs():
 
 
 def test_people_choose_exits_that_they_fit_through():
-    geometry = Geometry.from_polygon(box(0, 0, 10, 4), exits={"hatch": [(0, 2), (0, 2.4)], "gate": [(10, 1), (10, 3)]})
-    place = Scenario("hatch", geometry, Population(2, radius=Uniform(0.15, 0.25)), 60.0)
-    routes = place.route_set("nearest")
-    at = np.array([[2.0, 2.0], [2.0, 2.0]])
-    chosen = place.choose(routes, "nearest", at, np.array([0.16, 0.24]))
-    assert [routes.routes[k].name for k in chosen] == ["hatch", "gate"]
+    at, sizes = np.array([[2.0, 2.0], [2.0, 2.0]]), np.array([0.16, 0.25])
+    for width in (0.40, 0.48):  # the second is so near to the larger body that nodes lie free right in front of it
+        hatch = [(0, 2), (0, 2 + width)]
+        geometry = Geometry.from_polygon(box(0, 0, 10, 4), exits={"hatch": hatch, "gate": [(10, 1), (10, 3)]})
+        place = Scenario("hatch", geometry, Population(2, radius=Uniform(0.15, 0.25)), 60.0)
+        routes = place.route_set("nearest")
+        chosen = place.choose(routes, "nearest", at, sizes)
+        assert [routes.routes[k].name for k in chosen] == ["hatch", "gate"], width
 
 
 @pytest.mark.filterwarnings("ignore:the way out from")
