@@ -47,7 +47,7 @@ class Plan(NamedTuple):
     exits: Floats  # (X, 2, 2)  m   those used
     rows: Ints  # (X,)  their rows in Geometry.exits
     names: list[str]  # (X,)
-    widest: dict[str, float]  # m   the width of each exit
+    widest: dict[str, float]  # m   the clear width of each exit
     radius: float  # m
     min_radius: float  # m
     partial: bool = False  # doors are closed: not everybody need reach an exit
@@ -80,7 +80,8 @@ def make_plan(
         require_known("region", goal, geometry.regions)
     use = np.isin(geometry.exit_names, wanted)
     segments, names = geometry.exits[use], [name for name in geometry.exit_names if name in wanted]
-    widest = {name: geometry.exit_widths[name] for name in wanted}
+    clear = geometry.clear_widths(2 * radius)
+    widest = {name: clear[name] for name in wanted}
     for name, width in widest.items():
         if width < 2 * min_radius - _TOUCH:
             raise ValueError(
@@ -210,7 +211,7 @@ def _levels(plan: Plan, nodes: Grid, spacing: float) -> Iterator[Level]:
         seeds, closed = free & (in_goal(plan, nodes) | before), set(plan.widest)
         for segment, name in zip(plan.exits, plan.names, strict=True):
             near = free & (source_distance(segment[None], nodes, dilation) < SOURCE * nodes.spacing)
-            if near.any():
+            if plan.widest[name] >= 2 * body - _TOUCH and near.any():
                 seeds |= near
                 closed.discard(name)
         parts = grid.connected_parts(free, seeds)

@@ -64,6 +64,12 @@ def test_people_choose_exits_that_they_fit_through():
         assert [routes.routes[k].name for k in chosen] == ["hatch", "gate"], width
 
 
+def test_a_zone_in_the_open_is_entered_by_bodies_wider_than_it():
+    geometry = Geometry.from_polygon(box(0, 0, 10, 4), exits={"mat": box(5, 2, 5.3, 2.3), "gate": [(10, 1), (10, 3)]})
+    field = travel_time_field(geometry, 0.25, exits=["mat"], min_radius=0.15)
+    assert field.travel_time_for(np.array([[4.0, 2.15]]), 0.25) == pytest.approx(1.0, abs=0.1)
+
+
 @pytest.mark.filterwarnings("ignore:the way out from")
 def test_a_plan_names_who_cannot_get_out_and_where():
     wide = Scenario("wide", hall(0.6), Population(5), 60.0)
