@@ -1,8 +1,9 @@
 """The fastest way through a crowd: a coarse travel-time field, marched anew with the speed that the crowd leaves.
 
-People who keep a distance are slowed as the density says.  Those who keep none are slowed by queues alone: a front of them
-takes as long as its queue takes at the narrowest place ahead (`crowd_env.routing.fields.fronts`), nobody gets past a queue by
-walking around those who stand in it, and so they leave the shortest way only where another door or exit is faster.
+People are slowed by queues: a front of them takes as long as its queue takes at the narrowest place ahead
+(`crowd_env.routing.fields.fronts`), and nobody gets past a queue by walking around those who stand in it.  Those who keep no
+distance are slowed by nothing else, and so they leave the shortest way only where another door or exit is faster.  Those who
+keep one are slowed as the density says as well, where that says more.
 """
 
 from collections.abc import Callable
@@ -87,11 +88,12 @@ class CongestionField:
 
     def _crowded(self, position: Floats, people: FundamentalDiagram) -> tuple[Floats, Bools]:
         """Return the speed (rows, cols) relative to plain floor, and where people keep to the shortest way."""
+        fronts, node = self._fronts, grid.nearest_nodes(position, self.origin, self.spacing, self._inside.shape)
+        queue, front = fronts.queue(node, people), fronts.front
+        waiting = self._mean_around(queue[front])
         if not people.keeps_distance:
-            fronts, node = self._fronts, grid.nearest_nodes(position, self.origin, self.spacing, self._inside.shape)
-            queue, front = fronts.queue(node, people), fronts.front
-            return self._speed / self._mean_around(queue[front]), fronts.keeps_on(queue)[front]
-        return self._speed * weidmann(self.density(position)), np.zeros_like(self._inside)
+            return self._speed / waiting, fronts.keeps_on(queue)[front]
+        return self._speed * np.minimum(1.0 / waiting, weidmann(self.density(position))), np.zeros_like(self._inside)
 
     def _mean_around(self, values: Floats) -> Floats:
         """Return the mean (rows, cols) of ``values`` over the floor around every node; 1 outside."""
