@@ -67,10 +67,11 @@ class RoutePlanner:
         self._keep_distance = keep_distance
         self.seconds, self.marches = 0.0, 0
         self._geometry_of_env, self._boundary = geometry_of_env, boundary
-        joined = join_routes(self.places, geometry_of_env)
+        ways = [self._ways(place) if isinstance(place, RouteSet) else place for place in self.places]
+        joined = join_routes(ways, geometry_of_env)
         self._fields, self._geometry_of_field, self.guidance, self.potential_of_route = joined
         self.field: FieldArrays = join_fields(self._fields, boundary, self._geometry_of_field)
-        self._current: list[Place] = [self.places[g] for g in geometry_of_env]
+        self._current: list[Place] = [ways[g] for g in geometry_of_env]
         self._closed: list[frozenset[str]] = [frozenset() for _ in self._current]
         self._rows: dict[_Key, tuple[list[int], list[int]]] = {}  # of the fields of the routes, and of their potentials
         for e, place in enumerate(self._current):
@@ -81,6 +82,10 @@ class RoutePlanner:
         self._first_rows, self._first_fields = dict(self._rows), len(self._fields)
         self._clock = DueClock(len(geometry_of_env))
         self._dynamic = self._find_dynamic()
+
+    def _ways(self, place: RouteSet, closed: frozenset[str] = frozenset()) -> RouteSet:
+        """Return the ways of a place while these doors are closed, for people as they walk here."""
+        return place.when(closed).spread if self._keep_distance else place.when(closed)
 
     def _find_dynamic(self) -> list[tuple[int, RouteSet]]:
         """Return the environments with routes that follow the crowd: mostly none, and then none has to be looked at."""
@@ -140,7 +145,7 @@ class RoutePlanner:
         if not isinstance(place, RouteSet):
             return
         try:
-            route_set = place.when(closed)
+            route_set = self._ways(place, closed)
         except ValueError as error:
             warnings.warn(f"with {', '.join(sorted(closed))} closed people wait there: {error}", stacklevel=3)
             return
@@ -179,7 +184,7 @@ class RoutePlanner:
                 g = int(self._geometry_of_env[owner]) if owner >= 0 else -1 - owner
                 place = self.places[g]
                 assert isinstance(place, RouteSet)  # others have no doors
-                self._add((owner, closed), place.when(closed), g)
+                self._add((owner, closed), self._ways(place, closed), g)
             self.field = join_fields(self._fields, self._boundary, self._geometry_of_field)
         for row, values in then.found.items():
             for array, known in zip(_of_field(self.field, row), values, strict=True):
@@ -188,7 +193,7 @@ class RoutePlanner:
         for e, closed in enumerate(then.closed):
             place = self.places[self._geometry_of_env[e]]
             self._closed[e] = closed
-            self._current[e] = route_set = place.when(closed) if isinstance(place, RouteSet) else place
+            self._current[e] = route_set = self._ways(place, closed) if isinstance(place, RouteSet) else place
             if isinstance(route_set, RouteSet):
                 self.potential_of_route[e, : len(route_set.routes)] = self._rows[self._key(e, closed)][1]
         self._dynamic = self._find_dynamic()

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -11,6 +11,7 @@ from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import known
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields.congestion import CongestionField
+from crowd_env.routing.fields.drain import spread
 from crowd_env.routing.fields.extension import carried_along
 from crowd_env.routing.fields.field import NavigationField, OneWay, straight_field, travel_time_field
 from crowd_env.routing.regions import region_masks, regions_along
@@ -38,6 +39,7 @@ class RouteField(NamedTuple):
     congestion: CongestionField | None  # makes the field anew from a crowd; None = it never changes
     exits: tuple[str, ...]  # that it may lead to in the end; () = all
     to_exit: NavigationField | None = None  # of a route via a region: travel time to the exit, what follows included
+    walls: Floats | None = None  # (W, 2, 2) m, those that stand; None = people who keep a distance do not spread on it
 
     @property
     def potential(self) -> NavigationField:
@@ -134,7 +136,7 @@ class RoutePlan:
             closed=closed,
             one_way=tuple(self.one_way),
         )
-        congestion = None
+        congestion = walls = None
         if strategy.follows_crowd:
             if self.one_way:
                 raise ValueError(
@@ -149,7 +151,9 @@ class RoutePlan:
             found = congestion.march()
         elif self.target != "path" and via is None and strategy.speed is None:
             found = straight_field(found, self.geometry, _MARGINS[self.target])
-        return RouteField(name, found, goal, following, is_closed, congestion, route.exits)
+        elif strategy.speed is None and not self.one_way:
+            walls = self.geometry.walls_when(closed)[0]
+        return RouteField(name, found, goal, following, is_closed, congestion, route.exits, walls=walls)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,6 +180,12 @@ class RouteSet:
     def is_dynamic(self) -> bool:
         """Whether some route follows the crowd."""
         return any(route.congestion is not None for route in self.routes)
+
+    @cached_property
+    def spread(self) -> "RouteSet":
+        """The routes of people who keep a distance: over the whole width of openings, as the doors stand."""
+        made = (r if r.walls is None else r._replace(field=spread(r.field, r.walls)) for r in self.routes)
+        return replace(self, routes=tuple(made))
 
     def when(self, closed: frozenset[str]) -> "RouteSet":
         """Return the routes while these doors are closed.

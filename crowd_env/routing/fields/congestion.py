@@ -3,19 +3,22 @@
 People are slowed by queues: a front of them takes as long as its queue takes at the narrowest place ahead
 (`crowd_env.routing.fields.fronts`), and nobody gets past a queue by walking around those who stand in it.  Those who keep no
 distance are slowed by nothing else, and so they leave the shortest way only where another door or exit is faster.  Those who
-keep one are slowed as the density says as well, where that says more.
+keep one are slowed as the density says as well, where that says more, and spread over wide openings
+(`crowd_env.routing.fields.drain`).
 """
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import skfmm
 
-from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.routing.fields import grid
 from crowd_env.routing.fields.directions import cell_kinds, descend
 from crowd_env.routing.fields.domain import SOURCE
+from crowd_env.routing.fields.drain import spread
 from crowd_env.routing.fields.extension import fill_from_nearest
 from crowd_env.routing.fields.field import NavigationField
 from crowd_env.routing.fields.fronts import Fronts
@@ -24,6 +27,7 @@ from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram, wei
 SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall must hold a node
 _MOUTH = 0.6  # m around a passage within which the fine field leads through it
 _ALIKE = 0.5  # cosine between two directions that lead the same way
+_ABREAST = 0.7  # the same, for people who spread: who turns off further goes around a crowd
 _SMOOTHING = 0.5  # m, half width of the window that density is averaged over, twice
 
 
@@ -71,10 +75,18 @@ class CongestionField:
             known = row >= 0
             width[known] = np.maximum(np.hypot(*(exits[:, 1] - exits[:, 0]).T) - 2.0 * fine.radius, 0.0)[row[known]]
         self._fronts = Fronts(self._first, self._free, self._speed, blocked, self.spacing, width)
-        self._shortest = fine.direction[::stride, ::stride]
+        self._shortest, self._fine, self._walls = fine.direction[::stride, ::stride], fine, walls
         self._narrow = np.zeros_like(self._inside) if fine.free is None else _narrow(fine.free, stride) & self._inside
         level = self._first - SOURCE * self.spacing
         self._level = np.ma.MaskedArray(np.where(np.isfinite(level), level, 1e3), ~self._free)
+
+    @cached_property
+    def _spread(self) -> tuple[Floats, Ints]:
+        """For people who keep a distance: the directions (rows, cols, 2) in which they spread, and how to look up."""
+        stride = round(self.spacing / self._fine.spacing)
+        direction = spread(self._fine, self._walls).direction[::stride, ::stride]
+        direct = np.where((direction == self._shortest).all(axis=-1), self._template.direct, -1)
+        return direction, cell_kinds(self._template.travel_time, direct, self._blocked)
 
     def density(self, position: Floats) -> Floats:
         """Return the density [1/m2] of people at ``position`` (K, 2) on the nodes (rows, cols), over about a meter."""
@@ -116,12 +128,15 @@ class CongestionField:
         known = ~np.isnan(time)
         direction = descend(time, self.spacing)
         # In narrow places and where only small bodies get out, the fine field knows the way, if both lead the same way.
-        alike = self._narrow & ((direction * self._shortest).sum(axis=-1) > _ALIKE)
+        shortest, cell, sure, least = self._shortest, self._template.cell, self._narrow, _ALIKE
+        if people is not None and people.keeps_distance:
+            (shortest, cell), sure, least = self._spread, self._free, _ABREAST
+        alike = sure & ((direction * shortest).sum(axis=-1) > least)
         keeps = (keeps_on & known) | alike | (self._inside & ~self._free)
-        direction[keeps] = self._shortest[keeps]
+        direction[keeps] = shortest[keeps]
         fill_from_nearest(time, direction, self._inside, known, self.spacing)
         if not keeps_on.any():
-            return replace(self._template, travel_time=time, direction=direction)
+            return replace(self._template, travel_time=time, direction=direction, cell=cell)
         direct = np.where(keeps_on, self._direct, self._template.direct)
         cell = cell_kinds(self._template.travel_time, direct, self._blocked)
         return replace(self._template, travel_time=time, direction=direction, direct=direct, cell=cell)

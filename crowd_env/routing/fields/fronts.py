@@ -44,7 +44,7 @@ class Fronts:
         level = np.where(known, np.where(known, time, 0.0) / self._depth, -1.0).astype(np.int64)
         open_right, open_up = blocked[:, :-1] & RIGHT == 0, blocked[:-1] & UP == 0
         right, up = open_right & known[:, :-1] & known[:, 1:], open_up & known[:-1] & known[1:]
-        front = _parts_of_levels(level, right, up)
+        front = parts_of_levels(level, right, up)
         count = int(front.max(initial=0)) + 1
         level_of = np.full(count, -1)
         level_of[front] = level
@@ -137,7 +137,7 @@ def _spread(front: Ints, right: Bools, up: Bools) -> Ints:
     return front
 
 
-def _parts_of_levels(level: Ints, right: Bools, up: Bools) -> Ints:
+def parts_of_levels(level: Ints, right: Bools, up: Bools) -> Ints:
     """Return a number per node (rows, cols) of the connected part of its ``level`` (-1 = none: part 0).
 
     ``right`` (rows, cols - 1) and ``up`` (rows - 1, cols) say between which neighbors one can walk.

@@ -1,0 +1,120 @@
+"""How people who keep a distance spread over wide openings, instead of filing along their ends, where shortest ways lead.
+
+    div q = 1,  q = -grad phi,  q . n = 0 at walls,  phi = 0 at exits
+
+``q`` is the flow of a floor full of people that empties evenly: it fills every opening over its whole width, and runs straight
+through a corridor.  It does not cross the lines on which shortest ways part, so people keep to the exit, and to the side of
+every obstacle, that the shortest way takes; and it is followed only where it leads about that way, so every step along it
+makes the way shorter.  From where it leads through a narrow opening people take the shortest way: that opening is what holds
+them up.  The model is ours; recorded flow per meter does not fall with the width of an opening (Seyfried et al.
+2009, doi 10.1287/trsc.1090.0263).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.routing.fields import grid
+from crowd_env.routing.fields.directions import regions_on_the_way
+from crowd_env.routing.fields.field import NavigationField
+from crowd_env.routing.fields.fronts import parts_of_levels
+from crowd_env.routing.fields.grid import RIGHT, UP
+from crowd_env.routing.fields.lookup import BLEND
+
+_SPACING = 0.1  # m; more in large places, of which about so many nodes are enough:
+_NODES = 40_000
+_WIDE = 1.0  # m that the middle of a body has of an opening over which people spread
+_PARTING = 0.3  # ways part where the unit vectors of two nodes differ by more, along the line from one to the other
+_ALIKE = 0.5  # cosine between two directions that lead the same way
+_ENOUGH = 1e-4  # share of the sources that may be left unbalanced
+
+
+def spread(field: NavigationField, walls: Floats) -> NavigationField:
+    """Return ``field`` with the directions of people who spread; ``walls`` (W, 2, 2) [m] are those that stand."""
+    if field.free is None:
+        return field
+    stride = max(1, int(_SPACING / field.spacing + 1e-9), int(np.sqrt(field.free.sum() / _NODES)))
+    spacing, nodes = stride * field.spacing, np.s_[::stride, ::stride]
+    floor, time, way = field.free[nodes], field.travel_time[nodes], field.direction[nodes]
+    narrow = _narrow(floor, int(np.ceil(0.5 * _WIDE / spacing - 1e-9)))
+    floor = floor & (regions_on_the_way(time, way, narrow.astype(np.int64)) == 0)
+    blocked = grid.blocked_lines(walls, floor.shape, field.origin, spacing)
+    right = (blocked[:, :-1] & RIGHT == 0) & (way[:, 1:, 0] - way[:, :-1, 0] < _PARTING) & floor[:, :-1] & floor[:, 1:]
+    up = (blocked[:-1] & UP == 0) & (way[1:, :, 1] - way[:-1, :, 1] < _PARTING) & floor[:-1] & floor[1:]
+    ends, part = floor & (time < spacing), parts_of_levels(np.where(floor, 0, -1), right, up)
+    floor = np.isin(part, part[ends])
+    if not floor.any():
+        return field
+    flow = _drain(ends, floor, right, up)
+    direction = _between(flow, stride, field.travel_time.shape)
+    spreads = field.free & ((direction * field.direction).sum(axis=-1) > _ALIKE) & (field.travel_time > spacing)
+    corner = spreads.copy()
+    corner[:-1] |= spreads[1:]
+    corner[:, :-1] |= corner[:, 1:].copy()
+    return replace(
+        field,
+        direction=np.where(spreads[..., None], direction, field.direction),
+        cell=np.where((field.cell >= 0) & corner, BLEND, field.cell),
+    )
+
+
+def _narrow(floor: Bools, half: int) -> Bools:
+    """Return where on the ``floor`` a square of 2 ``half`` + 1 nodes has no room, by more than a node."""
+    wide = floor
+    for size, fit in ((half, np.all), (half + 1, np.any)):
+        for axis in (0, 1):
+            padding = [(size, size) if axis == k else (0, 0) for k in (0, 1)]
+            wide = fit(np.lib.stride_tricks.sliding_window_view(np.pad(wide, padding), 2 * size + 1, axis), axis=-1)
+    return np.asarray(floor & ~wide)
+
+
+def _drain(ends: Bools, floor: Bools, right: Bools, up: Bools) -> Floats:
+    """Return the unit vectors (rows, cols, 2) of the flow from every node of the ``floor``; 0 beside it.
+
+    ``ends`` (rows, cols) lie next to the way out, one at least in every part; ``right`` (rows, cols - 1) and ``up``
+    (rows - 1, cols) say between which neighbors one can walk.
+    """
+
+    def flows(phi: Floats) -> tuple[Floats, Floats]:
+        return right * (phi[:, :-1] - phi[:, 1:]), up * (phi[:-1] - phi[1:])
+
+    phi, left = np.zeros(floor.shape), floor.astype(np.float64)
+    step, square = left.copy(), float(left.sum())
+    enough = _ENOUGH**2 * square
+    for _ in range(4 * sum(floor.shape)):  # conjugate gradients
+        if square <= enough:
+            break
+        out, (x, y) = ends * step, flows(step)
+        out[:, :-1] += x
+        out[:, 1:] -= x
+        out[:-1] += y
+        out[1:] -= y
+        share = square / float((step * out).sum())
+        phi += share * step
+        left -= share * out
+        before, square = square, float((left * left).sum())
+        step = left + square / before * step
+    flow = np.zeros((*floor.shape, 2))
+    x, y = flows(phi)
+    flow[:, :-1, 0] += x
+    flow[:, 1:, 0] += x
+    flow[:-1, :, 1] += y
+    flow[1:, :, 1] += y
+    return _unit(flow)
+
+
+def _between(vectors: Floats, stride: int, shape: tuple[int, ...]) -> Floats:
+    """Return unit vectors of every ``stride``-th node as unit vectors of all nodes of a grid of ``shape`` (rows, cols)."""
+    for axis in (0, 1):
+        place = np.arange(shape[axis]) / stride
+        first = place.astype(np.int64)
+        then = np.minimum(first + 1, vectors.shape[axis] - 1)
+        share = np.expand_dims(place - first, (1 - axis, 2))
+        vectors = (1.0 - share) * np.take(vectors, first, axis=axis) + share * np.take(vectors, then, axis=axis)
+    return _unit(vectors)
+
+
+def _unit(vectors: Floats) -> Floats:
+    norm = np.hypot(vectors[..., 0], vectors[..., 1])[..., None]
+    return np.divide(vectors, norm, out=np.zeros_like(vectors), where=norm > 1e-12)
