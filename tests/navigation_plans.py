@@ -60,6 +60,11 @@ def exit_targets(geometry):
 
 def shortest(geometry, points, targets, *, lines, quad_segs):
     """Return the length of the shortest way of a disc that keeps off ``lines`` from each of ``points`` to ``targets``."""
+    return shortest_ways(geometry, points, targets, lines=lines, quad_segs=quad_segs)[0]
+
+
+def shortest_ways(geometry, points, targets, *, lines, quad_segs):
+    """Return these lengths, and where the first straight line of each way ends."""
     free = geometry.walkable.difference(
         shapely.buffer(shapely.MultiLineString(lines), RADIUS - 1e-4, quad_segs=quad_segs)
     )
@@ -79,4 +84,5 @@ def shortest(geometry, points, targets, *, lines, quad_segs):
     between[~np.isfinite(between)] = 0  # no edge
     rest = dijkstra(between, directed=False, indices=np.arange(len(targets)), min_only=True)
     first = distances(points.repeat(count, axis=0), np.tile(nodes, (len(points), 1)))
-    return (first.reshape(-1, count) + rest).min(axis=1)
+    length = first.reshape(-1, count) + rest
+    return length.min(axis=1), nodes[length.argmin(axis=1)]

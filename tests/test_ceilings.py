@@ -22,8 +22,8 @@ CEILINGS = {
     "rooms": 18,
     "floors": 11,
     "arrows between rooms": 90,
-    # Ways by body size and over wide openings, time limits, policies in run, mending of plans, crowding, locks, full disks.
-    "code lines of crowd_env, commands of agents within": 23_190,
+    # Ways by body size, around corners, over wide openings; time limits, policies in run, mending of plans, crowding, locks.
+    "code lines of crowd_env, commands of agents within": 23_250,
     "code lines of agents": 3_780,  # a submission is made anew from its runs; policies in run
     "code lines of validation": 2_520,  # sharper criteria of walking
     "code lines of benchmarks": 970,

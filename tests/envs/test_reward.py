@@ -1,5 +1,7 @@
 """Rewards as laws over whole episodes, and what an evacuation is judged by."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from evacuations import evacuated
@@ -108,7 +110,9 @@ def test_heads_of_queues_are_charged_for_the_time_until_the_last_is_out(policy, 
 
 
 def test_the_head_is_nearest_by_its_route_and_every_route_has_one():
-    env = CrowdEnv("two-exit-hall-v0", routing="nearest", num_envs=2)
+    hall = make_scenario("two-exit-hall-v0")
+    everywhere = replace(hall, population=replace(hall.population, start_region=None))
+    env = CrowdEnv(everywhere, routing="nearest", num_envs=2)
     env.reset(seed=0)
     rng, routes = np.random.default_rng(0), set()
     for _ in range(20):

@@ -1,4 +1,4 @@
-"""Travel times on a grid become directions for everyone: slope, straight lines, and how to look up between the nodes.
+"""Travel times on a grid become directions for everyone: their slope, and how to look up between the nodes.
 
 What NumPy does as fast is not compiled: a first start waits for every kernel.
 
@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.kernels.jit import allocating_kernel, inner_kernel, kernel
-from crowd_env.routing.fields.grid import ANTIDIAGONAL, DIAGONAL, RIGHT, UP, distance_to_segment
-from crowd_env.routing.fields.lookup import ALONE, BLEND, crosses, exit_frame, nearest_on_exit, through_exit
+from crowd_env.routing.fields.grid import ANTIDIAGONAL, DIAGONAL, RIGHT, UP
+from crowd_env.routing.fields.lookup import ALONE, BLEND
 
-_GET_AWAY = 0.25  # a straight line parts from a wall in whose band it starts by at least this sine
 _KINK = 0.95  # a gradient shorter than this (1 = smooth) averages two ways of equal length that part by over 36 degrees
 
 
@@ -75,77 +74,6 @@ def _slope(time: Floats, i: int, j: int, along_x: bool, spacing: float, upwind: 
         slope = (3.0 * here - 4.0 * low + next_low) / (2.0 * spacing)
         return (here - low) / spacing if np.isnan(slope) else slope
     return 0.0
-
-
-@inner_kernel
-def passes(walls: Floats, x: float, y: float, tx: float, ty: float, radius: float) -> bool:
-    """Return whether a disc of ``radius`` can go straight from (x, y) to (tx, ty).
-
-    It must keep off every wall; from a wall that it overlaps at the start it must get away at once.  (The distance to
-    a segment is convex along a line: once it grows, it keeps growing.)
-    """
-    length = np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
-    first = min(0.05 * radius, length)
-    share = first / length if length > 0.0 else 0.0
-    for w in range(len(walls)):
-        ax, ay, bx, by = walls[w, 0, 0], walls[w, 0, 1], walls[w, 1, 0], walls[w, 1, 1]
-        if (
-            min(ax, bx) > max(x, tx) + radius
-            or max(ax, bx) < min(x, tx) - radius
-            or min(ay, by) > max(y, ty) + radius
-            or max(ay, by) < min(y, ty) - radius
-        ):
-            continue
-        if crosses(x, y, tx, ty, ax, ay, bx, by):
-            return False
-        start = distance_to_segment(x, y, ax, ay, bx, by)
-        enough = min(radius, start) - 1e-6
-        if start < radius:
-            grown = min(radius, start + _GET_AWAY * first) - 1e-6
-            if distance_to_segment(x + share * (tx - x), y + share * (ty - y), ax, ay, bx, by) < grown:
-                return False
-        if (
-            distance_to_segment(ax, ay, x, y, tx, ty) < enough
-            or distance_to_segment(bx, by, x, y, tx, ty) < enough
-            or distance_to_segment(tx, ty, ax, ay, bx, by) < enough
-        ):
-            return False
-    return True
-
-
-@kernel
-def go_straight(
-    time: Floats, direction: Floats, walls: Floats, exits: Floats, rows_of_exits: Ints, origin: Floats,
-    spacing: float, radius: float, detour: float, direct: Ints,
-) -> None:  # fmt: skip
-    """Write into ``direct`` (-1 everywhere) the exit that a disc of ``radius`` reaches from a node in a straight line.
-
-    There ``time`` and ``direction`` become exact.  The line must keep the disc off the walls, or, where the disc stands
-    closer than that, must not come any closer; and it must be the best way by the time found so far, which must not exceed
-    its length by more than the share ``detour``: then slow ground lies in between.
-    """
-    rows, cols = time.shape
-    for i in range(rows):
-        for j in range(cols):
-            limit = time[i, j] + spacing
-            for k in range(len(exits)):
-                frame = exit_frame(exits, k)
-                ax, ay, ux, uy, _, _, _ = frame
-                x, y = origin[0] + j * spacing, origin[1] + i * spacing
-                tx, ty = nearest_on_exit(frame, x, y, radius)
-                length = np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
-                if not length <= limit or (direct[i, j] >= 0 and length >= time[i, j]):
-                    continue
-                if ux * (y - ay) - uy * (x - ax) < -1e-6:  # behind the exit line
-                    continue
-                if time[i, j] > (1.0 + detour) * length + 1.5 * spacing:
-                    continue
-                if not passes(walls, x, y, tx, ty, radius):
-                    continue
-                direct[i, j] = rows_of_exits[k]
-                time[i, j] = length
-                ex, ey = through_exit(frame, x, y, radius, radius)
-                direction[i, j, 0], direction[i, j, 1] = ex, ey
 
 
 def cell_kinds(time: Floats, direct: Ints, blocked: NDArray[np.uint8]) -> Ints:

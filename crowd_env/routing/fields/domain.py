@@ -22,7 +22,7 @@ _MAX_NODES = 3e7
 _MOST_DILATION = 0.4  # m, half a door: in the largest places
 _SMALL_BODY = 0.1  # m; the grid of smaller ones is not made coarser: their passages would not be seen
 SOURCE = 1.5  # spacings; nodes this near to an exit start the march
-_TOUCH = 1e-7  # m
+TOUCH = 1e-7  # m
 
 
 class Grid(NamedTuple):
@@ -83,7 +83,7 @@ def make_plan(
     clear = geometry.clear_widths(2 * radius)
     widest = {name: clear[name] for name in wanted}
     for name, width in widest.items():
-        if width < 2 * min_radius - _TOUCH:
+        if width < 2 * min_radius - TOUCH:
             raise ValueError(
                 f"exit {name!r} is {width:.2f} m wide, narrower than the smallest body ({2 * min_radius:.2f} m)"
             )
@@ -181,8 +181,8 @@ def _make_grid(plan: Plan, spacing: float) -> Grid:
 
     inside = geometry.contains(grid.node_points(origin, spacing, shape))
     border = np.concatenate([geometry.walls[~geometry.two_sided], geometry.exits])
-    inside |= distance(border, 2 * _TOUCH) < _TOUCH  # nodes on the border, whichever way they were rounded
-    inside &= distance(plan.walls[plan.two_sided], 2 * _TOUCH) > _TOUCH  # a node on a thin wall has no side
+    inside |= distance(border, 2 * TOUCH) < TOUCH  # nodes on the border, whichever way they were rounded
+    inside &= distance(plan.walls[plan.two_sided], 2 * TOUCH) > TOUCH  # a node on a thin wall has no side
     return Grid(origin, spacing, inside, distance(plan.walls, plan.radius + 2 * spacing))
 
 
@@ -207,11 +207,11 @@ def _levels(plan: Plan, nodes: Grid, spacing: float) -> Iterator[Level]:
         slack = _SLACK * nodes.spacing
         dilations = [dilations[0], (sizes[0], sizes[0] - slack), *dilations[1:], (sizes[-1], sizes[-1] - slack)]
     for body, dilation in dilations:
-        free = nodes.inside & (nodes.clearance >= dilation - _TOUCH)
+        free = nodes.inside & (nodes.clearance >= dilation - TOUCH)
         seeds, closed = free & (in_goal(plan, nodes) | before), set(plan.widest)
         for segment, name in zip(plan.exits, plan.names, strict=True):
             near = free & (source_distance(segment[None], nodes, dilation) < SOURCE * nodes.spacing)
-            if plan.widest[name] >= 2 * body - _TOUCH and near.any():
+            if plan.widest[name] >= 2 * body - TOUCH and near.any():
                 seeds |= near
                 closed.discard(name)
         parts = grid.connected_parts(free, seeds)
@@ -284,7 +284,7 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, list[Level]]:
     if closed:
         narrowest = min(closed, key=plan.widest.__getitem__)
         problem = f"the way to exit {narrowest!r} is blocked right in front of it"
-        if plan.widest[narrowest] < 2 * smallest - _TOUCH:
+        if plan.widest[narrowest] < 2 * smallest - TOUCH:
             problem = f"exit {narrowest!r} is too narrow"
     else:
         assert lost is not None  # or the levels would do
@@ -326,7 +326,7 @@ def require_reached(plan: Plan, nodes: Grid, unknown: Bools) -> None:
     if plan.partial:
         return
     least = max(plan.min_radius, 2 * nodes.spacing)
-    stands = unknown & nodes.inside & (nodes.clearance >= least - _TOUCH)
+    stands = unknown & nodes.inside & (nodes.clearance >= least - TOUCH)
     label = grid.connected_parts(stands, np.zeros_like(stands))
     lost = _lost_part(label, nodes, least)
     if lost is not None:

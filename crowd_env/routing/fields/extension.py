@@ -8,6 +8,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.kernels.jit import allocating_kernel, inner_kernel, kernel
 from crowd_env.routing.fields.lookup import crosses
+from crowd_env.routing.fields.taut import Targets, aim, passes
 
 _LEAN = 2.0  # how much a direction turns away from the wall per body radius of depth in the band along it
 
@@ -71,15 +72,15 @@ def _push(
 
 @kernel
 def extend_once(
-    time: Floats, direction: Floats, inside: Bools, walls: Floats, two_sided: Bools, origin: Floats, spacing: float,
-    reach: float, radius: float, before: Floats, ahead: Floats, near: Ints,
+    time: Floats, direction: Floats, target: Ints, targets: Targets, inside: Bools, walls: Floats, two_sided: Bools,
+    origin: Floats, spacing: float, reach: float, radius: float, before: Floats, near: Ints,
 ) -> int:  # fmt: skip
     """Give walkable nodes without a time (nan) the least time + distance over known nodes in a window; count them.
 
-    Only known nodes that are seen past all walls count.  With ``radius`` > 0 the direction is that of the nearest known
-    node, turned away from the walls the more, the deeper the node lies in the band of that width along them; without it,
-    it is the direction to the best known node.  ``before`` and ``ahead`` are copies of ``time`` and ``direction``; ``near``
-    (W,) is scratch.
+    Only known nodes that are seen past all walls count.  With ``radius`` > 0 a node leads straight to the target of the
+    nearest known node, if that gets away from the walls at once.  Otherwise its direction is that of the place at the edge of
+    the band of that width along the walls, turned away from them the more, the deeper the node lies in the band.  Without
+    ``radius`` it is the direction to the best known node.  ``before`` is a copy of ``time``; ``near`` (W,) is scratch.
     """
     rows, cols = time.shape
     window = int(np.ceil(reach / spacing))
@@ -108,10 +109,21 @@ def extend_once(
             given += 1
             ex, ey = (col - j) * spacing / least, (row - i) * spacing / least
             if radius > 0.0:
+                n = target[row, col]
+                if n >= 0:
+                    ax, ay, length, tx, ty = aim(targets, n, x, y)
+                    if length < np.inf and passes(targets.walls, x, y, tx, ty, radius):
+                        time[i, j], target[i, j] = length, n
+                        direction[i, j, 0], direction[i, j, 1] = ax, ay
+                        continue
                 px, py = _push(walls, two_sided, near, count, x, y, radius)
                 depth = np.sqrt(px * px + py * py)
                 if depth > 1e-9:
-                    ex, ey = ahead[row, col, 0], ahead[row, col, 1]
+                    ex, ey = direction[row, col, 0], direction[row, col, 1]
+                    if n >= 0:
+                        ax, ay, length, _, _ = aim(targets, n, x + radius * px, y + radius * py)
+                        if length < np.inf:
+                            ex, ey, time[i, j] = ax, ay, length + radius * depth
                     inward = min(ex * px + ey * py, 0.0) / (depth * depth)
                     ex, ey = ex + (_LEAN - inward) * px, ey + (_LEAN - inward) * py
             norm = np.sqrt(ex * ex + ey * ey)

@@ -15,9 +15,10 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints, row_starts
 from crowd_env.core.checks import check_fields, shown
 from crowd_env.geometry.geometry import Boundary, Geometry
 from crowd_env.routing.fields import grid
-from crowd_env.routing.fields.directions import cell_kinds, descend, go_straight
+from crowd_env.routing.fields.directions import cell_kinds, descend
 from crowd_env.routing.fields.domain import (
     SOURCE,
+    TOUCH,
     Grid,
     Level,
     Plan,
@@ -31,6 +32,7 @@ from crowd_env.routing.fields.domain import (
 from crowd_env.routing.fields.extension import extend_once, fill_from_nearest
 from crowd_env.routing.fields.lookup import FieldArrays
 from crowd_env.routing.fields.marching import gate, lead_through, march, march_on, march_through
+from crowd_env.routing.fields.taut import make_targets, pull_taut
 
 
 @dataclass(frozen=True)
@@ -260,20 +262,25 @@ def _solve(
         fits[np.isnan(fits) & ~np.isnan(time)] = smaller.radius
     direction = descend(time, h)
     lead_through(time, direction, gates)
+    # No straight line may lead back through a one-way door.
+    lines, target = np.concatenate([plan.walls, *(line[None] for line in one_way)]), np.full(time.shape, -1, np.int64)
+    targets, around = make_targets(plan.exits, lines, time, nodes.origin, h, radius)
+    strip = np.any([np.zeros_like(free), *(g.strip for g in gates)], axis=0)
+    order, clear = np.argsort(time, axis=None, kind="stable"), (nodes.clearance >= radius - TOUCH) & ~strip
+    plain = local_speed[: 0 if speed is None else None] == 1.0
+    pull_taut(time, direction, target, order, clear, targets, around, plain, nodes.origin, h)
+    # The ragged edge of the march belongs to the band along the walls, unless it alone leads through a passage.
+    time[free & ~(clear | strip) & (target < 0) & grid.with_fringe(target >= 0, free)] = np.nan
     band, reach = radius, radius + SOURCE * h
     near = np.empty(len(plan.walls), dtype=np.int64)
     while extend_once(
-        time, direction, nodes.inside, plan.walls, plan.two_sided, nodes.origin, h, reach, band,
-        time.copy(), direction.copy(), near,
+        time, direction, target, targets, nodes.inside, plan.walls, plan.two_sided, nodes.origin, h, reach, band,
+        time.copy(), near,
     ):  # fmt: skip
         band = 0.0  # further passes fill gaps that are narrower than the disc: straight to the better end
     require_reached(plan, nodes, np.isnan(time))
     fill_from_nearest(time, direction, nodes.inside, ~np.isnan(time), h)
-    # Where the floor is not the same all the way, a straight line is taken only if it takes no longer than on plain floor.
-    detour = np.inf if speed is None else 0.02
-    # No straight line may lead back through a one-way door.
-    walls, direct = np.concatenate([plan.walls, *(line[None] for line in one_way)]), np.full(time.shape, -1, np.int64)
-    go_straight(time, direction, walls, plan.exits, plan.rows, nodes.origin, h, radius, detour, direct)
+    direct = np.append(plan.rows, np.full(len(targets.rest) + 1, -1))[target]
     return NavigationField(
         travel_time=time,
         direction=direction,
