@@ -9,7 +9,9 @@ from crowd_env.physics.neighbors.lists import first_cell
 from crowd_env.physics.walking.around import FARTHEST, look_around
 from crowd_env.physics.workspace import Batch
 
-_STILL = 0.02  # of the desired speed: slower counts as standing
+_STILL = 0.02  # of the desired speed: slower counts as standing ...
+_WALKING = 0.25  # ... and faster as walking: who creeps in a jam neither gains patience nor loses it
+_MOST_IMPATIENT = 0.2  # push of those who have stood for long: still aside for others, so that streams that cross do not lock
 _SIDES = np.array([-0.13, 0.13, -0.27, 0.27, -0.58, 0.58])  # tangents of 7, 15 and 30 degrees to either side
 _MOST_ASIDE = 2.0  # people never turn further from their way than atan 2 = 63 degrees
 
@@ -73,9 +75,10 @@ def _impatient(i: int, u: float, v: float, speed: float, push: float, batch: Bat
     waited = batch.history.waited
     if u * u + v * v < (_STILL * speed) ** 2:
         waited[i] += params.interval
-    else:
-        waited[i] = max(min(waited[i], params.patience + 1.0 / max(params.impatience, 1e-9)) - params.interval, 0.0)
-    return min(push + params.impatience * max(waited[i] - params.patience, 0.0), 1.0)
+    elif u * u + v * v > (_WALKING * speed) ** 2:
+        most = params.patience + _MOST_IMPATIENT / max(params.impatience, 1e-9)
+        waited[i] = max(min(waited[i], most) - params.interval, 0.0)
+    return max(min(push + params.impatience * max(waited[i] - params.patience, 0.0), _MOST_IMPATIENT), push)
 
 
 @inner_kernel

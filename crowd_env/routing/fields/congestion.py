@@ -27,6 +27,7 @@ from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram, wei
 SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall must hold a node
 _MOUTH = 0.6  # m around a passage within which the fine field leads through it
 _ALIKE = 0.5  # cosine between two directions that lead the same way
+_WIDE = 1.6  # m that the middle of a body has of an opening over which a crowd does not spread by its density alone; fitted
 _ABREAST = 0.7  # the same, for people who spread: who turns off further goes around a crowd
 _SMOOTHING = 0.5  # m, half width of the window that density is averaged over, twice
 
@@ -81,12 +82,14 @@ class CongestionField:
         self._level = np.ma.MaskedArray(np.where(np.isfinite(level), level, 1e3), ~self._free)
 
     @cached_property
-    def _spread(self) -> tuple[Floats, Ints]:
-        """For people who keep a distance: the directions (rows, cols, 2) in which they spread, and how to look up."""
+    def _spread(self) -> tuple[Floats, Ints, Bools]:
+        """For people who keep a distance: the directions (rows, cols, 2) in which they spread, how to look up, and where
+        the marched field gives way to them."""
         stride = round(self.spacing / self._fine.spacing)
-        direction = spread(self._fine, self._walls).direction[::stride, ::stride]
-        direct = np.where((direction == self._shortest).all(axis=-1), self._template.direct, -1)
-        return direction, cell_kinds(self._template.travel_time, direct, self._blocked)
+        direction = spread(self._fine, self._walls, _WIDE).direction[::stride, ::stride]
+        same = (direction == self._shortest).all(axis=-1)
+        direct = np.where(same, self._template.direct, -1)
+        return direction, cell_kinds(self._template.travel_time, direct, self._blocked), self._narrow | ~same
 
     def density(self, position: Floats) -> Floats:
         """Return the density [1/m2] of people at ``position`` (K, 2) on the nodes (rows, cols), over about a meter."""
@@ -130,7 +133,7 @@ class CongestionField:
         # In narrow places and where only small bodies get out, the fine field knows the way, if both lead the same way.
         shortest, cell, sure, least = self._shortest, self._template.cell, self._narrow, _ALIKE
         if people is not None and people.keeps_distance:
-            (shortest, cell), sure, least = self._spread, self._free, _ABREAST
+            (shortest, cell, sure), least = self._spread, _ABREAST
         alike = sure & ((direction * shortest).sum(axis=-1) > least)
         keeps = (keeps_on & known) | alike | (self._inside & ~self._free)
         direction[keeps] = shortest[keeps]

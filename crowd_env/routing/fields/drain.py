@@ -30,14 +30,17 @@ _ALIKE = 0.5  # cosine between two directions that lead the same way
 _ENOUGH = 1e-4  # share of the sources that may be left unbalanced
 
 
-def spread(field: NavigationField, walls: Floats) -> NavigationField:
-    """Return ``field`` with the directions of people who spread; ``walls`` (W, 2, 2) [m] are those that stand."""
+def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> NavigationField:
+    """Return ``field`` with the directions of people who spread over openings of which the middle of a body has ``wide`` [m].
+
+    ``walls`` (W, 2, 2) [m] are those that stand.
+    """
     if field.free is None:
         return field
     stride = max(1, int(_SPACING / field.spacing + 1e-9), int(np.sqrt(field.free.sum() / _NODES)))
     spacing, nodes = stride * field.spacing, np.s_[::stride, ::stride]
     floor, time, way = field.free[nodes], field.travel_time[nodes], field.direction[nodes]
-    narrow = _narrow(floor, int(np.ceil(0.5 * _WIDE / spacing - 1e-9)))
+    narrow = _narrow(floor, int(np.ceil(0.5 * wide / spacing - 1e-9)))
     floor = floor & (regions_on_the_way(time, way, narrow.astype(np.int64)) == 0)
     blocked = grid.blocked_lines(walls, floor.shape, field.origin, spacing)
     right = (blocked[:, :-1] & RIGHT == 0) & (way[:, 1:, 0] - way[:, :-1, 0] < _PARTING) & floor[:, :-1] & floor[:, 1:]
