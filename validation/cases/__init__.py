@@ -2,12 +2,13 @@
 
 from importlib import import_module
 
-from validation.cases import clogging, figures, halls
+from validation.cases import clogging, figures, halls, ovals
 from validation.cases.case import FACTS, Case, Row, Setting
 
 # The cases of one module; any other case is the function `run` of the module of its name.
 _RUN = {
     "halls": halls.run_in(halls.HALLS, "halls"),
+    "jam": ovals.jam,
     "great-halls": halls.run_in(halls.GREAT_HALLS, "great-halls"),
 }
 _DRAW = {"gate": figures.gate, "corridor": figures.corridor, "ring": figures.ring, "clogging": clogging.draw}

@@ -18,6 +18,7 @@ from validation.cases.trajectories import find_recording, read_trajectories
 DATA = "bottleneck_wuppertal2018_040c56h"  # folder of the recording
 
 FLOW = 1.13  # 1/s, slope of the recorded N(t)
+EAGER = 1.255  # 1/s, of run 110_c: people who were asked to be eager; its passages were not at hand
 PASSED = {10: 8.3, 20: 16.2, 40: 33.1, 60: 51.4, 75: 65.6}  # person -> s, at the line
 WITHIN, MOST_VARIED = 0.15, 0.35
 
@@ -102,7 +103,9 @@ def run(setting: Setting) -> list[Row]:
     figures = counted([each for e, each in enumerate(times) if e not in stuck])
     figures |= {"stuck": len(stuck), "starts": "random" if starts is None else "recorded"}
     more = figures | {"position": began, "passages": times, "recorded": recorded}
-    return [row("gate", setting, met(figures), told(figures, setting.draws), **more)]
+    eager = setting.manner == "eager"
+    said = {"criterion": f"flow {EAGER:g} /s ± 15 %; variation at most {MOST_VARIED:g}; nobody stuck"} if eager else {}
+    return [row("gate", setting, met(figures, eager), told(figures, setting.draws), **said, **more)]
 
 
 def counted(runs: list[Floats]) -> dict[str, Any]:
@@ -117,11 +120,16 @@ def counted(runs: list[Floats]) -> dict[str, Any]:
     }
 
 
-def met(figures: dict[str, Any]) -> bool:
-    """Whether the criterion is met."""
+def met(figures: dict[str, Any], eager: bool = False) -> bool:
+    """Whether the criterion is met, by people who were asked to be ``eager`` that of their flow."""
     flow, person, variation = (figures[name] for name in ("flow", "person", "variation"))
-    near = [abs(person[k] / time - 1.0) <= WITHIN for k, time in PASSED.items()]
-    return bool(abs(flow / FLOW - 1.0) <= WITHIN and all(near) and variation <= MOST_VARIED and not figures["stuck"])
+    near = [eager or abs(person[k] / time - 1.0) <= WITHIN for k, time in PASSED.items()]
+    return bool(
+        abs(flow / (EAGER if eager else FLOW) - 1.0) <= WITHIN
+        and all(near)
+        and variation <= MOST_VARIED
+        and not figures["stuck"]
+    )
 
 
 def told(figures: dict[str, Any], draws: int) -> str:

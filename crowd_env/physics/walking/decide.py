@@ -11,7 +11,9 @@ from crowd_env.physics.workspace import Batch
 
 _STILL = 0.02  # of the desired speed: slower counts as standing ...
 _WALKING = 0.25  # ... and faster as walking: who creeps in a jam neither gains patience nor loses it
-_MOST_IMPATIENT = 0.2  # push of those who have stood for long: still aside for others, so that streams that cross do not lock
+_MOST_IMPATIENT = (
+    0.2  # push of those who have stood for long: still aside for others, so that streams that cross do not lock
+)
 _SIDES = np.array([-0.13, 0.13, -0.27, 0.27, -0.58, 0.58])  # tangents of 7, 15 and 30 degrees to either side
 _MOST_ASIDE = 2.0  # people never turn further from their way than atan 2 = 63 degrees
 

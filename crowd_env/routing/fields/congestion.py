@@ -27,7 +27,9 @@ from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram, wei
 SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall must hold a node
 _MOUTH = 0.6  # m around a passage within which the fine field leads through it
 _ALIKE = 0.5  # cosine between two directions that lead the same way
-_WIDE = 1.6  # m that the middle of a body has of an opening over which a crowd does not spread by its density alone; fitted
+_WIDE = (
+    1.6  # m that the middle of a body has of an opening over which a crowd does not spread by its density alone; fitted
+)
 _ABREAST = 0.7  # the same, for people who spread: who turns off further goes around a crowd
 _SMOOTHING = 0.5  # m, half width of the window that density is averaged over, twice
 

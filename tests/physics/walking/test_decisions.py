@@ -111,9 +111,11 @@ def test_the_push_grows_with_the_time_that_one_stands_and_falls_back_when_one_wa
     keeps = manner(strength=0.0, patience=1.0, impatience=0.25, interval=0.05)
     for waited, velocity, expected in (
         (0.5, 0.0, 0.0),
-        (3.0, 0.0, 0.25 * 2.05),
-        (9.0, 0.0, 1.0),
-        (3.0, 1.0, 0.25 * 1.95),
+        (1.5, 0.0, 0.25 * 0.55),
+        (9.0, 0.0, 0.2),
+        (1.5, 0.1 * V0, 0.25 * 0.5),  # who creeps
+        (1.5, 1.0, 0.25 * 0.45),
+        (9.0, 1.0, 0.25 * 0.75),
     ):
         simulation, asked = standing(
             [[0, 0], [0.4, 0]], [[1, 0], [0, 0]], keeps, velocity=[[velocity, 0.0], [0.0, 0.0]]
@@ -245,7 +247,7 @@ def test_every_number_of_a_manner_matters():
 @looped(("walks", "overtakes"), [(0.6, True), (0.3, False)])
 def test_someone_slower_is_overtaken_but_not_in_a_queue(walks, overtakes):
     velocity = decided(
-        *standing([[0, 0], [0.9, 0.15]], [[1, 0], [1, 0]], STRAIGHT, velocity=[[1.0, 0.0], [walks, 0.0]])
+        *standing([[0, 0], [0.9, 0.25]], [[1, 0], [1, 0]], STRAIGHT, velocity=[[1.0, 0.0], [walks, 0.0]])
     )
     assert (velocity[0, 1] < 0.0) == overtakes  # on the side with more room
     assert (np.hypot(*velocity[0]) > 0.7) == overtakes

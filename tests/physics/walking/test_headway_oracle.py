@@ -17,7 +17,8 @@ from crowd_env.core.arrays.state import make_bodies, make_state
 
 pytestmark = pytest.mark.kernels
 
-STILL = 0.02  # of the desired speed: who is slower stands
+STILL, WALKING = 0.02, 0.25  # of the desired speed: who is slower stands, who is faster walks
+MOST_IMPATIENT = 0.2  # push of those who have stood for long
 FARTHEST = 8.0  # of the length D: beyond it nobody is stepped aside for
 SIDES = (-0.13, 0.13, -0.27, 0.27, -0.58, 0.58)  # on which one overtakes, as a share of the way
 MOST_ASIDE = 2.0  # of the way: nobody turns further than atan 2 from it
@@ -59,9 +60,9 @@ def decide_one(simulation, manner, e, i, inside, ways):
     # The push grows from `patience` on, and falls back when one walks again.
     if math.hypot(*state.velocity[i]) < STILL * speed:
         waited += manner.interval
-    else:
-        waited = max(min(waited, manner.patience + 1.0 / manner.impatience) - manner.interval, 0.0)
-    push = min(push + manner.impatience * max(waited - manner.patience, 0.0), 1.0)
+    elif math.hypot(*state.velocity[i]) > WALKING * speed:
+        waited = max(min(waited, manner.patience + MOST_IMPATIENT / manner.impatience) - manner.interval, 0.0)
+    push = max(min(push + manner.impatience * max(waited - manner.patience, 0.0), MOST_IMPATIENT), push)
     seen = [j for j in inside if j != i and sees(simulation, manner, e, i, j, way)]
     left = np.array([-way[1], way[0]])
     aside = sum(step_aside(simulation, manner, i, j, left, ways) for j in seen)

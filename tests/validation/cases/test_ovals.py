@@ -1,0 +1,57 @@
+"""The cases of ovals, of a jam and of four streams: what they measure, and that they fail where the rule lacks a part."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crowd_env import Headway
+from validation.cases import Setting, ovals, streams
+from validation.cases.crowds import Moment
+
+ONE = Setting("dem", "hurried", draws=1)
+pytestmark = pytest.mark.more
+
+
+def test_people_in_ovals_are_as_fast_as_recorded_and_too_fast_where_they_do_not_see_who_is_beside_them():
+    sparse, dense = ovals.JUDGED[0], ovals.JUDGED[3]
+    at = [sparse.density, dense.density]
+    recorded = np.array([sparse.speed, dense.speed])
+    assert np.abs(ovals.speeds(ONE, 1.8, at) / recorded - 1.0).max() < 0.3
+    blind = replace(ONE, manner=Headway(time_gap=0.3, strength=0.2, beside=0.0, off_walls=0.0))
+    assert ovals.speeds(blind, 1.8, at)[1] > 1.5 * recorded[1]
+
+
+@pytest.mark.parametrize("speed", [-0.4, 0.7])
+def test_the_drift_of_a_jam_is_that_of_its_center(speed):
+    """Of people who stand in a cluster that is carried around."""
+    angle = np.linspace(0.0, 1.0, 20)
+
+    class Carried:
+        count = 1
+
+        def people(self, e):
+            return slice(0, 20)
+
+        def moments(self, limit, command):
+            place = [ovals.RADIUS * np.exp(1j * (angle + speed * t / ovals.RADIUS)) for t in np.arange(0.0, 15.05, 0.1)]
+            crowd = [np.column_stack([p.real, p.imag]) for p in place]
+            for k in range(1, len(crowd)):
+                yield (
+                    Moment(0.1 * (k - 1), crowd[k - 1], np.ones(20, bool)),
+                    Moment(0.1 * k, crowd[k], np.ones(20, bool)),
+                )
+
+    assert ovals.drift(Carried())[0] == pytest.approx(speed, abs=0.01)
+
+
+def test_a_jam_travels_against_the_way_people_walk():
+    (found,) = ovals.jam(replace(ONE, draws=2))
+    assert found.passed, found.figure
+
+
+def test_four_streams_do_not_lock_unless_nobody_loses_patience():
+    (found,) = streams.run(ONE)
+    assert found.passed, found.figure
+    (patient,) = streams.run(replace(ONE, manner=Headway(time_gap=0.3, impatience=0.0)))
+    assert not patient.passed and patient.more["left"] > 100
