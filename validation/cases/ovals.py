@@ -1,5 +1,6 @@
 """Closed ovals: how fast people walk at a density where nothing lets them out, and which way a jam travels."""
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -73,7 +74,7 @@ def drift(crowds: Crowds) -> Floats:
         if now.time >= _FOLLOWED[0] - 1e-9:
             on = now.position / np.hypot(*now.position.T)[:, None]
             center.append(np.array([on[crowds.people(e)].mean(axis=0) for e in range(crowds.count)]))
-    steps = np.array([turned(*pair) for pair in zip(center[:-1], center[1:], strict=True)])
+    steps = np.array([turned(*pair) for pair in itertools.pairwise(center)])
     return np.asarray(RADIUS * steps.sum(axis=0) / (_FOLLOWED[1] - _FOLLOWED[0]))
 
 

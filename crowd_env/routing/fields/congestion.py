@@ -86,7 +86,8 @@ class CongestionField:
     @cached_property
     def _spread(self) -> tuple[Floats, Ints, Bools]:
         """For people who keep a distance: the directions (rows, cols, 2) in which they spread, how to look up, and where
-        the marched field gives way to them."""
+        the marched field gives way to them.
+        """
         stride = round(self.spacing / self._fine.spacing)
         direction = spread(self._fine, self._walls, _WIDE).direction[::stride, ::stride]
         same = (direction == self._shortest).all(axis=-1)
