@@ -9,7 +9,7 @@ from crowd_env.physics.neighbors.lists import first_cell
 from crowd_env.physics.walking.around import FARTHEST, look_around
 from crowd_env.physics.workspace import Batch
 
-_STILL = 0.02  # of the desired speed: slower counts as standing ...
+_STILL = 0.02  # of the desired speed, along the way: slower counts as standing ...
 _WALKING = 0.25  # ... and faster as walking: who creeps in a jam neither gains patience nor loses it
 _MOST_IMPATIENT = (
     0.2  # push of those who have stood for long: still aside for others, so that streams that cross do not lock
@@ -57,7 +57,7 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, batch: Batch, params
     time_gap = bodies.time_gap[i] if bodies.time_gap[i] == bodies.time_gap[i] else params.time_gap
     push = bodies.push[i] if bodies.push[i] == bodies.push[i] else params.push
     u, v = velocity[i, 0], velocity[i, 1]
-    push = _impatient(i, u, v, speed, push, batch, params)
+    push = _impatient(i, u * way_x + v * way_y, speed, push, batch, params)
     count, aside = _look(e, i, cell, seen_start, batch, params)
     seen = (seen_start, seen_start + count)
     aside += _overtake(e, i, seen, time_gap, speed, batch, params)
@@ -72,12 +72,12 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, batch: Batch, params
 
 
 @inner_kernel
-def _impatient(i: int, u: float, v: float, speed: float, push: float, batch: Batch, params: Headway) -> float:
-    """Return the push of someone who may have stood still for long, and count the time [s] on or back."""
+def _impatient(i: int, pace: float, speed: float, push: float, batch: Batch, params: Headway) -> float:
+    """Return the push of someone who gets on at ``pace`` [m/s], maybe not at all for long; count the time [s] on or back."""
     waited = batch.history.waited
-    if u * u + v * v < (_STILL * speed) ** 2:
+    if pace < _STILL * speed:
         waited[i] += params.interval
-    elif u * u + v * v > (_WALKING * speed) ** 2:
+    elif pace > _WALKING * speed:
         most = params.patience + _MOST_IMPATIENT / max(params.impatience, 1e-9)
         waited[i] = max(min(waited[i], most) - params.interval, 0.0)
     return max(min(push + params.impatience * max(waited[i] - params.patience, 0.0), _MOST_IMPATIENT), push)

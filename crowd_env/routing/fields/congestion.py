@@ -3,7 +3,7 @@
 People are slowed by queues: a front of them takes as long as its queue takes at the narrowest place ahead
 (`crowd_env.routing.fields.fronts`), and nobody gets past a queue by walking around those who stand in it.  Those who keep no
 distance are slowed by nothing else, and so they leave the shortest way only where another door or exit is faster.  Those who
-keep one are slowed as the density says as well, where that says more, and spread over wide openings
+keep one are slowed as the density says as well, where that says more, go where a queue is thinner, and spread over wide openings
 (`crowd_env.routing.fields.drain`).
 """
 
@@ -111,7 +111,12 @@ class CongestionField:
         waiting = self._mean_around(queue[front])
         if not people.keeps_distance:
             return self._speed / waiting, fronts.keeps_on(queue)[front]
-        return self._speed * np.minimum(1.0 / waiting, weidmann(self.density(position))), np.zeros_like(self._inside)
+        # A queue takes as long as it takes, and within it people go where it is thinner: around corners abreast.
+        pace = weidmann(self.density(position))
+        slow = np.bincount(front.ravel(), 1.0 / pace.ravel()) / np.maximum(np.bincount(front.ravel()), 1)
+        return self._speed * pace * np.minimum(self._mean_around(slow[front]) / waiting, 1.0), np.zeros_like(
+            self._inside
+        )
 
     def _mean_around(self, values: Floats) -> Floats:
         """Return the mean (rows, cols) of ``values`` over the floor around every node; 1 outside."""

@@ -58,9 +58,10 @@ def decide_one(simulation, manner, e, i, inside, ways):
         for name in ("time_gap", "push")
     )
     # The push grows from `patience` on, and falls back when one walks again.
-    if math.hypot(*state.velocity[i]) < STILL * speed:
+    pace = state.velocity[i] @ way
+    if pace < STILL * speed:
         waited += manner.interval
-    elif math.hypot(*state.velocity[i]) > WALKING * speed:
+    elif pace > WALKING * speed:
         waited = max(min(waited, manner.patience + MOST_IMPATIENT / manner.impatience) - manner.interval, 0.0)
     push = max(min(push + manner.impatience * max(waited - manner.patience, 0.0), MOST_IMPATIENT), push)
     seen = [j for j in inside if j != i and sees(simulation, manner, e, i, j, way)]
