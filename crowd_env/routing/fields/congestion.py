@@ -3,7 +3,7 @@
 People are slowed by queues: a front of them takes as long as its queue takes at the narrowest place ahead
 (`crowd_env.routing.fields.fronts`), and nobody gets past a queue by walking around those who stand in it.  Those who keep no
 distance are slowed by nothing else, and so they leave the shortest way only where another door or exit is faster.  Those who
-keep one are slowed as the density says as well, where that says more, go where a queue is thinner, and spread over wide openings
+keep one are slowed as the density says as well, go where a queue is thinner, and spread over wide openings
 (`crowd_env.routing.fields.drain`).
 """
 
