@@ -142,6 +142,8 @@ def _plain(value: Any) -> Any:
     names = [one.name for one in fields(value)] if is_dataclass(value) else list(vars(value))
     kind = type(value).__name__
     said = {"people": "count"} if kind == "Population" else {}  # as digests in files have it
+    if kind == "Headway" and not (value.beside or value.off_walls):  # as manners of version 1 are called
+        names = [name for name in names if name not in ("beside", "keep_up", "off_walls", "shyness")]
     held = {said.get(name, name): _plain(getattr(value, name)) for name in names}
     if kind in ("NSM1", "NSM2"):
         held["solver"] = "auto"  # as they called the one that there is

@@ -137,7 +137,7 @@ def test_as_many_pass_a_meter_of_a_wide_door_as_of_a_narrow_one(strategy):
         passages = Passages(crowds, 0, 0.3)
         assert not passages.watch(300.0, 20.0)
         flow.append(mean_of([steady_flow(passages.times(e)) / width for e in range(5)]))
-    assert flow[1] > 0.95 * flow[0]  # by shortest ways along its ends it is a third
+    assert flow[1] > 0.92 * flow[0]  # means of five draws; by shortest ways along its ends it is a third
 
 
 def test_people_keep_to_the_exit_of_the_shortest_way():
