@@ -3,7 +3,7 @@
     python examples/one_file.py
 
 A room, the shortest way to its door, the people in it, two laws of contact, one step, what a pedestrian sees, what it is paid,
-and how it learns.  It needs numpy, a compiler (numba), fast marching (scikit-fmm) and, for the learning at the end, torch.
+and how it learns.  It needs numpy, a compiler (numba) and, for the learning at the end, torch.
 The package `crowd_env` computes the same, and much more; `tests/examples/test_one_file.py` holds the two together.
 
 A pedestrian i is a disc with position q_i [m], velocity u_i [m/s], radius r_i [m] and mass m_i [kg].  It wants to walk with the
@@ -18,7 +18,6 @@ import time
 from typing import NamedTuple
 
 import numpy as np
-import skfmm
 from numba import njit
 
 H = 0.01  # s      physics step
@@ -38,39 +37,37 @@ class Room(NamedTuple):
 
 
 def make_room(size: float, width: float, radius: float = 0.25, spacing: float = 0.05) -> Room:
-    """Find the shortest way T for the center of a body: |grad T| = 1 where it has room, T = 0 in the door (Sethian 1996)."""
+    """Find the shortest way out for the center of a body, which keeps its radius from all walls: a taut string.
+
+    It is a straight line to the door or, from beside the door, a tangent to the circle around a jamb and an arc of it.
+    """
     low, high = (size - width) / 2, (size + width) / 2
     corner = np.array([(size, high), (size, size), (0, size), (0, 0), (size, 0), (size, low)])
     wall, door = np.stack([corner[:-1], corner[1:]], axis=1), corner[[-1, 0]]
     node = spacing * np.stack(np.meshgrid(*2 * [np.arange(round(size / spacing) + 1)]), axis=-1)
-    off = np.stack([offset(node, *ends) for ends in wall])
-    near = np.linalg.norm(off, axis=-1)  # (5, rows, cols) m  to each wall
-    free = near.min(axis=0) > radius - spacing / 2
-    # The march begins in the part of the door where a center can pass.  The way leads downhill.
-    cut = (door[1] - door[0]) * min(0.5, radius / width)
-    target = node - offset(node, door[0] + cut, door[1] - cut)
-    beeline, start = np.linalg.norm(target - node, axis=-1), 1.5 * spacing
-    marched = skfmm.travel_time(np.ma.MaskedArray(beeline - start, ~free), np.ones(free.shape), dx=spacing, order=2)
-    length = np.where(free & (beeline < start), beeline, np.ma.filled(marched, np.nan) + start)
-    direction = unit(-np.stack([slope(length), slope(length.T).T], axis=-1))
-    # Nearer to a wall, the way goes on as from the nearest node of the march, but turned away from the wall (a choice).
-    away = (np.maximum(1 - near / radius, 0)[..., None] * unit(off)).sum(axis=0)
-    known, marched = np.argwhere(~np.isnan(length)), length[~np.isnan(length)]
-    for i, j in np.argwhere(np.isnan(length)):
-        steps, is_near = np.hypot(*(known - (i, j)).T), abs(known - (i, j)).max(axis=1) <= radius / spacing + 2
-        length[i, j] = (marched + spacing * steps)[is_near].min()
-        along, turn = direction[tuple(known[steps.argmin()])], away[i, j]
-        direction[i, j] = unit(along + (2 - min(along @ turn, 0) / max(turn @ turn, 1e-18)) * turn)
-    # It is straight where the line to the door passes the jambs a radius away, or gets away from their walls at once.
-    is_straight, first = np.ones_like(free), np.minimum(0.05 * radius, beeline)
-    ahead = node + first[..., None] * unit(target - node)
-    for k, jamb in ((0, door[1]), (4, door[0])):
-        passing, soon = offset(jamb, node, target), offset(ahead, *wall[k])
-        is_straight &= np.linalg.norm(passing, axis=-1) > np.minimum(near[k], radius) - 1e-6
-        is_straight &= np.linalg.norm(soon, axis=-1) > np.minimum(near[k] + 0.25 * first, radius) - 1e-6
-    way = np.concatenate([direction, length[..., None]], axis=-1)
-    for i, j in np.argwhere(is_straight):
-        way[i, j] = straight_out(door, *node[i, j], radius)
+    off = np.stack([offset(node, *ends) for ends in wall])  # (5, rows, cols, 2) m  from each wall
+    inward = 1e-6 * np.array([(-1, 0), (0, -1), (1, 0), (0, 1), (-1, 0)])[:, None, None]
+    off = np.where(np.linalg.norm(off, axis=-1, keepdims=True) < 1e-6, inward, off)  # on the wall itself
+    near = np.linalg.norm(off, axis=-1)
+    free, way = near.min(axis=0) > radius - 1e-6, np.zeros((*near.shape[1:], 3))
+    is_straight = free & (abs(node[..., 1] - size / 2) < width / 2 - radius + 1e-9)
+    for i, j in np.argwhere(free):
+        way[i, j] = (straight_out if is_straight[i, j] else around_jamb)(door, *node[i, j], radius)
+    # Nearer to a wall, the way leads where it does from the nearest free node, if it gets away from the walls at once.  Else
+    # it is that of the place a radius away from them, but turned away from them (a choice).
+    known, away = np.argwhere(free), (np.maximum(1 - near / radius, 0)[..., None] * unit(off)).sum(axis=0)
+    for i, j in np.argwhere(~free):
+        nearest = known[np.hypot(*(known - (i, j)).T).argmin()]
+        lead = straight_out if is_straight[tuple(nearest)] else around_jamb
+        here, turn = np.array(lead(door, *node[i, j], radius)), away[i, j]
+        first = min(0.05 * radius, here[2])  # m
+        then = np.array([np.linalg.norm(offset(node[i, j] + first * here[:2], *ends)) for ends in wall])
+        if (then > np.minimum(near[:, i, j] + 0.25 * first, radius) - 1e-6).all():
+            way[i, j], is_straight[i, j] = here, lead is straight_out
+        else:
+            ex, ey, length = lead(door, *node[i, j] + radius * turn, radius)
+            toward = min(ex * turn[0] + ey * turn[1], 0) / (turn @ turn)
+            way[i, j] = *unit((ex, ey) + (2 - toward) * turn), length + radius * np.linalg.norm(turn)
     return Room(wall, door, way, is_straight, spacing)
 
 
@@ -85,16 +82,6 @@ def offset(point: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return point - a - np.clip(share, 0, 1)[..., None] * (b - a)
 
 
-def slope(length: np.ndarray) -> np.ndarray:
-    """Return the growth from column to column: by both neighbors where they are known, else by those on one side."""
-    padded = np.pad(length, ((0, 0), (2, 2)), constant_values=np.nan)
-    l2, l1, here, r1, r2 = (padded[:, k : k + length.shape[1]] for k in range(5))
-    found = np.zeros_like(length)
-    for guess in (here - l1, (3 * here - 4 * l1 + l2) / 2, r1 - here, (4 * r1 - 3 * here - r2) / 2, (r1 - l1) / 2):
-        found = np.where(np.isnan(guess), found, guess)
-    return found
-
-
 @njit
 def straight_out(door, x, y, radius):
     """Return the unit vector to where a body can pass the door, from the doorstep on out of it, and the length [m]."""
@@ -103,6 +90,19 @@ def straight_out(door, x, y, radius):
     dx, dy = max(size - x, 0.25 * radius), y_passed - y
     norm = np.sqrt(dx * dx + dy * dy)
     return dx / norm, dy / norm, np.sqrt((size - x) ** 2 + dy * dy)
+
+
+@njit
+def around_jamb(door, x, y, radius):
+    """Return the unit vector along the tangent to the circle around the nearer jamb, and the length [m] with the arc."""
+    (size, low), (_, high) = door
+    side = 1.0 if y > (low + high) / 2 else -1.0  # of the upper jamb; at the lower one all is mirrored
+    dx, dy = size - x, side * ((high if side > 0 else low) - y)
+    power = dx * dx + dy * dy - radius * radius
+    line = np.sqrt(max(power, 0.0)) if power > -1e-6 else np.nan  # from within the circle there is none
+    square = line * line + radius * radius
+    ex, ey = (dx * line + dy * radius) / square, (dy * line - dx * radius) / square
+    return ex, side * ey, line + radius * np.arctan2(-ey, ex)
 
 
 # ----------------------------------------------------------------------------------------------------------- the people

@@ -144,4 +144,4 @@ def test_it_is_one_page_of_three_libraries():
         if isinstance(node, ast.Import | ast.ImportFrom)
         for name in ([node.module] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names])
     }
-    assert imported == {"numba", "numpy", "skfmm", "sys", "time", "torch", "typing"}
+    assert imported == {"numba", "numpy", "sys", "time", "torch", "typing"}
