@@ -14,7 +14,7 @@ import numpy as np
 import tomllib
 
 from crowd_env import FULL_SPEED, Scenario, make_scenario, make_scheme
-from crowd_env.core.arrays.headway import make_manner
+from crowd_env.core.arrays.headway import Manner, make_manner
 from crowd_env.core.checks import known, whole
 from crowd_env.core.files.fingerprint import fingerprint
 
@@ -60,7 +60,7 @@ class Task:
     time_limit: float
     blocked_after: float
     frozen: str
-    manner: str = "competitive"
+    manner: Manner = "competitive"
     rule: str = "shortest"
     decision_dt: float = 0.1
     runs: int = 200
