@@ -91,7 +91,9 @@ def _near(value, expected, name):
         for one, other in zip(value, expected, strict=True):
             _near(one, other, name)
     else:
-        assert value == (expected if not isinstance(expected, float) else pytest.approx(expected, rel=2e-3, abs=2e-4)), name
+        assert value == (
+            expected if not isinstance(expected, float) else pytest.approx(expected, rel=2e-3, abs=2e-4)
+        ), name
 
 
 def changed(files, folder, change):
