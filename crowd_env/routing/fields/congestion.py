@@ -25,12 +25,9 @@ from crowd_env.routing.fields.fronts import Fronts
 from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram, weidmann
 
 SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall must hold a node
-_MOUTH = 0.6  # m around a passage within which the fine field leads through it
 _ALIKE = 0.5  # cosine between two directions that lead the same way
-_WIDE = (
-    1.6  # m that the middle of a body has of an opening over which a crowd does not spread by its density alone; fitted
-)
-_ABREAST = 0.7  # the same, for people who spread: who turns off further goes around a crowd
+_WIDE = 1.6  # m, for the middle of a body, of openings over which density alone does not spread people; fitted
+_ABREAST = 0.7  # the same cosine, for people who spread: who turns off further goes around a crowd
 _SMOOTHING = 0.5  # m, half width of the window that density is averaged over, twice
 
 

@@ -33,3 +33,10 @@ def test_the_corner_is_where_it_says():
 def test_a_run_is_measured():
     (found,) = corner.measure(Setting("dem", "calm", draws=1), (corner.Run(1.2, 2.4, 24),))
     assert 0.05 < found["density"] < 4.0 and 0.3 < found["speed"] < 1.9 and 0.3 < found["flow"] < 8.0
+
+
+@pytest.mark.more
+def test_a_queue_goes_around_the_corner_abreast():
+    """Not in one file along the inner wall, which leaves most of the corner empty."""
+    (found,) = corner.measure(Setting("dem", "hurried", draws=1), corner.RUNS[-1:])
+    assert found["density"] > 2.0 and not found["stuck"]  # 1/m2; in one file 0.5
