@@ -20,8 +20,9 @@ Frémond's law (Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
 
 Three things are ours.  Of two who have each other in front and do not walk against each other, the one who is further ahead
 goes first.  The push grows while someone has to stand still, so that arches of people who wait for each other
-dissolve, up to a fifth: who presses on harder no longer steps aside, and streams that cross lock.  People whom a wall hides
-are not seen.
+dissolve, up to a fifth: who presses on harder no longer steps aside, and streams that cross lock.  It grows 1 + w times as fast
+while the one who holds them up comes towards them, or streams that meet in a corridor lock; if it grew so at once for everyone,
+people would wedge in front of doors.  People whom a wall hides are not seen.
 
 Those ``k`` count too who are ahead but not in the strip: ``d_k`` is how far the strip misses their bodies.  Without them files
 of people walk side by side as if each were alone, twice as fast at 2 /m2 as anyone was recorded.
@@ -54,7 +55,7 @@ class Headway:
     width : of the strip in front that has to be free, as a share of the own and the other's width.
     strength : ``a``: how far one steps aside for someone ahead, as a share of the way itself.
     length : m, ``D``: the foreseen gap over which that falls to 1/e.
-    oncoming : ``w``: someone who comes straight towards one counts 1 + w times as much.
+    oncoming : ``w``: someone who comes straight towards one counts 1 + w times as much, for stepping aside and for patience.
     keep_right : m: someone who comes towards one is passed on the right, if not this far or further on that side already;
         negative = on the left.
     anticipation : s, ``t_a``: how far ahead people foresee each other's motion.

@@ -57,7 +57,8 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, batch: Batch, params
     time_gap = bodies.time_gap[i] if bodies.time_gap[i] == bodies.time_gap[i] else params.time_gap
     push = bodies.push[i] if bodies.push[i] == bodies.push[i] else params.push
     u, v = velocity[i, 0], velocity[i, 1]
-    push = _impatient(i, u * way_x + v * way_y, speed, push, batch, params)
+    waited = max(history.waited[i] - params.patience, 0.0)
+    push = max(min(push + params.impatience * waited, _MOST_IMPATIENT), push)
     count, aside = _look(e, i, cell, seen_start, batch, params)
     seen = (seen_start, seen_start + count)
     aside += _overtake(e, i, seen, time_gap, speed, batch, params)
@@ -66,21 +67,22 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, batch: Batch, params
     aside = min(max((1.0 - push) * aside, -_MOST_ASIDE), _MOST_ASIDE)
     per_size = 1.0 / np.sqrt(1.0 + aside * aside)
     ex, ey = per_size * (way_x - aside * way_y), per_size * (way_y + aside * way_x)
-    behind, _ = _speed_behind(i, seen, ex, ey, time_gap, batch, params, params.width)
+    behind, leader = _speed_behind(i, seen, ex, ey, time_gap, batch, params, params.width)
     size = min(max(behind, push * speed), speed)
     walking[i, 0], walking[i, 1] = size * ex, size * ey
+    _wait(i, u * way_x + v * way_y, speed, leader if behind < speed else i, batch, params)
 
 
 @inner_kernel
-def _impatient(i: int, pace: float, speed: float, push: float, batch: Batch, params: Headway) -> float:
-    """Return the push of someone who gets on at ``pace`` [m/s], maybe not at all for long; count the time [s] on or back."""
-    waited = batch.history.waited
+def _wait(i: int, pace: float, speed: float, leader: int, batch: Batch, params: Headway) -> None:
+    """Count the time [s] on or back that ``i`` has stood, who gets on at ``pace`` [m/s] and whom ``leader`` slows most."""
+    waited, walkers = batch.history.waited, batch.workspace.walkers
     if pace < _STILL * speed:
-        waited[i] += params.interval
+        against = -(walkers.way_x[i] * walkers.way_x[leader] + walkers.way_y[i] * walkers.way_y[leader])
+        waited[i] += params.interval * (1.0 + params.oncoming * max(against, 0.0))
     elif pace > _WALKING * speed:
         most = params.patience + _MOST_IMPATIENT / max(params.impatience, 1e-9)
         waited[i] = max(min(waited[i], most) - params.interval, 0.0)
-    return max(min(push + params.impatience * max(waited[i] - params.patience, 0.0), _MOST_IMPATIENT), push)
 
 
 @inner_kernel

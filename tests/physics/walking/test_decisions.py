@@ -108,20 +108,20 @@ def test_who_does_not_give_way_walks_as_asked_and_others_see_that_person():
 
 
 def test_the_push_grows_with_the_time_that_one_stands_and_falls_back_when_one_walks():
-    keeps = manner(strength=0.0, patience=1.0, impatience=0.25, interval=0.05)
-    for waited, velocity, expected in (
-        (0.5, 0.0, 0.0),
-        (1.5, 0.0, 0.25 * 0.55),
-        (9.0, 0.0, 0.2),
-        (1.5, 0.1 * V0, 0.25 * 0.5),  # who creeps
-        (1.5, 1.0, 0.25 * 0.45),
-        (9.0, 1.0, 0.25 * 0.75),
+    keeps = manner(strength=0.0, patience=1.0, impatience=0.25, interval=0.05, oncoming=8.0)
+    for waited, velocity, other, push, then in (
+        (0.5, 0.0, [1, 0], 0.0, 0.55),
+        (1.5, 0.0, [1, 0], 0.25 * 0.5, 1.55),
+        (1.5, 0.0, [-1, 0], 0.25 * 0.5, 1.95),  # against someone who comes the other way, nine times as fast
+        (9.0, 0.0, [1, 0], 0.2, 9.05),
+        (1.5, 0.1 * V0, [1, 0], 0.25 * 0.5, 1.5),  # who creeps
+        (1.5, 1.0, [1, 0], 0.25 * 0.5, 1.45),
+        (9.0, 1.0, [1, 0], 0.2, 1.75),
     ):
-        simulation, asked = standing(
-            [[0, 0], [0.4, 0]], [[1, 0], [0, 0]], keeps, velocity=[[velocity, 0.0], [0.0, 0.0]]
-        )
+        simulation, asked = standing([[0, 0], [0.4, 0]], [[1, 0], other], keeps, velocity=[[velocity, 0.0], [0.0, 0.0]])
         simulation.history.waited[0] = waited
-        assert decided(simulation, asked)[0] == pytest.approx([expected * V0, 0.0], abs=1e-9)
+        assert decided(simulation, asked)[0] == pytest.approx([push * V0, 0.0], abs=1e-9)
+        assert simulation.history.waited[0] == pytest.approx(then)
 
 
 def test_who_has_not_responded_yet_does_not_wait_for_anyone():
@@ -237,6 +237,8 @@ def test_every_number_of_a_manner_matters():
 
     plain = decisions()
     for name, value in NUMBERS.items():
+        if name == "interval":
+            continue  # counts for how long people wait: see above
         other = 0.9 if name == "gain" else 0.3 * value
         assert np.abs(decisions(**{name: other}) - plain).max() > 1e-6, name
 

@@ -57,12 +57,6 @@ def decide_one(simulation, manner, e, i, inside, ways):
         getattr(manner, name) if np.isnan(getattr(bodies, name)[i]) else getattr(bodies, name)[i]
         for name in ("time_gap", "push")
     )
-    # The push grows from `patience` on, and falls back when one walks again.
-    pace = state.velocity[i] @ way
-    if pace < STILL * speed:
-        waited += manner.interval
-    elif pace > WALKING * speed:
-        waited = max(min(waited, manner.patience + MOST_IMPATIENT / manner.impatience) - manner.interval, 0.0)
     push = max(min(push + manner.impatience * max(waited - manner.patience, 0.0), MOST_IMPATIENT), push)
     seen = [j for j in inside if j != i and sees(simulation, manner, e, i, j, way)]
     left = np.array([-way[1], way[0]])
@@ -72,7 +66,14 @@ def decide_one(simulation, manner, e, i, inside, ways):
         free = [min(gap_to_walls(simulation, e, i, side), manner.off_walls) for side in (left, -left)]
         aside += manner.shyness * (free[0] - free[1]) / manner.off_walls
     heading = turned(way, np.clip((1.0 - push) * aside, -MOST_ASIDE, MOST_ASIDE))
-    behind, _ = speed_behind(simulation, manner, time_gap, manner.width, i, heading, seen, ways)
+    behind, leader = speed_behind(simulation, manner, time_gap, manner.width, i, heading, seen, ways)
+    # The push grows from `patience` on, sooner against those who come the other way, and falls back when one walks again.
+    pace = state.velocity[i] @ way
+    if pace < STILL * speed:
+        against = max(-way @ ways[leader][0], 0.0) if behind < speed else 0.0
+        waited += manner.interval * (1.0 + manner.oncoming * against)
+    elif pace > WALKING * speed:
+        waited = max(min(waited, manner.patience + MOST_IMPATIENT / manner.impatience) - manner.interval, 0.0)
     return np.clip(behind, push * speed, speed) * heading, waited
 
 
