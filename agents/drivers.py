@@ -1,7 +1,7 @@
 """What drives a rollout beside the rules of the environment: a policy, or a controller that sends people to exits."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from functools import partial
 from typing import Any, cast
 
@@ -16,13 +16,19 @@ from crowd_env.physics import make_scheme
 
 from .controllers import Controller
 from .policy import Policy
-from .walking import RuleAtShare
+from .rules import ShortestPath, StandStill, StrategyPolicy
+from .trained import LearnedPolicy
+from .walking import DensityCap, Evolved, Follow, RuleAtShare, Zipper
 
 SAMPLE = 0.1  # s  between two measurements of a crowd
 INTERVAL = 2.0  # s  between two decisions of a controller that does not say otherwise
 
 SHARES = tuple(k / 10 for k in range(10, 1, -1))  # of the desired speed
 SEARCH_RUNS, SEARCH_SEED = 10, 10_000  # draws of `best_share`, below those that are held out
+
+REST, AT_REST = 1e-4, 3.0  # m/s, s: a crowd of which nobody has been faster for so long is at rest
+# What these ask for follows from what is seen alone: who has come to rest is asked for the same, again and again.
+_STEADY = (ShortestPath, StrategyPolicy, StandStill, RuleAtShare, DensityCap, Follow, Zipper, Evolved, LearnedPolicy)
 
 _MIXED = 7  # beside its seed: what draws who has learned in a run
 
@@ -45,18 +51,21 @@ class PolicyDriver(Driver):
     Parameters
     ----------
     learned_share : of the people whom the policy moves, see `learned_people`; the others follow the rule of the environment.
+    passes_rest : where people have come to rest for good, pass over the wait until the exits count as blocked.
     """
 
-    def __init__(self, policy: Policy, env: CrowdEnv, learned_share: float = 1.0) -> None:
+    def __init__(self, policy: Policy, env: CrowdEnv, learned_share: float = 1.0, passes_rest: bool = False) -> None:
         super().__init__(env)
         self.policy, self.learned_share = policy, learned_share
         self._ruled: Bools | None = None
+        self._rests = passes_rest and rests_for_good(policy, env)
 
     def reset(self, seeds: list[int]) -> None:
         """Start new evacuations, each from its seed."""
         self._observation, _ = self.env.reset(seeds)
         self.policy.reset(np.ones(len(seeds), dtype=np.bool_))
         self._rng = np.random.default_rng(seeds[0])
+        self._moved = np.zeros(len(seeds))  # s  when someone was last faster than `REST`
         if self.learned_share < 1.0:
             counts = np.diff(self.env.env_start).tolist()
             learned = [learned_people([s], n, self.learned_share)[0] for s, n in zip(seeds, counts, strict=True)]
@@ -66,7 +75,26 @@ class PolicyDriver(Driver):
         """Let the policy act on those whom it moves."""
         step = self.env.step(self.policy.act(self._observation, self.env.layout, self._rng), self._ruled)
         self._observation = step.observation
+        if self._rests:
+            self._pass_rest()
         return step
+
+    def _pass_rest(self) -> None:
+        """Let the wait be over where people are at rest for good, and have all begun to walk."""
+        env, state, response = self.env, self.env.simulation.state, self.env.simulation.bodies.response_time
+        moves = (np.hypot(*state.velocity.T) > REST) | (response > state.time[env.env_of_person])
+        moved = np.logical_or.reduceat(env.active & moves, env.env_start[:-1])
+        self._moved = np.where(moved, state.time, self._moved)
+        for e in np.flatnonzero(~env.finished & (state.time > self._moved + AT_REST)):
+            env.pass_rest(int(e))
+
+
+def rests_for_good(policy: Policy, env: CrowdEnv) -> bool:
+    """Return whether a crowd at rest stays so: nobody loses patience, and no way, door or sign changes."""
+    if type(policy) not in _STEADY or (isinstance(policy, LearnedPolicy) and policy.draws):
+        return False
+    changes = (place.is_dynamic or place.plan.rules or place.plan.events for place in env.route_set)
+    return env.simulation.manner is None and env.action_kind.dwell < AT_REST and not any(changes)
 
 
 @dataclass(frozen=True)
@@ -78,12 +106,14 @@ class PolicyBatches:
     options : of `CrowdEnv`; the policy's own override them.
     learned_share : of the people whom the policy moves; the others follow the rule, and the manner of the run is theirs alone.
         None: all, and a manner is everyone's.
+    passes_rest : see `PolicyDriver`: the figures are those of the whole wait, but nobody can look on.
     """
 
     policy: Policy
     scenario: Scenario
     options: dict[str, Any]
     learned_share: float | None = None
+    passes_rest: bool = False
 
     @property
     def constants(self) -> dict[str, Any]:
@@ -95,7 +125,8 @@ class PolicyBatches:
         mixed = {} if self.learned_share is None else {"acts_on": "scripted"}
         arguments = arguments_of({**self.options, **mixed, **self.policy.env_options})
         env = CrowdEnv(self.scenario, num_envs=num_envs, **arguments)
-        return PolicyDriver(self.policy, env, 1.0 if self.learned_share is None else self.learned_share)
+        share = 1.0 if self.learned_share is None else self.learned_share
+        return PolicyDriver(self.policy, env, share, self.passes_rest)
 
 
 def policy_driver(
@@ -120,7 +151,7 @@ def best_share(scenario: Scenario, **options: Any) -> float:
     """
     found, soonest = 1.0, np.inf
     for share in SHARES:
-        driver = policy_driver(RuleAtShare(share), scenario, **options)
+        driver = replace(policy_driver(RuleAtShare(share), scenario, **options), passes_rest=True)
         episodes = run_episodes(scenario, SEARCH_RUNS, seed=SEARCH_SEED, driver=driver)
         time = float(clearing_times(episodes).mean())
         if time < soonest:

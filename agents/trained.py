@@ -62,6 +62,7 @@ class LearnedPolicy(_Learned):
     Attributes
     ----------
     space : of one person's action.
+    draws : whether it draws its actions.
 
     Raises
     ------
@@ -80,7 +81,7 @@ class LearnedPolicy(_Learned):
     ) -> None:
         self.network, self.env_options, self.trained = network, env_options, trained or {}
         self.spread = None if spread is None else tuple(map(float, spread))
-        self._draws = False
+        self.draws = False
         known("frame", env_options["frame"], FRAMES)
         self.space = make_action(env_options["action"]).space
         if isinstance(self.space, gymnasium.spaces.Discrete):
@@ -109,7 +110,7 @@ class LearnedPolicy(_Learned):
                 "its file does not say how far its continuous actions scatter; it takes the most likely one alone"
             )
         found = copy.copy(self)
-        found.name, found._draws = f"{self.name}{SAMPLED}", True
+        found.name, found.draws = f"{self.name}{SAMPLED}", True
         return found
 
     def reset(self, env_mask: np.ndarray) -> None:
@@ -130,9 +131,9 @@ class LearnedPolicy(_Learned):
         out = self.network(observation)
         if isinstance(self.space, gymnasium.spaces.Discrete):
             # The largest of logits and independent Gumbel numbers is a draw from the softmax.
-            return np.asarray((out + rng.gumbel(size=out.shape) if self._draws else out).argmax(axis=1))
+            return np.asarray((out + rng.gumbel(size=out.shape) if self.draws else out).argmax(axis=1))
         box = cast(gymnasium.spaces.Box, self.space)
-        if self._draws:
+        if self.draws:
             out = out + rng.normal(size=out.shape) * np.array(self.spread)
         return np.clip(out.reshape(-1, *box.shape), box.low, box.high)
 

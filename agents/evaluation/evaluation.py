@@ -1,7 +1,7 @@
 """Evaluate policies on the same draws: the same people at the same starting positions, for every policy and scheme."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -230,7 +230,8 @@ def evaluate_cells(
     """Run the evacuations of all cells: every evaluation of policies and controllers comes here.
 
     The runs of a cell are cut into batches, always the same ones, and put together in their order: an evaluation does not
-    depend on where its batches were simulated.
+    depend on where its batches were simulated.  Crowds that have come to rest for good are not simulated to the end of the
+    wait, see `crowd_env.agents.drivers.PolicyDriver`; their figures are those of the whole wait.
 
     Parameters
     ----------
@@ -247,7 +248,8 @@ def evaluate_cells(
     pieces: list[tuple[int, RunBatch]] = []
     for k, cell in enumerate(cells):
         recorder = MeasurementRecorder(cell.scenario.geometry) if measure else None
-        batches = make_batches(cell.scenario, runs, seed=first_seed, driver=cell.driver, recorder=recorder, workers=1)
+        driver = replace(cell.driver, passes_rest=True) if isinstance(cell.driver, PolicyBatches) else cell.driver
+        batches = make_batches(cell.scenario, runs, seed=first_seed, driver=driver, recorder=recorder, workers=1)
         pieces += [(k, batch) for batch in batches]
     outcomes: list[dict[int, BatchDone]] = [{} for _ in cells]  # of each cell, by the first run of the batch
 

@@ -287,6 +287,18 @@ class CrowdEnv:
         """Return the metrics of the episode of environment ``e`` so far."""
         return metrics_of(e, self.people(e), self._transition.fields, self.simulation)
 
+    def pass_rest(self, e: int) -> None:
+        """Let the rest of the wait pass in environment ``e``, whose people have come to rest for good: no physics.
+
+        The clock goes on to two decisions before the exits count as blocked or the time is over, and who is pressed is pressed
+        as in the last step.  ``mean_overlap`` is over the steps that were simulated.
+        """
+        step, simulation, people = self._transition.fields, self.simulation, self.people(e)
+        until = min(step.time_limit[e], step.last_exit[e] + step.blocked_after[e])
+        steps = max(int((until - simulation.state.time[e]) / self.decision_dt) - 1, 0)
+        simulation.state.time[e] += steps * self.decision_dt
+        step.impulse[people] += steps * simulation.results.impulse_magnitude[people]
+
     def checkpoint(self) -> EnvCheckpoint:
         """Return a copy of all that the future depends on, to `restore` here, or in an environment made like this one.
 

@@ -118,7 +118,8 @@ class MeasurementRecorder:
         self._position = env.simulation.state.position.copy()
         self._walked, self._crushed = np.zeros(people), np.zeros(people)
         self._max_density, self._max_pressure = np.zeros(env.num_envs), np.zeros(env.num_envs)
-        self._see(env, env.active, np.zeros(people))
+        self._time = env.simulation.state.time.copy()
+        self._see(env, env.active, np.zeros(people), np.ones(env.num_envs))
         self._last = self._seconds(env)
 
     def add(self, env: CrowdEnv, step: Step) -> None:
@@ -136,9 +137,12 @@ class MeasurementRecorder:
         self._position[:] = state.position
         pressure = contact_pressure(simulation.results.impulse_magnitude, env.decision_dt, simulation.bodies.radius)
         pressure = np.where(was_inside, pressure, 0.0)
-        self._crushed += env.decision_dt * (pressure > INJURY)
+        # A step may stand for many in which nobody moved, see `CrowdEnv.pass_rest`.
+        steps = np.maximum(np.rint((state.time - self._time) / env.decision_dt), 1.0)
+        self._time[:] = state.time
+        self._crushed += env.decision_dt * steps[env.env_of_person] * (pressure > INJURY)
         np.maximum(self._max_pressure, as_grid(pressure, env.num_envs).max(axis=1), out=self._max_pressure)
-        self._see(env, inside, pressure)
+        self._see(env, inside, pressure, steps)
         self._last = self._seconds(env)  # what was measured here is no part of the next step
 
     def record(self, env: CrowdEnv, e: int) -> RunMeasurements:
@@ -178,7 +182,7 @@ class MeasurementRecorder:
         """Return the processor time so far, and that of replanning [s]."""
         return np.array([time.process_time(), env.simulation.planner.seconds])
 
-    def _see(self, env: CrowdEnv, inside: Bools, pressure: Floats) -> None:
+    def _see(self, env: CrowdEnv, inside: Bools, pressure: Floats, steps: Floats) -> None:
         position = env.simulation.state.position
         near = most_within(as_grid(position, env.num_envs), as_grid(inside, env.num_envs), REACH)
         density = near / (np.pi * REACH**2)
@@ -186,9 +190,9 @@ class MeasurementRecorder:
         people = np.flatnonzero(inside)
         fields = self._spread(position[people], pressure[people], env.env_of_person[people], env.num_envs)
         for k, field in enumerate(fields):
-            self._sums[k] += field.sum(axis=0)
+            self._sums[k] += (steps[:, None] * field).sum(axis=0)
             np.maximum(self._most[k], field.max(axis=0), out=self._most[k])
-        self._samples += int(as_grid(inside, env.num_envs).any(axis=1).sum())
+        self._samples += int(steps[as_grid(inside, env.num_envs).any(axis=1)].sum())
 
 
 def most_within(position: Floats, inside: Bools, reach: float) -> Ints:
