@@ -31,7 +31,7 @@ from .same_draws import compare
 LEARNED = "learned"
 RESULTS = "results.json"
 # The first is what the others are compared with.
-_OF_TASK = (RULE, *(name for name in POLICIES if name not in ("shortest", "stand-still", "random")), "random")
+_OF_TASK = (RULE, *(name for name in POLICIES if name not in ("shortest", "stand-still", "random")))
 _OF_SCENARIO = ("shortest", "stand-still", "random")
 _OF_ROUTES = ("fastest", "nearest", "shortest")
 
