@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,12 +17,13 @@ from crowd_env.routing.strategies import STRATEGIES
 
 from .. import POLICIES, PRETRAINED, make_policy
 from ..controllers import Controller
-from ..drivers import SAMPLE, driver_of, policy_driver
+from ..drivers import SAMPLE, driver_of
 from ..policy import Policy
 from ..rules import ShortestPath, StrategyPolicy
 from ..tasks.task import Task
 from ..trained import SAMPLED, LearnedPolicy, load_trained, names_file
 
+Law = str | ContactScheme
 RULES = "rules"
 RULE = "rule"  # the strategy of a task, at full speed
 
@@ -132,19 +134,19 @@ class _Crowd(NamedTuple):
 
 
 def _make(name: str, crowd: _Crowd) -> Entry:
-    scenario, task = crowd.scenario, crowd.task
+    scenario, task, of = crowd.scenario, crowd.task, (crowd.task, crowd.learned_share)
     own = [route.name for route in scenario.routes]
     route_set = tuple(dict.fromkeys([*STRATEGIES, *own, *scenario.geometry.exit_names]))
     if name == RULE and task is not None:
-        return _policy_entry(StrategyPolicy(task.rule, name=RULE), crowd)
+        return policy_entry(StrategyPolicy(task.rule, name=RULE), *of)
     if name == RULES:
-        return _policy_entry(StrategyPolicy("shortest", rules=True, name=RULES), crowd)
+        return policy_entry(StrategyPolicy("shortest", rules=True, name=RULES), *of)
     if name in route_set:
-        return _policy_entry(StrategyPolicy(name), crowd)
+        return policy_entry(StrategyPolicy(name), *of)
     if name in POLICIES:
-        return _policy_entry(make_policy(name), crowd)
+        return policy_entry(make_policy(name), *of)
     if names_own(name):
-        return _policy_entry(load_own("--policies", name), crowd)
+        return policy_entry(load_own("--policies", name), *of)
     plain, sampled = name.removesuffix(SAMPLED), name.endswith(SAMPLED)
     if plain in PRETRAINED:
         return replace(_learned_entry(PRETRAINED[plain], crowd, sampled), name=name)
@@ -159,19 +161,29 @@ def _make(name: str, crowd: _Crowd) -> Entry:
     raise ValueError(f"unknown policy {name!r}; known: {known}, or the path of a learned network (.safetensors)")
 
 
-def _policy_entry(policy: Policy, crowd: _Crowd, source: Path | None = None) -> Entry:
-    task, learned_share = crowd.task, crowd.learned_share
+def policy_entry(
+    policy: Policy, task: Task | None, learned_share: float | None = None, source: Path | None = None
+) -> Entry:
+    """Return the entry of a policy, whose network lies in the file ``source``; see `make_entries`."""
     if learned_share is not None:
         _check_mixed(policy, "shortest" if task is None else task.rule)
-
-    def driver(scenario: Scenario, scheme: str | ContactScheme, threads: int, **more: Any) -> Callable[[int], Driver]:
-        # Rules are off unless the policy says otherwise: all entries walk in the same scenario.
-        options: dict[str, Any] = {"scheme": scheme, "rules": False, "decision_dt": SAMPLE, "threads": threads}
-        return policy_driver(policy, scenario, learned_share=learned_share, **options | _of_task(task, scheme) | more)
-
     leads = not isinstance(policy, StrategyPolicy | ShortestPath)
     name = policy.name if source is None else source.stem
-    return Entry(name, driver, source, policy.env_options.get("manner"), leads)
+    return Entry(name, partial(_driver, policy, task, learned_share), source, policy.env_options.get("manner"), leads)
+
+
+def _driver(
+    who: Policy | Controller,
+    task: Task | None,
+    share: float | None,
+    place: Scenario,
+    scheme: Law,
+    threads: int,
+    **more: Any,
+) -> Callable[[int], Driver]:
+    # Rules are off unless the policy says otherwise: all entries walk in the same scenario.
+    options: dict[str, Any] = {"scheme": scheme, "rules": False, "decision_dt": SAMPLE, "threads": threads}
+    return driver_of(who, place, learned_share=share, **options | _of_task(task, scheme) | more)
 
 
 def _check_mixed(policy: Policy, rule: str) -> None:
@@ -200,13 +212,13 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
     ValueError
         If it cannot be read, or was trained in a scenario with other regions, exits or routes.
     """
-    scenario = crowd.scenario
+    scenario, of = crowd.scenario, (crowd.task, crowd.learned_share)
     found = load_trained(path)
     if isinstance(found, LearnedPolicy):
         if not sampled:
-            return _policy_entry(found, crowd, path)
+            return policy_entry(found, *of, path)
         try:
-            entry = _policy_entry(found.sampled(), crowd, path)
+            entry = policy_entry(found.sampled(), *of, path)
         except ValueError as error:
             raise ValueError(f"{path}{SAMPLED}: {error}") from None
         return replace(entry, name=entry.name + SAMPLED)
@@ -229,9 +241,4 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
 def controller_entry(controller: Controller, task: Task | None = None) -> Entry:
     """Return the entry of a controller of ``crowd_env/Routing-v0``."""
 
-    def driver(scenario: Scenario, scheme: str | ContactScheme, threads: int, **more: Any) -> Callable[[int], Driver]:
-        return driver_of(
-            controller, scenario, **{"scheme": scheme, "threads": threads, **_of_task(task, scheme), **more}
-        )
-
-    return Entry(controller.name, driver, leads=False)
+    return Entry(controller.name, partial(_driver, controller, task, None), leads=False)

@@ -1,11 +1,12 @@
 """Entries under contact schemes, all on the same draws, and everything that is said about them as plain data."""
 
+import time
 from collections.abc import Sequence
 from typing import Any
 
 from crowd_env import Scenario
 from crowd_env.core.console import notes, progress_bar, say
-from crowd_env.core.executors import Executor, Serial
+from crowd_env.core.executors import Executor, Processes, Serial
 from crowd_env.physics import ContactScheme
 
 from ..runs import versions
@@ -15,6 +16,8 @@ from .entries import Entry, made_drivers
 from .evaluation import HELD_OUT_SEED, Cell, Evaluation, evaluate_cells
 from .folder import EvaluationFolder
 from .protocol import task_row
+
+_WORTH_PROCESSES = 50  # runs: a process takes some seconds to begin
 
 
 def compare(
@@ -30,13 +33,24 @@ def compare(
 ) -> list[Evaluation]:
     """Evaluate every entry under every scheme: run ``k`` of all of them starts from the same people in the same places.
 
-    What ``folder`` has kept is taken from there.  The rest is shared out by ``executor``, by default one batch after the other
-    here; results do not depend on it.
+    What ``folder`` has kept is taken from there.  The rest is shared out by ``executor``, by default to as many processes as
+    ``threads`` where that is worth it, else one batch after the other here; results do not depend on it.
     """
-    executor = executor or Serial()
     pairs = [(entry, scheme) for scheme in schemes for entry in entries]
     results = [None if folder is None else folder.load_result(*pair) for pair in pairs]
     todo = [k for k, result in enumerate(results) if result is None]
+    if executor is None and threads > 1 and runs * len(todo) >= _WORTH_PROCESSES:
+        executor, threads = Processes(threads), 1
+    executor = executor or Serial()
+    began, passed, all_runs = time.monotonic(), 0, runs * len(todo)
+
+    def count(runs: int) -> None:
+        nonlocal passed
+        progress(runs)
+        before, passed = passed, passed + runs
+        if before < 0.1 * all_runs <= passed < all_runs and not notes.is_terminal:
+            left = (time.monotonic() - began) * (all_runs - passed) / passed
+            say(f"{passed} of {all_runs} runs are done, the others take about {left:.0f} s")
 
     def finished(number: int, result: Evaluation) -> None:
         k = todo[number]
@@ -47,14 +61,14 @@ def compare(
             title = f"{k + 1}/{len(pairs)} {result.policy}, {result.scheme}"
             say(f"{title}: mean exit time {mean_times(result).mean():.2f} s")
 
-    with progress_bar("evaluating", runs * len(todo)) as progress:
+    with progress_bar("evaluating", all_runs) as progress:
         drivers = made_drivers([pairs[k] for k in todo], scenario, threads, executor)
         cells = [
             Cell(driver, scenario, entry.name, scheme, entry.manner)
             for (entry, scheme), driver in zip([pairs[k] for k in todo], drivers, strict=True)
         ]
         options: dict[str, Any] = {"runs": runs, "first_seed": HELD_OUT_SEED + seed, "measure": True}
-        evaluate_cells(cells, executor=executor, finished=finished, progress=progress, **options)
+        evaluate_cells(cells, executor=executor, finished=finished, progress=count, **options)
     return [result for result in results if result is not None]
 
 

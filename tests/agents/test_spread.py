@@ -1,12 +1,14 @@
 """An evaluation does not depend on where, and in what order, its batches are simulated."""
 
 import importlib.util
+import pickle
 
-import cloudpickle
 import numpy as np
 import pytest
+from cases import looped
 from evaluations import SMALL, call
 
+from crowd_env.agents.evaluation import same_draws
 from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.evaluation.same_draws import compare
@@ -23,7 +25,7 @@ class Elsewhere:
     def run(self, work, pieces, done):
         for k in reversed(range(len(pieces))):
             self.pieces += 1
-            done(k, cloudpickle.loads(cloudpickle.dumps(cloudpickle.loads(cloudpickle.dumps(work))(pieces[k], bool))))
+            done(k, pickle.loads(pickle.dumps(pickle.loads(pickle.dumps(work))(pieces[k], bool))))
 
 
 @pytest.fixture(autouse=True)
@@ -50,6 +52,16 @@ def test_results_do_not_depend_on_who_simulates(tmp_path):
             np.testing.assert_array_equal(ours, theirs)
     kept = compare(entries, SMALL, ["nsm2", "dem"], runs=7, executor=executor, folder=folder)
     assert executor.pieces == 6 + 6 * 3 and [repr(one.row()) for one in kept] == [repr(one.row()) for one in there]
+
+
+@looped(("threads", "worth", "apart"), [(2, 6, True), (2, 7, False), (1, 6, False)])
+def test_many_runs_are_shared_out_to_processes(monkeypatch, threads, worth, apart):
+    executor = Elsewhere()
+    monkeypatch.setattr(same_draws, "Processes", lambda workers: executor)
+    monkeypatch.setattr(same_draws, "_WORTH_PROCESSES", worth)
+    entries = make_entries(("shortest", "west"), SMALL)
+    compare(entries, SMALL, ["nsm2"], runs=3, threads=threads)
+    assert (executor.pieces > 0) == apart
 
 
 @pytest.mark.skipif(importlib.util.find_spec("ray") is not None, reason="Ray is installed")
