@@ -14,10 +14,11 @@ CLIENTS := $(sort $(basename $(notdir $(wildcard examples/clients/*.txt))))
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help train test test-all nightly clients map kernels docs notebooks lint format bench hooks clean distclean
+.PHONY: help train rules test test-all nightly clients map kernels docs notebooks lint format bench hooks clean distclean
 
 help:
 	@echo "make train    train a policy, compare it with the rules, write runs/   (ARGS='--help' lists its options)"
+	@echo "make rules    make what ships of the rules in the tasks, runs/ keeps it  (ARGS='competitive-door' of this alone)"
 	@echo "make test     run the tests of the laws, under two minutes             (ARGS='tests/physics' these alone)"
 	@echo "make test-all run all tests but those of a night;  make nightly: those"
 	@echo "make clients  try each learning library in an environment of its own   (ARGS='torchrl sb3' these alone)"
@@ -34,6 +35,9 @@ help:
 
 train: $(VENV)/.train
 	$(BIN)/python train.py $(ARGS)
+
+rules: $(VENV)/.train
+	$(BIN)/python -m crowd_env.agents.evaluation.shipped $(ARGS)
 
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal --durations 10 --durations-min 1
 

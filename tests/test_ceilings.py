@@ -23,8 +23,9 @@ CEILINGS = {
     "floors": 11,
     "arrows between rooms": 90,
     # Ways by body size, around corners, over wide openings; time limits, policies in run, mending of plans, crowding, locks.
-    "code lines of crowd_env, commands of agents within": 23_270,
-    "code lines of agents": 3_780,  # a submission is made anew from its runs; policies in run
+    "code lines of crowd_env, commands of agents within": 23_280,
+    # A submission is made anew from its runs; policies in run; crowds at rest are passed over, what rules do ships.
+    "code lines of agents": 3_840,
     "code lines of validation": 2_520,  # sharper criteria of walking
     "code lines of benchmarks": 970,
     "words of docs, tables that programs write left out": 33_400,  # who walks by default, what a report collects, forces

@@ -105,28 +105,14 @@ class EvaluationFolder(Store):
         law = make_scheme(scheme)
         kept = self.load(_name(entry, law), _made_by(entry, law), redo=True)
         try:
-            return None if kept is None else _evaluation(entry.name, law.info.name, kept)
+            return None if kept is None else evaluation_of(entry.name, law.info.name, kept)
         except Exception:  # arrays of a damaged file, of other shapes
             return None
 
     def keep_result(self, entry: Entry, scheme: str | ContactScheme, result: Evaluation) -> None:
         """Keep a result, whole or not at all."""
-        measured = result.measured
-        assert measured is not None
-        content = {name: getattr(measured, name) for name in (*_NUMBERS, *_ARRAYS)} | {
-            "time_limit": result.time_limit,
-            "exit_names": result.exit_names,
-            "origin": measured.grid.origin,
-            "constants": result.constants,
-            "episodes": np.array(result.episodes, dtype=np.float64),
-            "exit_times": np.array(result.exit_times),
-            "ended": result.ended,
-            "maps": np.stack(measured.maps),
-        }
-        if result.learned is not None:
-            content["learned"] = result.learned
         law = make_scheme(scheme)
-        self.keep(_name(entry, law), content, _made_by(entry, law))
+        self.keep(_name(entry, law), content_of(result), _made_by(entry, law))
 
     def write_runs(self, results: Sequence[Evaluation], seed: int) -> None:
         """Write ``runs.csv``, one line a run."""
@@ -185,8 +171,25 @@ class EvaluationFolder(Store):
         return heat_maps(self.folder / name, scenario.geometry, maps, title=title, note=note)
 
 
-def _evaluation(policy: str, scheme: str, kept: dict[str, Any]) -> Evaluation:
-    """Return the evaluation that a file holds."""
+def content_of(result: Evaluation) -> dict[str, Any]:
+    """Return what a file holds of a measured evaluation: plain data and arrays."""
+    measured = result.measured
+    assert measured is not None
+    content = {name: getattr(measured, name) for name in (*_NUMBERS, *_ARRAYS)} | {
+        "time_limit": result.time_limit,
+        "exit_names": result.exit_names,
+        "origin": measured.grid.origin,
+        "constants": result.constants,
+        "episodes": np.array(result.episodes, dtype=np.float64),
+        "exit_times": np.array(result.exit_times),
+        "ended": result.ended,
+        "maps": np.stack(measured.maps),
+    }
+    return content if result.learned is None else content | {"learned": result.learned}
+
+
+def evaluation_of(policy: str, scheme: str, kept: dict[str, Any]) -> Evaluation:
+    """Return the evaluation that a file holds, see `content_of`."""
     kinds = EpisodeMetrics.__annotations__.values()  # int or float
     rows = ([kind(one) for kind, one in zip(kinds, row, strict=True)] for row in kept["episodes"].tolist())
     episodes = list(map(EpisodeMetrics._make, rows))

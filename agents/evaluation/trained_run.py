@@ -13,13 +13,13 @@ from crowd_env.analysis.figures import named
 from crowd_env.core.files.json_file import json_number, write_json
 from crowd_env.scenarios.titles import run_title
 
-from .. import POLICIES
 from ..controllers import FixedSplit, RandomController
 from ..drivers import driver_of
 from ..networks import NETWORK, network_digest
 from ..rules import StrategyPolicy
 from ..trained import SAMPLED, LearnedPolicy, load_trained
 from ..training_config import judged_place, law_of, physics_of, task_of
+from . import shipped
 from .comparison import last_times, mean_times, minus_first, paired, ratio
 from .entries import RULE, controller_entry, make_entries
 from .evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
@@ -31,7 +31,6 @@ from .same_draws import compare
 LEARNED = "learned"
 RESULTS = "results.json"
 # The first is what the others are compared with.
-_OF_TASK = (RULE, *(name for name in POLICIES if name not in ("shortest", "stand-still", "random")))
 _OF_SCENARIO = ("shortest", "stand-still", "random")
 _OF_ROUTES = ("fastest", "nearest", "shortest")
 
@@ -43,7 +42,7 @@ def title_of(config: Mapping[str, Any]) -> str:
     return said if task is None else f"{task}, version {task_of(config).version}: {said}"
 
 
-def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> list[Evaluation]:
+def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int, *, fresh: bool = False) -> list[Evaluation]:
     """Evaluate the baselines and the learned policy, which comes last, on the same held-out draws and write ``results.json``.
 
     The learned policy takes its most likely action; before it stands the same as it acted in training, drawing every action.
@@ -52,7 +51,8 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     of the network on the validation draws, by which it was chosen.
 
     A task is judged as it stands: with all its people, at its own physics step.  What has been evaluated is kept in the folder,
-    so that an interrupted evaluation goes on.
+    so that an interrupted evaluation goes on.  What rules did in a task as it stands ships with it, and is taken unless a
+    ``fresh`` evaluation is wanted.
     """
     task, place = task_of(config), judged_place(config)
     own = config["task"] is not None
@@ -62,9 +62,11 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int) -> l
     kinds = _kinds(folder)
     networks = make_entries([f"{folder / NETWORK}{kind}" for kind in kinds], place, task)
     named = [replace(entry, name=LEARNED + kind) for entry, kind in zip(networks, kinds, strict=True)]
-    entries = [*rules, *named]
+    known = shipped.shipped(task, place, law_of(config), runs) if own and not fresh else {}
     kept = EvaluationFolder(folder / f"held-out-{runs}", settings_of(place, runs, 0, task if own else None))
-    results = compare(entries, place, [law_of(config)], runs=runs, threads=threads, folder=kept)
+    entries = [entry for entry in (*rules, *named) if entry.name not in known]
+    computed = iter(compare(entries, place, [law_of(config)], runs=runs, threads=threads, folder=kept))
+    results = [known.get(entry.name) or next(computed) for entry in (*rules, *named)]
     rule, learned = results[0], results[-1]
     rows = [task_row(task, place, one, results) if own else one.row() | _beside(one, learned) for one in results]
     content = {
@@ -91,7 +93,7 @@ def _named(config: Mapping[str, Any]) -> tuple[str, ...]:
     """Return what is judged beside the learned policy."""
     if config["routing"] is not None:
         return _OF_ROUTES if config["task"] is None else (RULE, *_OF_ROUTES)
-    return _OF_SCENARIO if config["task"] is None else _OF_TASK
+    return _OF_SCENARIO if config["task"] is None else shipped.OF_TASK
 
 
 def _kinds(folder: Path) -> tuple[str, ...]:

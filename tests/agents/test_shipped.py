@@ -1,6 +1,7 @@
 """Shipped policies: found by name, fit for their task as it stands, and shipped by one command from a finished run."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -204,7 +205,7 @@ def test_a_run_of_train_py_can_be_shipped(tmp_path, folder, monkeypatch):
     from crowd_env.agents.training_config import task_config
     from crowd_env.cli.agents import learn
 
-    monkeypatch.setattr(trained_run, "_OF_TASK", ("rule",))
+    monkeypatch.setattr(trained_run.shipped, "OF_TASK", ("rule",))
     run = tmp_path / "runs/room"
     run.mkdir(parents=True)
     config = task_config("room", 3, envs=2, steps=1500) | {"eval_every": 10**6, "eval_runs": 2}
@@ -218,3 +219,12 @@ def test_a_run_of_train_py_can_be_shipped(tmp_path, folder, monkeypatch):
     assert card["validation"]["evacuation_time"] > 0
     assert [row["policy"] for row in card["held_out"]] == ["rule", "learned:sampled", "learned"]
     assert card["held_out"][-1]["runs"] == 2
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(trained_run.shipped, "FOLDER", tmp_path / "rules")
+    trained_run.shipped.ship(ROOM, runs=2)
+    shutil.rmtree(run / "held-out-2")
+    for fresh in (False, True):  # what ships is not computed, unless that is asked for
+        again = trained_run.judge(run, config, 2, 1, fresh=fresh)
+        assert [result.policy for result in again] == ["rule", "learned:sampled", "learned"]
+        assert (run / "held-out-2/kept/rule-nsm2.npz").exists() == fresh
+        assert again[0].row()["flow"]["mean"] == pytest.approx(card["held_out"][0]["flow"], rel=1e-6)

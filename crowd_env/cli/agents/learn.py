@@ -68,6 +68,7 @@ _START = (
 _STEPS = "Training steps, summed over all pedestrian slots, or over all controllers."
 _RUNS_SAID = f"the task's, or {_RUNS}"
 _BACKEND = f"What trains: {', '.join(BACKENDS)} (on the nodes of a Ray cluster)."
+_FRESH = "Compute what the rules do, too, which ships with a task."
 _RESUME = "Folder of a run to go on with; --minutes and --steps then are its budget in all."
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -90,6 +91,7 @@ def main(
     envs: Annotated[int | None, of_learning("Evacuations simulated side by side.", "the preset's")] = None,
     seed: Annotated[int, of_learning("Fixes draws and network; below 1000000.")] = 0,
     runs: Annotated[int | None, of_runs("Held-out evacuations per policy in the table.", _RUNS_SAID)] = None,
+    fresh: Annotated[bool, of_runs(_FRESH, names=("--fresh",))] = False,
     threads: Threads = _THREADS,
     backend: Annotated[str, of_runs(_BACKEND)] = "native",
     out: Annotated[Path | None, of_output("Folder of the run.", "runs/, named after what is trained")] = None,
@@ -141,7 +143,9 @@ def main(
             folder = _new_folder(config, out)
             context.with_resource(Store(folder).alone())
         write_json(folder / "config.json", config)
-        say(f"writing to {folder}/")
+        say(
+            f"writing to {folder}/: training, at most {config['minutes']:g} min; then fresh draws, the table, figures, a film"
+        )
         if not BACKENDS[config["backend"]](folder, config, threads, **far):
             raise KeyboardInterrupt
         if config["task"] is not None:
@@ -149,8 +153,9 @@ def main(
 
             confirm(folder, config, threads)
         runs = runs or (_RUNS if config["task"] is None else training_config.task_of(config).runs)
-        results = judge(folder, config, runs, threads)
+        results = judge(folder, config, runs, threads, fresh=fresh)
         table_console().print(*tables(config, results))
+        say("drawing figures and a film, about half a minute ...")
         draw(folder, config, results)
     say(f"model, config, results.json, figures and film: {folder}/")
 
