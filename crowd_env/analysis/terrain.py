@@ -10,7 +10,7 @@ from crowd_env.core.kernels.jit import kernel
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.inside import border_of, mark_outside
-from crowd_env.routing.fields import grid
+from crowd_env.routing.fields.grid import capped_distance, node_points
 
 _FINEST = 0.05  # m; spacing of the nodes, finer in plans of a few meters ...
 _LEAST_NODES = 100  # ... along the longer side
@@ -46,8 +46,8 @@ def survey(geometry: Geometry) -> Terrain:
     origin = origin - 0.5 * (spacing * np.array([shape[1] - 1, shape[0] - 1]) - (x1 - x0, y1 - y0))
     walls, _ = geometry.walls_when(())
     # With coordinates of millions of meters, differences are taken first.
-    clearance = grid.capped_distance(walls - origin, shape, np.zeros(2), spacing, _CAP)
-    points, outside = grid.node_points(origin, spacing, shape).reshape(-1, 2), np.zeros(clearance.size, dtype=np.bool_)
+    clearance = capped_distance(walls - origin, shape, np.zeros(2), spacing, _CAP)
+    points, outside = node_points(origin, spacing, shape).reshape(-1, 2), np.zeros(clearance.size, dtype=np.bool_)
     everyone = np.array([0, clearance.size]), np.ones(clearance.size, dtype=np.bool_)
     mark_outside(struct_ref(border_of([geometry.walkable])), np.zeros(1, dtype=np.int64), *everyone, points, outside)
     clearance.ravel()[outside] = 0.0

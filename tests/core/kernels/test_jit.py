@@ -1,5 +1,8 @@
 """How kernels are compiled: the note on a cold start, silence on a warm one, and a cache folder that is nobody else's."""
 
+import ast
+import importlib
+import inspect
 import os
 import re
 import shutil
@@ -7,8 +10,12 @@ import stat
 import subprocess
 import sys
 import time
+from pathlib import Path
 
+import grimp
 import pytest
+from installations import PROJECT
+from numba.core.dispatcher import Dispatcher
 from repository import ROOT
 
 from crowd_env.core.kernels import jit
@@ -239,3 +246,47 @@ def test_the_stamp_changes_with_what_kernels_are_made_of_and_with_nothing_else(t
             wrong.append(path)
         path.write_bytes(text)
     assert not wrong and jit.kernel_stamp(package) == stamp
+
+
+def test_all_kernels_stand_in_stamped_files_behind_the_border():
+    """Whatever way they are compiled, and wherever a kernel is written next."""
+    sources = set(jit.kernel_sources(ROOT / "crowd_env"))
+    graph = grimp.build_graph("crowd_env", include_external_packages=True, cache_dir=None)
+    asking = graph.find_modules_that_directly_import("numba") | graph.find_modules_that_directly_import(jit.__name__)
+    things = [thing for name in asking for thing in vars(importlib.import_module(name)).values()]
+    kernels = {thing.py_func for thing in things if isinstance(thing, Dispatcher)}
+    assert len(kernels) > 200
+    assert not [kernel for kernel in kernels if Path(inspect.getfile(kernel)) not in sources]
+    (border,) = [one for one in PROJECT["tool"]["importlinter"]["contracts"] if "holds kernels" in one["name"]]
+    behind = tuple(f"{name}." for name in border["source_modules"])
+    assert not {kernel.__module__ for kernel in kernels if not f"{kernel.__module__}.".startswith(behind)}
+
+
+def test_stamped_files_import_nothing_that_the_stamp_does_not_see():
+    wrong = []
+    for path in jit.kernel_sources(ROOT / "crowd_env"):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.Import):
+                wrong += [(path, one.name) for one in node.names if one.name.startswith("crowd_env")]
+            elif isinstance(node, ast.ImportFrom):
+                place = ROOT.joinpath(*(node.module or "").split("."))
+                modules = [one.name for one in node.names if list(place.glob(f"{one.name}.py"))]
+                wrong += [(path, name) for name in modules or ["."] * node.level]
+    assert not wrong
+
+
+def test_a_first_step_asks_for_no_kernel_of_another_scheme():
+    program = """
+import sys, crowd_env
+from numba.core.dispatcher import Dispatcher
+env = crowd_env.CrowdEnv("room-v0", physics="nsm2", walking="calm")
+env.reset(seed=0)
+env.step(None)
+for name in ("nsm2", "nsm1", "dem", "hertz", "social_force"):
+    kernels = [thing for thing in vars(sys.modules[f"crowd_env.physics.{name}"]).values() if isinstance(thing, Dispatcher)]
+    own = [one for one in kernels if one.py_func.__module__ == f"crowd_env.physics.{name}"]
+    print(name, sum(len(one.signatures) for one in own))
+"""
+    found = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    asked = {name: int(count) for name, count in map(str.split, found.splitlines())}
+    assert asked.pop("nsm2") and not any(asked.values())
