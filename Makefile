@@ -14,7 +14,7 @@ CLIENTS := $(sort $(basename $(notdir $(wildcard examples/clients/*.txt))))
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help train rules test test-all nightly clients map kernels docs notebooks lint format bench hooks clean distclean
+.PHONY: help train rules test test-all nightly clients map kernels kernels-wheel docs notebooks lint format bench hooks clean distclean
 
 help:
 	@echo "make train    train a policy, compare it with the rules, write runs/   (ARGS='--help' lists its options)"
@@ -24,6 +24,7 @@ help:
 	@echo "make clients  try each learning library in an environment of its own   (ARGS='torchrl sb3' these alone)"
 	@echo "make map      hold crowds against laws, two minutes                    (ARGS='gate --data DIR' against recordings)"
 	@echo "make kernels  run the marked tests uncompiled, and say which lines of the kernels they reach"
+	@echo "make kernels-wheel compile for others: a wheel in dist/, with which a first step need not compile"
 	@echo "make docs     build the site, build/docs/index.html; warnings are errors"
 	@echo "make notebooks execute the notebooks of docs/ anew, in place               (ARGS='pedpy' this alone)"
 	@echo "make lint     check style, types and layers"
@@ -70,6 +71,9 @@ kernels: $(VENV)/.dev
 	  $$(grep -rlE --include='*.py' 'pytest\.mark\.kernels' tests)
 	$(BIN)/python -m coverage report --fail-under=85 \
 	  --include="$$(grep -rlE --include='*.py' '^@(inner_|allocating_)?kernel$$' crowd_env | paste -sd, -)"
+
+kernels-wheel: $(VENV)/.dev
+	$(BIN)/python -m benchmarks.kernels_wheel
 
 # Everything is read anew each time: a page that is only taken over from the last build would warn of nothing.
 docs: $(VENV)/.dev

@@ -3,10 +3,11 @@
 numba's on-disk cache looks at the file of the kernel itself, not at the files of the kernels it calls or takes constants from:
 after an edit to one of these it would silently run the OLD kernel.  The cache folder therefore carries a stamp: the hash of
 every file that holds kernels or that such a file imports.  Any edit there opens a new folder; folders unused for a month are
-removed.
+removed.  Since the stamp says what a kernel is, equal sources share kernels, wherever they lie; and kernels that were compiled
+elsewhere, for processors of a kind, can be installed: the package crowd_env_kernels (`make kernels-wheel`).
 
 numba unpickles what lies in the folder, so everyone who can write there can run code here: a folder is used only if
-nobody else can.
+nobody else can.  What is installed is trusted as all installed code is, and only read.
 
 With ``NUMBA_DISABLE_JIT=1`` in the environment nothing is compiled: every kernel is the plain Python function that is written
 here, in which a debugger stops and whose lines a coverage report counts.
@@ -19,13 +20,16 @@ import shutil
 import stat
 import sys
 import time
+import uuid
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numba
 import numpy as np
-from numba.core import config, event
+from llvmlite.binding import get_host_cpu_features
+from numba.core import caching, config, event
 from numba.core.event import register, unregister
 
 # numba guards every signed index against being negative, and a loop with such guards does not vectorise: four times slower.
@@ -42,6 +46,10 @@ _IMPORTED = re.compile(r"^from (crowd_env[\w.]*) import", re.MULTILINE)
 _STAMPED = re.compile(r"kernels-[0-9a-f]{16}")
 _MARKER = "written-by-crowd_env"  # a file in every folder that this package has made: it deletes no other
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+
+# Installed kernels are for this processor and no further features, as numba names them; it is one that can do all of these.
+PORTABLE = ("x86-64-v3", "")
+_ABILITIES = ("avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
 
 
 def source_stamp(package: Path) -> str:
@@ -157,13 +165,98 @@ def _remove_stale(folder: Path) -> None:
             continue
 
 
+def folder_of_installed(stamp: str) -> str:
+    """Return the name of the folder of crowd_env_kernels with kernels of these sources and numba, for this Python."""
+    return f"kernels-{stamp}-{sys.implementation.cache_tag}"
+
+
+def installed_kernels(stamp: str) -> Path | None:
+    """Return the folder of installed kernels; None if there are none that fit, or if NUMBA_CPU_NAME asks for others."""
+    found = find_spec("crowd_env_kernels")
+    if config.CPU_NAME or found is None or not found.submodule_search_locations:  # type: ignore[attr-defined]
+        return None
+    folder = Path(found.submodule_search_locations[0]) / folder_of_installed(stamp)
+    if not folder.is_dir():
+        _say("installed kernels are not used: they are of another version of crowd_env, numba or Python")
+        return None
+    able = get_host_cpu_features()
+    if lacks := [name for name in _ABILITIES if not able.get(name)]:
+        _say(f"installed kernels are not used: this processor has no {', '.join(lacks)}")
+        return None
+    return folder
+
+
 def _say(note: str) -> None:
     if not os.environ.get("CROWD_ENV_QUIET"):
         print(f"crowd_env: {note}", file=sys.stderr)
 
 
+_PROCESS = uuid.uuid4().hex[:16]
 STAMP = kernel_stamp()
 CACHE_FOLDER = cache_folder(STAMP)
+INSTALLED = installed_kernels(STAMP)
+
+
+class _Locator(caching._SourceFileBackedLocatorMixin, caching._CacheLocator):
+    """Where a kernel lies: one of this package in a folder named for its module, others where numba would put them."""
+
+    def __init__(self, py_func: Callable[..., Any], py_file: str) -> None:
+        self._py_file, self._lineno = py_file, py_func.__code__.co_firstlineno
+        module = py_func.__module__
+        self.folder_name = module if module.startswith("crowd_env.") else self.get_suitable_cache_subpath(py_file)
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder, unless nothing is to be written."""
+        if CACHE_FOLDER is not None:
+            super().ensure_cache_path()
+
+    def get_cache_path(self) -> str:
+        """Return the folder that is written to."""
+        return str((CACHE_FOLDER or INSTALLED) / self.folder_name)  # type: ignore[operator]
+
+    def get_source_stamp(self) -> Any:
+        """Return what changes with the kernel's own file, but not with its time, as in some versions of numba.
+
+        A file that is edited after the stamp was taken, and imported then, is seen so.
+        """
+        return hashlib.sha256(Path(self._py_file).read_bytes()).hexdigest()
+
+
+class _Kept(caching.CompileResultCacheImpl):
+    """What is kept of a kernel: all but its types in words, which name folders of this machine."""
+
+    _locator_classes = [_Locator, *caching.CompileResultCacheImpl._locator_classes]
+
+    def reduce(self, cres: Any) -> Any:
+        """Return what is written."""
+        return super().reduce(cres._replace(type_annotation=""))
+
+
+class _Cache(caching.FunctionCache):
+    """numba's cache in `CACHE_FOLDER`, and behind it what is `INSTALLED`, which is never written to."""
+
+    _impl_class = _Kept
+
+    def __init__(self, py_func: Callable[..., Any]) -> None:
+        super().__init__(py_func)
+        # numba counts from 1: two processes at once would give one name to the kernels of different arguments, and mix them up.
+        self._cache_file._data_name_pattern = f"{self._impl.filename_base}.{_PROCESS}-{{number:d}}.nbc"
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return a kernel from where it is kept; None if it has to be compiled."""
+        kept = super().load_overload(sig, target_context)
+        if kept is not None or INSTALLED is None or not isinstance(self._impl.locator, _Locator):
+            return kept
+        folder = INSTALLED / self._impl.locator.folder_name
+        files = caching.IndexDataCacheFile(str(folder), self._impl.filename_base, self._impl.locator.get_source_stamp())
+        _, (system, *_), code = self._index_key(sig, target_context.codegen())
+        data = files.load((sig, (system, *PORTABLE), code))
+        return data and self._impl.rebuild(target_context, data)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a kernel that was compiled."""
+        if CACHE_FOLDER is not None:
+            super().save_overload(sig, data)
 
 
 class _Note(event.Listener):
@@ -219,10 +312,7 @@ def _quiet(compiled: Callable[..., Any]) -> Any:
 
 
 def _compile(function: Callable[..., Any], extra: dict[str, Any]) -> Any:
-    # numba picks the cache folder when the decorator runs; other users of numba in the process keep their own.
-    before = config.CACHE_DIR  # type: ignore[attr-defined]
-    config.CACHE_DIR = str(CACHE_FOLDER)  # type: ignore[attr-defined]
-    try:
-        return numba.njit(**_OPTIONS, **extra, cache=CACHE_FOLDER is not None)(function)
-    finally:
-        config.CACHE_DIR = before  # type: ignore[attr-defined]
+    compiled = numba.njit(**_OPTIONS, **extra)(function)
+    if not config.DISABLE_JIT and (CACHE_FOLDER or INSTALLED):  # type: ignore[attr-defined]
+        compiled._cache = _Cache(function)  # what cache=True does, with a cache of our own
+    return compiled

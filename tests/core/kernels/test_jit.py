@@ -4,6 +4,7 @@ import ast
 import importlib
 import inspect
 import os
+import platform
 import re
 import shutil
 import stat
@@ -19,6 +20,7 @@ from numba.core.dispatcher import Dispatcher
 from repository import ROOT
 
 from crowd_env.core.kernels import jit
+from crowd_env.routing.fields.grid import distance_to_segment
 
 pytestmark = pytest.mark.more
 
@@ -290,3 +292,97 @@ for name in ("nsm2", "nsm1", "dem", "hertz", "social_force"):
     found = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     asked = {name: int(count) for name, count in map(str.split, found.splitlines())}
     assert asked.pop("nsm2") and not any(asked.values())
+
+
+# -------------------------------------------------------------------------------------------- kernels that are installed
+
+
+@pytest.fixture(scope="module")
+def compiled_elsewhere(tmp_path_factory):
+    """Return a folder of kernels of `PROGRAM` for processors of a kind."""
+    able = jit.get_host_cpu_features()
+    if (platform.system(), platform.machine()) != ("Linux", "x86_64") or not all(map(able.get, jit._ABILITIES)):
+        pytest.skip("no kernels are installed on such a machine")
+    cache = tmp_path_factory.mktemp("elsewhere")
+    run(cache, NUMBA_CPU_NAME=jit.PORTABLE[0], NUMBA_CPU_FEATURES=jit.PORTABLE[1])
+    return cache / f"kernels-{jit.STAMP}"
+
+
+@pytest.fixture
+def site(compiled_elsewhere, tmp_path):
+    """Install them, where only `PYTHONPATH` leads."""
+    package = tmp_path / "site" / "crowd_env_kernels"
+    for kept in compiled_elsewhere.glob("*/*.nb[ci]"):  # no folder that is empty, as in a wheel
+        place = package / jit.folder_of_installed(jit.STAMP) / kept.parent.name
+        place.mkdir(parents=True, exist_ok=True)
+        shutil.copy(kept, place)
+    (package / "__init__.py").touch()
+    return package.parent
+
+
+def contents(folder):
+    return {path: (path.stat().st_mtime_ns, path.is_file() and path.read_bytes()) for path in folder.rglob("*")}
+
+
+@pytest.mark.parametrize("place", ["cache", "nowhere"])
+def test_installed_kernels_are_read_and_never_written(site, tmp_path, place):
+    (tmp_path / "nowhere").touch()
+    before = contents(site)
+    program = "import sys; sys.dont_write_bytecode = True\n" + PROGRAM
+    out, note = run(tmp_path / place, program, PYTHONPATH=str(site))
+    assert out == "" and "compiling" not in note
+    assert contents(site) == before and not list(tmp_path.glob("cache/**/*.nbc"))
+
+
+def test_kernels_of_another_version_are_refused_with_a_note(site, tmp_path):
+    (folder,) = site.glob("*/kernels-*")
+    folder.rename(folder.with_name(jit.folder_of_installed(STAMP)))
+    _, note = run(tmp_path / "cache", PYTHONPATH=str(site))
+    refused, compiling = note.splitlines()
+    assert "installed kernels are not used" in refused and "compiling" in compiling
+    assert list(tmp_path.glob("cache/**/*.nbc"))
+
+
+def test_who_names_a_processor_gets_kernels_for_it(site, tmp_path):
+    assert "compiling" in run(tmp_path / "cache", PYTHONPATH=str(site), NUMBA_CPU_NAME="x86-64-v2")[1]
+
+
+def test_a_processor_that_cannot_run_them_compiles_its_own(site, monkeypatch, capsys):
+    monkeypatch.syspath_prepend(site)
+    monkeypatch.delenv("CROWD_ENV_QUIET")
+    assert jit.installed_kernels(jit.STAMP) == next(site.glob("*/kernels-*"))
+    monkeypatch.setattr(jit, "get_host_cpu_features", lambda: dict.fromkeys(jit._ABILITIES[:-1], True))
+    assert jit.installed_kernels(jit.STAMP) is None
+    assert jit._ABILITIES[-1] in capsys.readouterr().err
+
+
+# ---------------------------------------------------------------------------------------------------- what is kept
+
+
+def test_equal_sources_share_kernels_wherever_they_lie(tmp_path):
+    copy = tmp_path / "copy"
+    shutil.copytree(ROOT / "crowd_env", copy / "crowd_env", ignore=shutil.ignore_patterns("__pycache__", "agents"))
+    run(tmp_path / "cache")
+    program = f"import sys; sys.path.insert(0, {str(copy)!r})\n{PROGRAM}\nimport crowd_env; print(crowd_env.__file__)"
+    out, note = run(tmp_path / "cache", program)
+    assert out.startswith(str(copy)) and note == ""
+
+
+def test_processes_that_keep_one_kernel_at_once_do_not_mix_it_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(jit, "CACHE_FOLDER", tmp_path)
+    kept = []
+    for process in "ab":
+        monkeypatch.setattr(jit, "_PROCESS", process)
+        kept.append(jit._Cache(distance_to_segment.py_func)._cache_file)
+    one, other = kept
+    save = one._save_data
+
+    def the_other_comes_between(name, data):
+        other.save("of the other", "compiled by the other")
+        save(name, data)
+
+    monkeypatch.setattr(other, "_load_index", dict)  # neither has seen what the other writes
+    monkeypatch.setattr(one, "_save_data", the_other_comes_between)
+    one.save("of one", "compiled by one")
+    monkeypatch.undo()
+    assert other.load("of the other") == "compiled by the other"
