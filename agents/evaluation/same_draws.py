@@ -42,15 +42,16 @@ def compare(
     if executor is None and threads > 1 and runs * len(todo) >= _WORTH_PROCESSES:
         executor, threads = Processes(threads), 1
     executor = executor or Serial()
-    began, passed, all_runs = time.monotonic(), 0, runs * len(todo)
+    all_runs, ended, told = runs * len(todo), list[tuple[float, int]](), list[str]()
 
     def count(runs: int) -> None:
-        nonlocal passed
         progress(runs)
-        before, passed = passed, passed + runs
-        if before < 0.1 * all_runs <= passed < all_runs and not notes.is_terminal:
-            left = (time.monotonic() - began) * (all_runs - passed) / passed
-            say(f"{passed} of {all_runs} runs are done, the others take about {left:.0f} s")
+        ended.append((time.monotonic(), runs))
+        (began, first), left = ended[0], all_runs - sum(number for _, number in ended)
+        timed = all_runs - left - first  # what comes first has waited for processes and kernels
+        if timed and 0 < left <= 0.75 * all_runs and not told and not notes.is_terminal:
+            told.append(f"{left} of {all_runs} runs are to come, about {(ended[-1][0] - began) * left / timed:.0f} s")
+            say(told[0])
 
     def finished(number: int, result: Evaluation) -> None:
         k = todo[number]

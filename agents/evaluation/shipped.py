@@ -4,7 +4,8 @@
 ``make rules`` makes it.  It is good for a task of the same digest, where the code does the same: before it is used, every rule
 leads a few people out anew.  A hash of the sources would refuse it after every comment, and miss a new version of NumPy.
 
-Another processor may round otherwise.  There the rest of a draw would come out otherwise, as likely as what is shipped.
+Another processor may round otherwise.  There the rest of a draw would come out otherwise, as likely as what is shipped.  Times
+of computing are those of the computer that made it.
 """
 
 import shutil

@@ -155,7 +155,7 @@ def main(
         runs = runs or (_RUNS if config["task"] is None else training_config.task_of(config).runs)
         results = judge(folder, config, runs, threads, fresh=fresh)
         table_console().print(*tables(config, results))
-        say("drawing figures and a film, about half a minute ...")
+        say("drawing figures and a film, some seconds ...")
         draw(folder, config, results)
     say(f"model, config, results.json, figures and film: {folder}/")
 
