@@ -1,20 +1,21 @@
 """What the rules did on the held-out draws of a task, shipped with it: nothing that is trained changes that.
 
-``tasks/rules/TASK/RULE.npz`` holds when people got out and what was measured of each run, maps left out, in single precision.
-``make rules`` makes it.  It is good for a task of the same digest, where the code does the same: before it is used, every rule
-leads a few people out anew.  A hash of the sources would refuse it after every comment, and miss a new version of NumPy.
+``tasks/rules/TASK/RULE.npz`` holds when people got out and what was measured of each run, in single precision: no maps, and of
+ways the means alone.  ``make rules`` makes it.  It is good for a task of the same digest, where the code does the same: before it
+is used, every rule leads a few people out anew.  A hash of the sources would refuse it after every comment, and miss a new
+version of NumPy.
 
 Another processor may round otherwise.  There the rest of a draw would come out otherwise, as likely as what is shipped.  Times
 of computing are those of the computer that made it.
 """
 
 import shutil
-import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
 from crowd_env import Scenario
 from crowd_env.core.console import friendly_errors, say
@@ -92,7 +93,8 @@ def ship(task: Task, runs: int | None = None, executor: Executor | None = None) 
     shutil.rmtree(FOLDER / task.name, ignore_errors=True)
     store = Store(FOLDER / task.name, task.identity())
     for result in results:
-        content = content_of(result) | {"maps": np.zeros((4, 0, 0))}
+        content = content_of(result)
+        content |= {"walked": content["walked"].mean(axis=1, keepdims=True), "maps": np.zeros((4, 0, 0))}
         store.keep(result.policy, {key: _single(value) for key, value in content.items()})
 
 
@@ -101,7 +103,12 @@ def _single(value: Any) -> Any:
     return value.astype(np.float32) if isinstance(value, np.ndarray) and value.dtype == np.float64 else value
 
 
-if __name__ == "__main__":
+def main(tasks: Annotated[list[str] | None, typer.Argument()] = None) -> None:
+    """Make what ships of the rules in these tasks, by default in those with a shipped policy."""
     with friendly_errors("the same command goes on"):
-        for task in sys.argv[1:] or dict.fromkeys(name.partition("/")[0] for name in PRETRAINED):
-            ship(make_task(task), executor=Processes())
+        for task in [make_task(name) for name in tasks or dict.fromkeys(one.partition("/")[0] for one in PRETRAINED)]:
+            ship(task, executor=Processes())
+
+
+if __name__ == "__main__":
+    typer.run(main)
