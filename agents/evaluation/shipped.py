@@ -1,8 +1,8 @@
 """What the rules did on the held-out draws of a task, shipped with it: nothing that is trained changes that.
 
 ``tasks/rules/TASK/RULE.npz`` holds when people got out and what was measured of each run, in single precision: no maps, and of
-ways the means alone.  ``make rules`` makes it.  It is good for a task of the same digest, where the code does the same: before it
-is used, every rule leads a few people out anew.  A hash of the sources would refuse it after every comment, and miss a new
+ways the means alone.  ``make rules`` makes it.  It is good for a task of the same digest, where the code does the same: before
+it is used, every rule leads a few people out anew.  A hash of the sources would refuse it after every comment, and miss a new
 version of NumPy.
 
 Another processor may round otherwise.  There the rest of a draw would come out otherwise, as likely as what is shipped.  Times
@@ -34,7 +34,7 @@ from .same_draws import compare
 FOLDER = Path(__file__).parents[1] / "tasks/rules"
 OF_TASK = (RULE, *(name for name in POLICIES if name not in ("shortest", "stand-still", "random")))
 # Before they are used, so many draws are begun anew, until so many people of each are out: not later, since rounding grows.  In
-# five tasks, places that differed by 1e-14 made 2e-4 s by then at most, and whole seconds after 15 people.
+# four tasks, places that differed by 1e-14 made 2e-4 s by then at most, and whole seconds after 15 people.
 _DRAWS, _PEOPLE, _ALIKE = 3, 5, 1e-3
 
 
