@@ -100,11 +100,14 @@ def is_hidden(
 
 
 @inner_kernel
-def free_path(grid: WallGrid, near: Near, wall: Floats, x: float, y: float, ex: float, ey: float, most: float) -> float:
-    """Return how far [m] one gets from (x, y) along the unit vector (ex, ey) before one of these walls, at most ``most``.
+def free_paths(
+    grid: WallGrid, near: Near, wall: Floats, x: float, y: float, ex: float, ey: float, most: float
+) -> tuple[float, float]:
+    """Return how far [m] one gets from (x, y) along a unit vector, and back, before one of these walls, at most ``most``.
 
     Open doors stop it too: nobody overtakes through a doorway.
     """
+    forth, back = most, most
     for entry in range(index(near[0]), index(near[1])):
         k = grid.wall[entry]
         ax, ay = wall[k, 0, 0] - x, wall[k, 0, 1] - y
@@ -114,6 +117,8 @@ def free_path(grid: WallGrid, near: Near, wall: Floats, x: float, y: float, ex: 
             continue  # the wall is on one side of the ray, or along it
         share = from_a / (from_a - from_b)
         distance = (ax + share * (bx - ax)) * ex + (ay + share * (by - ay)) * ey
-        if 0.0 < distance < most:
-            most = distance
-    return most
+        if 0.0 < distance < forth:
+            forth = distance
+        if 0.0 < -distance < back:
+            back = -distance
+    return forth, back

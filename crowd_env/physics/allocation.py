@@ -1,9 +1,9 @@
 """Arrays from a table: a NamedTuple says of each how large it is and what needs it, and gets them all at once.
 
 An array says how large it is beside its type, in letters and numbers: P people, E environments, M entries of the neighbor
-list, R control rules, D doors, N discs of all bodies, S places of those whom a decision looks at, C heads of cells, B bodies of
-a solver (people and a wall an environment), L slabs of all crowds, T forces carried between slabs.  A name behind that says
-what needs it: it is empty unless a scheme (`SchemeInfo.uses`), its social force, a manner or an outline does.
+list, R control rules, D doors, N discs of all bodies, S places of those whom a decision looks at, W lists of them, C heads of
+cells, B bodies of a solver (people and a wall an environment), L slabs of all crowds, T forces carried between slabs.  A name
+behind that says what needs it: it is empty unless a scheme (`SchemeInfo.uses`), its social force, a manner or an outline does.
 """
 
 from collections.abc import Collection, Mapping

@@ -21,6 +21,8 @@ from crowd_env.physics.neighbors.lists import NeighborList, allocate_neighbors, 
 from crowd_env.routing.fields.lookup import FieldArrays
 from crowd_env.routing.rules import Guidance
 
+BLOCK = 128  # people in front of one whom a decision looks at together
+_QUANTITIES = 12  # numbers of each of them
 LOOKUP_PERIOD = 4  # in which those look for their way who need not do so every time
 
 
@@ -148,14 +150,14 @@ class Walkers(NamedTuple):
     way_y: Annotated[Floats, "P", "walking"]
     speed: Annotated[Floats, "P", "walking"]  # m/s  desired
     reach: Annotated[Floats, "P", "walking"]  # m    gap up to which others matter
-    x: Annotated[Floats, "P", "walking"]  # m    positions and radii in the order of cells
-    y: Annotated[Floats, "P", "walking"]
-    radius: Annotated[Floats, "P", "walking"]  # m
-    slot: Annotated[Indices, "P", "walking"]  # whose they are
+    # The people in the order of cells: whose place it is; position, radius, velocity, way, and 1 for those who give way.
+    slot: Annotated[Indices, "P", "walking"]
+    record: Annotated[Floats, "P 8", "walking"]
     columns: Annotated[Ints, "E"]  # of cells
     rows: Annotated[Ints, "E"]
-    # Places in that order of those in front; a list for each part of a cut crowd.
+    # Places in that order of those in front, and what these are to one (see `walking.ahead`); for each part of a cut crowd.
     seen: Annotated[Indices, "S", "walking"]
+    ahead: Annotated[Floats, f"W {_QUANTITIES * BLOCK}", "walking"]
 
 
 class Workspace(NamedTuple):
@@ -288,7 +290,8 @@ def allocate_workspace(
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     neighbors = allocate_neighbors(bodies, per_person)
     entries, slabs = len(neighbors.owner), count_slabs(int(np.diff(bodies.env_start).max()))
-    sizes = {"P": people, "E": environments, "M": entries, "N": discs * people, "S": slabs * people}
+    sizes = {"P": people, "E": environments, "M": entries, "N": discs * people}
+    sizes |= {"S": slabs * people, "W": slabs * environments}
     # Nothing is carried within one slab.
     sizes |= {"B": people + environments, "L": SLABS * environments, "T": entries if slabs > 1 else 0}
     return allocate(

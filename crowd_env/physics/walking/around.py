@@ -8,24 +8,29 @@ from crowd_env.physics.driving_force import asked_of
 from crowd_env.physics.neighbors.lists import sort_into_cells
 from crowd_env.physics.workspace import Batch
 
+CELLS = 2  # whoever matters stands no more cells away: smaller cells fit the range of sight better
 FARTHEST = 8.0  # of the length D: nobody steps aside for a gap that is foreseen larger
 _MARGIN = 1e-6  # m    for rounding
 
 
 @inner_kernel
 def look_around(e: int, batch: Batch, params: Headway) -> None:
-    """Find everyone's way, and sort people into cells: whoever matters stands in the own cell or beside it."""
+    """Find everyone's way, and sort people into cells: whoever matters stands at most `CELLS` from the own one."""
     slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
     active, position, radius = batch.state.active, batch.state.position, batch.bodies.radius
+    velocity, gives_way = batch.state.velocity, batch.control.gives_way
     near, walkers = batch.workspace.neighbors, batch.workspace.walkers
     widest, fastest = _find_ways(e, slot_start, slot_stop, batch)
-    size = 2.0 * widest + _find_reach(slot_start, slot_stop, fastest, batch, params)
+    size = (2.0 * widest + _find_reach(slot_start, slot_stop, fastest, batch, params)) / CELLS
     head, columns, rows = sort_into_cells(e, slot_start, slot_stop, active, position, near, size)
     walkers.columns[e], walkers.rows[e] = columns, rows
+    slot, record, way_x, way_y = walkers.slot, walkers.record, walkers.way_x, walkers.way_y
     for n in range(index(slot_start), index(slot_start) + index(near.cell_start[head + columns * rows])):
-        j = near.cell_item[n]
-        walkers.slot[n], walkers.radius[n] = j, radius[j]
-        walkers.x[n], walkers.y[n] = position[j, 0], position[j, 1]
+        j = index(near.cell_item[n])
+        slot[n] = j
+        record[n, 0], record[n, 1], record[n, 2] = position[j, 0], position[j, 1], radius[j]
+        record[n, 3], record[n, 4], record[n, 5], record[n, 6] = velocity[j, 0], velocity[j, 1], way_x[j], way_y[j]
+        record[n, 7] = 1.0 if gives_way[j] else 0.0
 
 
 @inner_kernel
@@ -54,14 +59,19 @@ def _find_reach(slot_start: int, slot_stop: int, fastest: float, batch: Batch, p
 
     Beyond it nobody slows anyone down, and nobody comes near enough in the time that is foreseen.
     """
-    walkers, velocity, own_time_gap = batch.workspace.walkers, batch.state.velocity, batch.bodies.time_gap
-    farthest = 0.0
+    walkers, velocity, farthest = batch.workspace.walkers, batch.state.velocity, 0.0
     for i in range(index(slot_start), index(slot_stop)):
-        time_gap = own_time_gap[i] if own_time_gap[i] == own_time_gap[i] else params.time_gap
         closing = np.sqrt(velocity[i, 0] ** 2 + velocity[i, 1] ** 2) + fastest
         foreseen = params.anticipation * closing
-        needed = params.standing + (time_gap + params.anticipation) * walkers.speed[i]
+        needed = params.standing + (time_gap_of(i, batch, params) + params.anticipation) * walkers.speed[i]
         reach = max(needed, FARTHEST * params.length + foreseen) + _MARGIN
         walkers.reach[i] = min(reach, params.sight)
         farthest = max(farthest, walkers.reach[i])
     return farthest
+
+
+@inner_kernel
+def time_gap_of(i: int, batch: Batch, params: Headway) -> float:
+    """Return the time gap [s] that person ``i`` keeps: the own one, or that of the manner."""
+    own = batch.bodies.time_gap[i]
+    return own if own == own else params.time_gap

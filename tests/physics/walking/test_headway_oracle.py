@@ -14,6 +14,7 @@ from shapely.geometry import box
 from crowd_env import Geometry, Simulation
 from crowd_env.core.arrays.headway import Headway
 from crowd_env.core.arrays.state import make_bodies, make_state
+from crowd_env.physics.workspace import BLOCK
 
 pytestmark = pytest.mark.kernels
 
@@ -261,6 +262,29 @@ def test_a_decision_is_the_rule_written_plainly(manner, seed):
     at_full_speed = np.abs(np.hypot(*velocity.T) - wanted) < 1e-9
     assert (inside & at_full_speed & (wanted > 0.0)).sum() > 5
     assert (inside & ~at_full_speed).sum() > 5
+
+
+@looped("seed", range(2))
+def test_who_looks_at_more_people_than_are_looked_at_together_decides_alike(seed):
+    rng = np.random.default_rng(seed)
+    manner = Headway(time_gap=0.3, width=0.3, strength=0.03, length=1.0, berth=0.4, beside=0.02, sight=9.0)
+    simulation, asked = crowd(rng, manner, counts=(1, 1, 2 * BLOCK), scheme="dem")
+    control = simulation.batch.control
+    for name, values in asked.items():
+        getattr(control, name)[:] = values
+    inside = [i for i in range(2, 2 + 2 * BLOCK) if simulation.state.active[i]]
+    ways = {i: way_of(simulation, i) for i in inside}
+    numbers = {i: sum(sees(simulation, manner, 2, i, j, ways[i][0]) for j in inside if j != i) for i in inside[::4]}
+    asked_of = sorted(numbers, key=numbers.__getitem__)[-8:]
+    assert numbers[asked_of[0]] > BLOCK
+    expected = [decide_one(simulation, manner, 2, i, inside, ways) for i in asked_of]
+    simulation.advance(**asked)
+    velocity = simulation.history.walking_velocity[asked_of]
+    np.testing.assert_allclose(velocity, [velocity for velocity, _ in expected], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        simulation.history.waited[asked_of], [waited for _, waited in expected], rtol=0, atol=1e-12
+    )
+    assert np.ptp(np.hypot(*velocity.T)) > 0.1
 
 
 def test_people_decide_at_every_interval_and_keep_to_it_in_between():

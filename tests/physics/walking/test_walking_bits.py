@@ -153,6 +153,6 @@ def test_without_a_manner_nothing_of_it_is_there(name):
     simulation = before_a_door(60, None, scheme=name)
     simulation.advance(n_substeps=10)
     history, walkers = simulation.history, simulation.workspace.walkers
-    assert len(history.walking_velocity) == len(history.waited) == len(walkers.x) == len(walkers.seen) == 0
+    assert len(history.walking_velocity) == len(history.waited) == len(walkers.slot) == len(walkers.ahead) == 0
     assert not history.have_decided.any()
     assert len(simulation.world.wall_grid.wall) == 0
