@@ -8,7 +8,7 @@ from crowd_env.core.arrays.outline import Outline, plain_outline
 from crowd_env.core.checks import check_keys, known, refuse
 from crowd_env.physics.dem import DEM
 from crowd_env.physics.hertz import Hertz
-from crowd_env.physics.nsm1 import NSM1
+from crowd_env.physics.nsm1 import NSM1, NSM1Loose
 from crowd_env.physics.nsm2 import NSM2
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.social_force import SOCIAL_FORCES, SocialForce, make_social
@@ -18,6 +18,7 @@ SCHEMES: dict[str, ContactScheme] = {
     "dem": DEM(),
     "nsm1": NSM1(),
     "nsm1-inertial": NSM1(trial="inertial"),
+    "nsm1-loose": NSM1Loose(),
     "nsm2": NSM2(),
     "nsm2-printed": NSM2(reaction="printed"),
     "hertz": Hertz(),

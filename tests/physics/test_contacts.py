@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from cases import looped
-from crowds import PLANS, every_scheme, half_plane, people, plain, scatter, tight, touches
+from crowds import GRAIN_SCHEMES, PLANS, every_scheme, half_plane, people, plain, scatter, tight, touches
 from shapely.geometry import box
 
 from crowd_env.core.arrays.state import make_bodies, make_state
@@ -21,7 +21,7 @@ INERTIAL = tight(NSM1(trial="inertial"))
 
 def tight_grain(name):
     """Return the scheme, or for one without inertia its granular twin: it finds contacts in the same way."""
-    return INERTIAL if name == "nsm1" else tight(SCHEMES[name])
+    return tight(SCHEMES[name]) if name in GRAIN_SCHEMES else INERTIAL
 
 
 def stand(geometry, position, *, scheme, radius=0.2, mass=80.0, dt=0.01):

@@ -15,7 +15,7 @@ from crowd_env.physics import DEM, SCHEMES, make_scheme
 from crowd_env.physics.simulation.simulation import Simulation
 
 LIMIT = 300.0  # N
-DRIVEN = [name for name in SCHEMES if name != "nsm1"]
+DRIVEN = [name for name, scheme in SCHEMES.items() if scheme.drives]
 driven = pytest.mark.parametrize("name", DRIVEN)
 
 

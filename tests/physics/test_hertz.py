@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cases import looped
-from crowds import converging, crowd_in, half_plane, l_shape, plain
+from crowds import GRAIN_SCHEMES, converging, crowd_in, half_plane, l_shape, plain
 from late import late
 
 from crowd_env import DEM, SCHEMES, Hertz, Simulation, SocialForce, make_bodies, make_scheme, make_state
@@ -232,7 +232,7 @@ def in_file(scheme, gap):
     return bodies.mass * (state.velocity - before)[:, 0] / 1e-6
 
 
-every_inertial = pytest.mark.parametrize("name", [name for name in SCHEMES if name != "nsm1"])
+every_inertial = pytest.mark.parametrize("name", GRAIN_SCHEMES)
 
 
 @every_inertial

@@ -56,7 +56,7 @@ def test_nearly_everyone_gets_out_through_the_door(name, evacuated):
     simulation, _ = evacuated(name)
     state = simulation.state
     # NSM1 gets stuck for good in about one draw of fifty: a static arch.  The literal Hertz rubs on the jambs and freezes.
-    stuck = {"nsm1": 4, "nsm1-inertial": 4, "hertz-literal": DRAWS}.get(name, 0)
+    stuck = {"nsm1": 4, "nsm1-inertial": 4, "nsm1-loose": 4, "hertz-literal": DRAWS}.get(name, 0)
     assert (simulation.inside > 0).sum() <= stuck
     out = ~state.active
     assert (state.exit_index[out] == 0).all()

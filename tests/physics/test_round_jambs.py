@@ -43,7 +43,7 @@ def exact(name):
 
 def stand(geometry, position, name):
     """Return the contacts of people at rest at ``position``, each in an environment of one."""
-    scheme = tight(NSM1(trial="inertial") if name == "nsm1" else SCHEMES[name])
+    scheme = tight(SCHEMES[name] if name in GRAIN_SCHEMES else NSM1(trial="inertial"))
     if isinstance(scheme, IterativeScheme):
         scheme = replace(scheme, max_iterations=10)  # contacts are asked for, not what is done about an overlap of 1 cm
     count = len(position)

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Told apart in print and by color-blind eyes; the recording is black.
-COLORS = dict(zip(SCHEMES, ("#0f7680", "#89478f", "#9e7a16", "#4a5ca0", "#747b83", "#a03c3c", "#5d7a2b"), strict=True))
+_COLORS = ("#0f7680", "#89478f", "#9e7a16", "#6b4a2f", "#4a5ca0", "#747b83", "#a03c3c", "#5d7a2b")
+COLORS = dict(zip(SCHEMES, _COLORS, strict=True))
 WALL, QUIET, BAND = "#37414d", "#747b83", "#d5d8dc"
 
 
