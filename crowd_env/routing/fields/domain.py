@@ -10,6 +10,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import known as require_known
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.passages import passages
 from crowd_env.routing.fields import grid
 
 _SPACING = 0.05  # m
@@ -18,6 +19,8 @@ _FINEST = 0.01  # m; narrow passages are looked for down to this spacing ...
 _FINE_NODES = 1.6e6  # ... and up to this many nodes ...
 _SLACK = 0.75  # spacings; ... and half as wide as this too narrow, so that four neighbors connect in any direction
 _SIZES = 5  # of bodies, for each of which ways are looked for where larger ones do not get out
+_OPEN_NODES = 1e6  # a larger place without narrow passages gets a coarser grid, of about so many nodes ...
+_COARSEST = 0.3  # m; ... or of this spacing
 _MAX_NODES = 3e7
 _MOST_DILATION = 0.4  # m, half a door: in the largest places
 _SMALL_BODY = 0.1  # m; the grid of smaller ones is not made coarser: their passages would not be seen
@@ -52,6 +55,7 @@ class Plan(NamedTuple):
     min_radius: float  # m
     partial: bool = False  # doors are closed: not everybody need reach an exit
     goal: str | None = None  # region where the way leads instead of to exits
+    one_way: bool = False  # some doors are passed one way only
 
 
 def make_plan(
@@ -163,13 +167,27 @@ def choose_spacing(plan: Plan) -> float:
     require_grid(plan.geometry, plan.min_radius)
     spacing = min(max(_SPACING, float(np.sqrt((x1 - x0) * (y1 - y0) / _NODES))), largest)
     finest = _finest(plan.geometry, spacing)
-    if finest > largest * (1 + 1e-9):
+    if finest > largest * (1 + 1e-9) and next(_coarse(plan, finest), None) is None:
         warnings.warn(
             f"the plan is {x1 - x0:.0f} m x {y1 - y0:.0f} m: ways are looked for on a grid of {finest:.3f} m, and only through "
             f"passages wider than {4 * finest:.2f} m",
             stacklevel=3,
         )
     return finest
+
+
+def _coarse(plan: Plan, spacing: float) -> Iterator[float]:
+    """Yield a distance between nodes [m] that is greater by a quarter or more, if it shows all passages of a large place."""
+    x0, y0, x1, y1 = plan.geometry.bounds
+    wanted = min(_COARSEST, float(np.sqrt((x1 - x0) * (y1 - y0) / _OPEN_NODES)))
+    if plan.one_way or wanted < 1.25 * spacing:
+        return
+    room = 2.0 * (2.0 + _SLACK)  # spacings in a passage: walls are dilated by two, and four neighbors connect
+    least = 2.0 * (plan.min_radius - _SLACK * spacing)  # what nobody passes is no passage
+    widths = passages(plan.geometry, plan.walls, least, room * wanted).tolist()
+    coarse = min([wanted, *(width / room for width in (*widths, *plan.widest.values()))])
+    if coarse >= 1.25 * spacing:
+        yield coarse
 
 
 def _make_grid(plan: Plan, spacing: float) -> Grid:
@@ -234,15 +252,18 @@ def _most_open(plan: Plan, spacing: float) -> tuple[Grid, list[Level]]:
     The levels are left to the caller, [], unless the first is all that is needed, as in most places.
     """
     smallest, most, best = max(plan.min_radius, 2 * spacing), -np.inf, None
-    for h in chain([spacing], () if plan.partial else _finer(plan, spacing)):
+    for h in chain(_coarse(plan, spacing), [spacing], () if plan.partial else _finer(plan, spacing)):
         nodes = _make_grid(plan, h)
-        for k, level in enumerate(_levels(plan, nodes, spacing)):
+        for k, level in enumerate(_levels(plan, nodes, max(h, spacing))):
             if level.radius < plan.radius:
                 break
+            whole = not level.closed and _lost_part(level.parts, nodes, smallest) is None
+            if h > spacing and not whole:
+                break  # such as a region to lead to that is too small for it
             area = float(level.reached.sum()) * h**2
             if best is None or area > most + np.pi * smallest**2:
                 best, most = nodes, area
-            if not level.closed and _lost_part(level.parts, nodes, smallest) is None:
+            if whole:
                 return nodes, [] if k else [level]
     assert best is not None
     return best, []

@@ -31,7 +31,7 @@ from crowd_env.routing.fields.domain import (
 )
 from crowd_env.routing.fields.extension import extend_once, fill_from_nearest
 from crowd_env.routing.fields.lookup import FieldArrays
-from crowd_env.routing.fields.marching import gate, lead_through, march, march_on, march_through
+from crowd_env.routing.fields.marching import Gate, gate, lead_through, march, march_on, march_through
 from crowd_env.routing.fields.taut import make_targets, pull_taut
 
 
@@ -171,17 +171,19 @@ def travel_time_field(
         Walking speed (...) at points (..., 2) [m], relative to that on plain floor; > 0.  The way is the quickest one then.
 
     The nodes of the grid are 0.05 m apart, more in big plans, at most ``min_radius / 2``; the distance is halved (down to
-    0.01 m) where a passage would be missed otherwise.
+    0.01 m) where a passage would be missed otherwise.  Beyond 100 m x 100 m it grows up to 0.3 m, as far as every passage
+    is 5.5 times as wide.
 
     Raises
     ------
     ValueError
         If a region or exit is unknown, an exit is too narrow for the smallest body, or a part of the area reaches no exit.
     """
-    plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius, goal, closed)
-    nodes, levels = dilate(plan, choose_spacing(plan))
-    local_speed = None if speed is None else speed(nodes.points())
     lines = [line for door in one_way if door.door not in closed for line in door.lines(geometry)]
+    plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius, goal, closed)
+    plan = plan._replace(one_way=bool(lines))
+    nodes, levels = dilate(plan, choose_spacing(plan))
+    local_speed = None if speed is None else np.asarray(speed(nodes.points()), dtype=np.float64)
     return _solve(plan, nodes, levels, local_speed, lines)
 
 
@@ -245,53 +247,71 @@ def _solve(
     plan: Plan, nodes: Grid, levels: Sequence[Level], speed: Floats | None, one_way: Sequence[Floats] = ()
 ) -> NavigationField:
     """March through the free nodes, extend to all walkable ones, and find directions and straight lines."""
-    h, radius = nodes.spacing, levels[0].dilation
+    h, dilation = nodes.spacing, levels[0].dilation
+    # In large places walls are dilated by more than a body.
+    radius, reach = min(dilation, plan.radius), dilation + SOURCE * h
     free = _free(nodes, levels[0])
-    local_speed = np.ones(free.shape) if speed is None else np.asarray(speed, dtype=np.float64)
-    time, level = _sources(plan, nodes, radius, free, local_speed)
-    start = SOURCE * h if plan.goal is None else 0.0
     gates = [gate(line, free, nodes.points(), h) for line in one_way]
-    if gates:
-        time = march_through(time, level, free, local_speed, h, start, gates)
-    else:
-        time = march(time, level, free, local_speed, h, start)
-    fits = np.where(np.isnan(time), np.nan, levels[0].radius)
-    for smaller in levels[1:]:
-        sources, _ = _sources(plan, nodes, smaller.dilation, _free(nodes, smaller), local_speed)
-        time = march_on(np.fmin(time, sources) if plan.goal is None else time, _free(nodes, smaller), local_speed, h)
-        fits[np.isnan(fits) & ~np.isnan(time)] = smaller.radius
+    time, fits = _march(plan, nodes, levels, np.ones(free.shape) if speed is None else speed, gates)
     direction = descend(time, h)
     lead_through(time, direction, gates)
     # No straight line may lead back through a one-way door.
     lines, target = np.concatenate([plan.walls, *(line[None] for line in one_way)]), np.full(time.shape, -1, np.int64)
-    targets, around = make_targets(plan.exits, lines, time, nodes.origin, h, radius)
+    targets, around = make_targets(plan.exits, lines, time, nodes.origin, h, dilation)
+    targets, near = targets._replace(radius=radius), np.empty(len(plan.walls), dtype=np.int64)
+
+    def extend(band: float) -> int:
+        return extend_once(
+            time, direction, target, targets, nodes.inside, plan.walls, plan.two_sided, nodes.origin, h, reach, band,
+            time.copy(), near,
+        )  # fmt: skip
+
+    while dilation > radius and extend(0.0):  # where a body may be that the march kept out
+        pass
     strip = np.any([np.zeros_like(free), *(g.strip for g in gates)], axis=0)
-    order, clear = np.argsort(time, axis=None, kind="stable"), (nodes.clearance >= radius - TOUCH) & ~strip
-    plain = local_speed[: 0 if speed is None else None] == 1.0
+    clear = (nodes.clearance >= radius - TOUCH) & ~strip
+    plain = np.empty((0, 0), dtype=bool) if speed is None else speed == 1.0
+    order = np.argsort(time, axis=None, kind="stable")
     pull_taut(time, direction, target, order, clear, targets, around, plain, nodes.origin, h)
+    del order  # what is made next is as large
     # The ragged edge of the march belongs to the band along the walls, unless it alone leads through a passage.
-    time[free & ~(clear | strip) & (target < 0) & grid.with_fringe(target >= 0, free)] = np.nan
-    band, reach = radius, radius + SOURCE * h
-    near = np.empty(len(plan.walls), dtype=np.int64)
-    while extend_once(
-        time, direction, target, targets, nodes.inside, plan.walls, plan.two_sided, nodes.origin, h, reach, band,
-        time.copy(), near,
-    ):  # fmt: skip
+    edge = free if dilation == radius else ~np.isnan(time)
+    time[edge & ~(clear | strip) & (target < 0) & grid.with_fringe(target >= 0, edge)] = np.nan
+    band = radius
+    while extend(band):
         band = 0.0  # further passes fill gaps that are narrower than the disc: straight to the better end
     require_reached(plan, nodes, np.isnan(time))
     fill_from_nearest(time, direction, nodes.inside, ~np.isnan(time), h)
-    direct = np.append(plan.rows, np.full(len(targets.rest) + 1, -1))[target]
+    target[:] = np.append(plan.rows, np.full(len(targets.rest) + 1, -1))[target]  # from here on rows of exits
     return NavigationField(
         travel_time=time,
         direction=direction,
-        direct=direct,
-        cell=cell_kinds(time, direct, grid.blocked_lines(plan.walls, time.shape, nodes.origin, h)),
+        direct=target,
+        cell=cell_kinds(time, target, grid.blocked_lines(plan.walls, time.shape, nodes.origin, h)),
         origin=nodes.origin,
         spacing=h,
         radius=radius,
         free=free,
         fits=fits,
     )
+
+
+def _march(plan: Plan, nodes: Grid, levels: Sequence[Level], speed: Floats, gates: list[Gate]) -> tuple[Floats, Floats]:
+    """Return the travel times [s] that the march finds, and the largest body [m] that gets out; both nan where it left out."""
+    free, h = _free(nodes, levels[0]), nodes.spacing
+    time, level = _sources(plan, nodes, levels[0].dilation, free, speed)
+    start = SOURCE * h if plan.goal is None else 0.0
+    if gates:
+        time = march_through(time, level, free, speed, h, start, gates)
+    else:
+        time = march(time, level, free, speed, h, start)
+    fits = np.where(np.isnan(time), np.nan, levels[0].radius)
+    for smaller in levels[1:]:
+        free = _free(nodes, smaller)
+        sources, _ = _sources(plan, nodes, smaller.dilation, free, speed)
+        time = march_on(np.fmin(time, sources) if plan.goal is None else time, free, speed, h)
+        fits[np.isnan(fits) & ~np.isnan(time)] = smaller.radius
+    return time, fits
 
 
 def _free(nodes: Grid, level: Level) -> Bools:
