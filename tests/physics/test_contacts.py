@@ -167,6 +167,17 @@ def test_a_thin_wall_pushes_to_the_side_one_stands_on(name, side):
     assert side * (simulation.state.position[0, 1] - 3) > 0.15
 
 
+@looped("geometry", [half_plane(), plain()], ids=["wall", "person"])
+def test_who_is_thrown_farther_than_anyone_was_fast_does_not_end_in_what_is_there(geometry):
+    # All are at rest.  An overlap of 5 cm throws the light one over a gap of 3 cm to the wall, or to the third.
+    bodies = make_bodies([0.2] * 3, [4000.0, 40.0, 4000.0])
+    state = make_state([[0.58, 0.0], [0.23, 0.0], [-0.2 if geometry.contains([[-0.2, 0.0]]).all() else 5.0, 0.0]])
+    Simulation(geometry, bodies, state, scheme=INERTIAL, driving=False, fields=[None]).advance()
+    heavy, light, third = state.position[:, 0]
+    assert heavy - light > 0.4 - 1e-9
+    assert (light - third if third < 0 else light + 0.2) > 0.4 - 1e-9
+
+
 @every_scheme
 @looped("height", [0.15, 0.05, 0.0, -0.05, -0.09])
 def test_a_center_pressed_through_the_wall_is_pushed_back_inside(name, height):
