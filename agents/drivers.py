@@ -12,7 +12,6 @@ from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.envs.rollout import Driver, Episode, run_episodes
 from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.envs.settings import arguments_of
-from crowd_env.physics import make_scheme
 
 from .controllers import Controller
 from .policy import Policy
@@ -179,9 +178,8 @@ class ControllerDriver(Driver):
 
     def __init__(self, controller: Controller, scenario: Scenario, **options: Any) -> None:
         self.controller = controller
-        dt = options.get("dt") or make_scheme(options["scheme"]).info.default_dt
         interval = controller.options.get("interval", INTERVAL)
-        sample_dt = SAMPLE if _divides(SAMPLE, interval) and _divides(dt, SAMPLE) else interval
+        sample_dt = SAMPLE if _divides(SAMPLE, interval) and _divides(options.get("dt") or SAMPLE, SAMPLE) else interval
         self.batch = RoutingBatch(
             **routing_arguments(scenario, sample_dt=sample_dt, **{**options, **controller.options})
         )

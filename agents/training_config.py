@@ -17,7 +17,7 @@ from crowd_env.core.files.own import own_or_name
 from crowd_env.core.libraries import needed_for
 from crowd_env.envs.routing.batch import routing_arguments
 from crowd_env.envs.routing.env import RoutingVectorEnv
-from crowd_env.envs.settings import arguments_of
+from crowd_env.envs.settings import Physics, arguments_of
 from crowd_env.physics import ContactScheme, make_scheme
 
 from . import POLICIES, make_policy
@@ -78,7 +78,7 @@ def default_config(
         "envs": envs,
         "steps": steps,
         "minutes": minutes,
-        "dt": law_of({"scheme": scheme}).info.default_dt if dt is None else dt,
+        "dt": Physics(law_of({"scheme": scheme}), dt, outline).step(place),
         "decision_dt": 0.1,
         "manner": plain_manner(place.manner_of_run(manner)),
         "outline": plain_outline(place.outline_of_run(outline)),

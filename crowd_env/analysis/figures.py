@@ -19,6 +19,7 @@ from crowd_env.core.files.json_file import json_number
 from crowd_env.core.version import __version__
 from crowd_env.envs.metrics import EpisodeMetrics, flow_slope, share_interval, summarise
 from crowd_env.envs.rollout import Episode
+from crowd_env.envs.settings import Physics
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.scenarios.scenario import Scenario
 
@@ -76,7 +77,7 @@ def report(
         "outline": plain_outline(scenario.outline_of_run()),
         "strategy": scenario.strategy_of_run(strategy),
         "seed": episodes[0].seed - episodes[0].run,
-        "dt": chosen.info.default_dt if dt is None else dt,
+        "dt": Physics(chosen, dt).step(scenario),
         "time_limit": episodes[0].time_limit,
         "version": __version__,
         "people": scenario.population.people,

@@ -30,6 +30,7 @@ from crowd_env.envs.reward import RewardFunction, RewardWeights, make_weights
 from crowd_env.envs.route_choice import fit_to_ways, make_route_choice, take_routes
 from crowd_env.envs.settings import AsPhysics, AsRouting, AsWalking, Physics, Routing, Walking, answers_unknown
 from crowd_env.physics import check_outline
+from crowd_env.physics.scheme import DECISION_DT
 from crowd_env.physics.simulation.arguments import check_step
 from crowd_env.physics.simulation.checkpoint import (
     copy_arrays,
@@ -120,7 +121,7 @@ class CrowdEnv:
         action: str | Mapping[str, Any] | ActionKind = "continuous",
         observation: ObservationLayout | Mapping[str, Any] | None = None,
         reward: RewardWeights | Mapping[Any, Any] | None = None,
-        decision_dt: float = 0.1,
+        decision_dt: float = DECISION_DT,
         time_limit: float | None = None,
         autoreset: bool = False,
     ) -> None:
@@ -128,14 +129,15 @@ class CrowdEnv:
         self.physics = physics = Physics.of(physics)
         self.walking = walking = Walking.of(walking)
         self.routing = routing = Routing.of(routing)
-        scheme, dt, threads = physics.law, physics.step, physics.threads
+        scheme, threads = physics.law, physics.threads
         self.decision_dt = decision_dt = number("decision_dt", decision_dt, POSITIVE, "s")
-        self.n_substeps = parts_of("decision_dt", decision_dt, "physics steps of dt", dt)
         if time_limit is not None:
             time_limit = number("time_limit", time_limit, POSITIVE, "s")
         self.autoreset = flag("autoreset", autoreset)
         self.reward_weights, kind, layout = make_weights(reward), make_action(action), make_layout(observation)
         self.scenarios = scenarios_of(scenario, people, num_envs)
+        dt = physics.step(*self.scenarios, within=decision_dt)
+        self.n_substeps = parts_of("decision_dt", decision_dt, "physics steps of dt", dt)
         self.action_kind, self.layout, choosing = fit_to_ways(kind, layout, self.scenarios)
         self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
         self.single_action_space = copy.deepcopy(self.action_kind.space)  # whoever seeds it seeds no other

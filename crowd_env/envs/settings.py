@@ -19,6 +19,9 @@ from crowd_env.envs.action import ActionKind, make_action
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.reward import RewardWeights
 from crowd_env.physics import ContactScheme, check_outline, make_scheme
+from crowd_env.physics.scheme import DECISION_DT
+from crowd_env.scenarios.groups import extreme_bodies
+from crowd_env.scenarios.scenario import Scenario
 
 Given = ParamSpec("Given")
 Made = TypeVar("Made")
@@ -111,7 +114,7 @@ class Physics(Part):
     Parameters
     ----------
     scheme : contact scheme: a name in ``SCHEMES``, a scheme, or a table such as ``{"name": "nsm2", "social": "lin"}``.
-    dt : s, physics step; by default that of the scheme.
+    dt : s, physics step; by default that of the scheme, see `ContactScheme.default_dt`.
     outline : shape of all bodies: a name in ``OUTLINES``, an `Outline`, or a table of its parameters.  By default the scenario
         decides, and if it says nothing bodies are discs.  Only schemes that turn bodies take another: `hertz`, `hertz-literal`.
     max_drive : N, the largest force with which a pedestrian drives forwards, infinite = as large as the papers make it, up to
@@ -143,10 +146,18 @@ class Physics(Part):
         """The contact scheme."""
         return cast(ContactScheme, self.scheme)
 
-    @property
-    def step(self) -> float:
-        """The physics step [s]."""
-        return self.law.info.default_dt if self.dt is None else self.dt
+    def step(self, *places: Scenario, within: float = DECISION_DT) -> float:
+        """Return the physics step [s] in places that share a batch; by default a part of ``within``, short enough for each.
+
+        It depends on the people of the scenarios, never on those that were drawn.
+        """
+        if self.dt is not None:
+            return self.dt
+        shapes = [place.outline_of_run(self.outline) for place in places]
+        return min(
+            self.law.default_dt(extreme_bodies(place.population), within, shape)
+            for place, shape in zip(places, shapes, strict=True)
+        )
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,15 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Bodies
 from crowd_env.core.checks import COUNT, POSITIVE, Range, check_fields
 from crowd_env.core.kernels.struct_ref import StructRef
 from crowd_env.physics.driving_force import influences
 from crowd_env.physics.social_force import SocialForce, make_social
 from crowd_env.physics.solvers import Stopping
+
+DECISION_DT = 0.1  # s  between two decisions of a policy, unless somebody says otherwise
 
 
 @dataclass(frozen=True)
@@ -28,7 +31,7 @@ class SchemeInfo:
     stable_step: str  # formula of the largest stable time step
     uses: tuple[str, ...]  # of what arrays of `workspace` need; a social force adds its own
     contacts_at: Literal["start", "end"] = "start"  # of the step: where the listed contacts are those of the positions
-    default_dt: float = 0.01  # s  physics step unless a caller gives one: the paper's
+    default_dt: float = 0.01  # s  longest physics step unless a caller gives one; see `ContactScheme.default_dt`
     # Impulse over time is the force that a body bears; else it only keeps bodies apart.
     impulses_are_forces: bool = True
 
@@ -66,6 +69,14 @@ class ContactScheme(ABC):
     def stable_dt(self, bodies: Bodies) -> float:
         """Return the largest stable time step [s]: here 2 tau_min, of the explicit driving force alone."""
         return 2.0 * float(bodies.relaxation_time.min())
+
+    def default_dt(self, bodies: Bodies, within: float = DECISION_DT, outline: Outline | None = None) -> float:
+        """Return the physics step [s] of such people unless a caller gives one: here that of `info`, the paper's.
+
+        ``within`` [s] is a time that should be a whole number of steps.  ``bodies`` are the most extreme that a scenario can
+        draw: who else is in a batch is of no account.
+        """
+        return self.info.default_dt
 
     @abstractmethod
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:

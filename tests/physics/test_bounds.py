@@ -163,7 +163,9 @@ def test_the_largest_speed_is_that_of_any_step_since_the_start(name):
         inside = env.active.copy()
         env.step(None)
         seen = max(seen, float(np.hypot(*env.simulation.state.velocity[inside].T).max()))
-    assert env.metrics(0).max_speed == pytest.approx(seen, rel=1e-12)
+    largest = env.metrics(0).max_speed
+    assert seen * (1.0 - 1e-12) <= largest  # hertz: of the middle of a step too
+    assert largest <= seen * (1.02 if "hertz" in name else 1.0 + 1e-12)
     env.reset(seed=1)
     assert env.metrics(0).max_speed == 0.0
 

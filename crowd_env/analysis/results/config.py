@@ -14,10 +14,10 @@ from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.versions import versions_of
 from crowd_env.core.kernels import jit
 from crowd_env.core.version import __version__
+from crowd_env.envs.settings import Physics
 from crowd_env.physics import ContactScheme
+from crowd_env.physics.scheme import DECISION_DT
 from crowd_env.scenarios.scenario import Scenario
-
-DECISION_DT = 0.1  # s  that of `CrowdEnv`, unless it is told another
 
 # Parts of a config in which two commands may differ and still go on with each other's runs.
 FREE = ("runs", "platform", "command", "arguments", "files", "notes")
@@ -64,7 +64,7 @@ def run_config(
         "rules": rules,
         "max_drive": plain(max_drive),
         "scheme": {"name": scheme.info.name, **plain(scheme)},
-        "dt": scheme.info.default_dt if dt is None else dt,
+        "dt": Physics(scheme, dt).step(scenario),
         "decision_dt": DECISION_DT,
         "seed": seed,
         "fingerprint": fingerprint(scenario),  # of plan, people, routes and rules: equal for equal ones

@@ -67,7 +67,7 @@ class RoutingBatch:
         terms = make_terms(observation)
         interval = number("the interval between decisions", interval, POSITIVE, "s")
         physics = Physics.of(physics)
-        parts_of("interval", interval, "physics steps of dt", physics.step)
+        parts_of("interval", interval, "physics steps of dt", physics.dt or physics.law.info.default_dt)
         sample_dt = interval if sample_dt is None else number("sample_dt", sample_dt, POSITIVE, "s")
         self.samples = parts_of("interval", interval, "samples of sample_dt", sample_dt)
         self.env = CrowdEnv(

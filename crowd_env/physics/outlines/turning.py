@@ -45,8 +45,11 @@ def _face_ways(e: int, rank_stop: int, batch: Batch) -> None:
 
 
 @inner_kernel
-def add_turning_torques(e: int, rank_stop: int, batch: Batch) -> None:
-    """Add the torque [N m] that turns pedestrians into their way, critically damped; without a way it only damps."""
+def add_turning_torques(e: int, rank_stop: int, batch: Batch, half: float) -> None:
+    """Add the torque [N m] that turns pedestrians into their way, critically damped; without a way it only damps.
+
+    It damps the spin that all torques together leave after another ``half`` [s].
+    """
     if not batch.control.driving:
         return
     inside, inertia, spin, torque = batch.workspace.inside, batch.bodies.inertia, batch.state.spin, batch.history.torque
@@ -56,5 +59,6 @@ def add_turning_torques(e: int, rank_stop: int, batch: Batch) -> None:
         i = inside[rank]
         wx, wy = asked_of(i, batch)
         ahead, left = wx * cosine[i] + wy * sine[i], wy * cosine[i] - wx * sine[i]
-        moment = inertia[i] * rate * (rate * np.arctan2(left, ahead) - 2.0 * spin[i])
+        after = spin[i] + half * torque[i] / inertia[i]
+        moment = inertia[i] * rate * (rate * np.arctan2(left, ahead) - 2.0 * after) / (1.0 + 2.0 * rate * half)
         torque[i] += min(max(moment, -most), most)

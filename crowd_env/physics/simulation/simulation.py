@@ -62,7 +62,7 @@ class Simulation:
     bodies, state : arrays of all environments; the simulation works on them in place.  Their arrays may be written to, they
         themselves cannot be replaced: to go back to another moment is what `checkpoint` and `restore` are for.
     scheme : name in ``SCHEMES`` or a scheme with its own parameters.
-    dt : s, physics step; by default the scheme's own, 0.01 or (hertz) 0.001.
+    dt : s, physics step; by default the scheme's longest, 0.01 or (hertz) 0.005, less with several discs a body.
     fields : travel-time field, or all the ways, of each geometry; made here for geometries with exits if not given.
     replan_every : s, how often the fastest ways are found anew.
     driving : True for pedestrians (driving force, eq 11, and social force), False for passive grains.
@@ -108,7 +108,6 @@ class Simulation:
         check_state(state, bodies)
         self.bodies, self.state = bodies, state
         self.scheme = make_scheme(scheme)
-        self.dt = dt = self.scheme.info.default_dt if dt is None else dt
         self.driving, self.allow_unstable = driving, allow_unstable
         self.manner = headway = make_manner(manner)
         self.threads = whole("threads", threads)
@@ -116,6 +115,8 @@ class Simulation:
         self.scheme.check(driving, self.max_drive)
         self.outline = shape = make_outline(outline)
         check_outline(shape, self.scheme)
+        parts = 1.0 if shape is None else np.ceil(1.0 / shape.step_share)  # whoever else is there: bits are one's own
+        self.dt = dt = self.scheme.info.default_dt / parts if dt is None else dt
         arguments.check_step(self.scheme, bodies, dt, allow_unstable, shape)
         self.fields = arguments.fields_of(self.geometries, fields, bodies)
         which = arguments.which_geometry(geometry_of_env, len(state.time), len(self.geometries))

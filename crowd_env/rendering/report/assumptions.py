@@ -12,8 +12,10 @@ from typing import Any, NamedTuple
 
 from crowd_env.analysis.results.folder import CONFIG
 from crowd_env.analysis.results.plain import plain
+from crowd_env.envs.settings import Physics
 from crowd_env.physics import make_scheme
 from crowd_env.rendering.report.runs import Runs, described
+from crowd_env.scenarios.scenario import Scenario
 
 
 def assumptions(runs: Sequence[Runs]) -> dict[str, Any]:
@@ -170,10 +172,10 @@ def limits_of(runs: Runs) -> Limits:
         if less := every - len(rows):
             text += f" Of {every} cases of the map, {less} have no row of {about}: of these nothing is known."
     said = tuple((case, _WORDS[outcome], criterion) for case, outcome, criterion in rows)
-    return Limits(about, text, tuple(_others(runs.config)), said)
+    return Limits(about, text, tuple(_others(runs.config, runs.scenario)), said)
 
 
-def _others(config: Mapping[str, Any]) -> Iterator[str]:
+def _others(config: Mapping[str, Any], scenario: Scenario) -> Iterator[str]:
     """Return in what a config is another than the runs of the map."""
     if config["manner"] == "competitive":
         yield (
@@ -186,7 +188,5 @@ def _others(config: Mapping[str, Any]) -> Iterator[str]:
     changed = [key for key, value in plain(scheme).items() if config["scheme"].get(key) != value]
     if changed:
         yield f"The rows are of the scheme's own parameters; in these runs others are set: {', '.join(changed)}."
-    if config["dt"] != scheme.info.default_dt:
-        yield (
-            f"The rows are of a physics step of {scheme.info.default_dt:g} s; that of these runs is {config['dt']:g} s."
-        )
+    if config["dt"] != (step := Physics(scheme).step(scenario)):
+        yield f"The scheme's own physics step is {step:g} s for these people; that of these runs is {config['dt']:g} s."

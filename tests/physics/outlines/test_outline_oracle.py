@@ -67,17 +67,20 @@ class PlainHertz:
                 self.force, self.torque = self.forces(dt)
 
     def forces(self, elapsed):
-        bodies, state, outline = self.bodies, self.state, self.outline
-        wanted = bodies.desired_speed[:, None] * self.ways
-        force = (bodies.mass / bodies.relaxation_time)[:, None] * (wanted - state.velocity)
-        off = np.angle(np.exp(1j * (np.arctan2(*self.ways.T[::-1]) - state.angle)))
-        torque = bodies.inertia * (off / outline.turning_time**2 - 2.0 * state.spin / outline.turning_time)
-        torque = np.clip(torque, -outline.max_torque, outline.max_torque)
+        bodies, state, outline, half = self.bodies, self.state, self.outline, 0.5 * elapsed
+        force, torque = np.zeros_like(state.velocity), np.zeros_like(state.spin)
         before, self.springs = self.springs, {}
         discs = discs_of(outline, bodies, state)
         for touch in touches(self.walls, outline, bodies, state):
             self.add(touch, discs, elapsed, before, force, torque)
-        return force, torque
+        # People drive, and turn, by the velocity and the spin that all this leaves them after another half step.
+        mass, tau, turn = bodies.mass[:, None], bodies.relaxation_time[:, None], outline.turning_time
+        wanted = bodies.desired_speed[:, None] * self.ways
+        velocity = (state.velocity + half * (force / mass + wanted / tau)) / (1.0 + half / tau)
+        off = np.angle(np.exp(1j * (np.arctan2(*self.ways.T[::-1]) - state.angle)))
+        spin = (state.spin + half * (torque / bodies.inertia + off / turn**2)) / (1.0 + 2.0 * half / turn)
+        moment = np.clip(bodies.inertia * (off / turn**2 - 2.0 * spin / turn), -outline.max_torque, outline.max_torque)
+        return force + mass / tau * (wanted - velocity), torque + moment
 
     def add(self, touch, discs, elapsed, before, force, torque):
         """Add what one contact does to two bodies, or to one and a wall."""
