@@ -78,7 +78,7 @@ def default_config(
         "envs": envs,
         "steps": steps,
         "minutes": minutes,
-        "dt": Physics(law_of({"scheme": scheme}), dt, outline).step(place),
+        "dt": Physics(law_of({"scheme": scheme}), outline=outline).step(place) if dt is None else dt,
         "decision_dt": 0.1,
         "manner": plain_manner(place.manner_of_run(manner)),
         "outline": plain_outline(place.outline_of_run(outline)),

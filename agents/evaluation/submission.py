@@ -41,7 +41,7 @@ _DIGITS = {
     **dict.fromkeys(("walked", "max_density", "hurry", *_MIXED), 5),
 }
 _COLUMNS = tuple(_DIGITS)
-_FIRST = _COLUMNS[:12]  # those of files from before the others were columns: these state their means and intervals
+_OWN = _COLUMNS[12:]  # beside those of `EpisodeMetrics` and crushes
 _WITH_MAX = {"max_density", "max_pressure", "hurry"}  # beside their mean stands the largest of all runs
 _FIGURES = 6  # digits of other numbers
 _KEYS = {"format", "task", "policies", "columns", "trials", "versions"}
@@ -174,7 +174,7 @@ def _read(path: Path) -> dict[str, Any]:
             f"{path} is of {task.name} version {told['version']} (digest {told['digest']}), which is version {task.version} "
             f"(digest {now.identity['digest']}) now: figures of two versions do not stand in one table; submit again"
         )
-    if content["columns"] not in (list(_COLUMNS), list(_FIRST)):
+    if content["columns"] != list(_COLUMNS):
         raise ValueError(f"{path} has other columns than {', '.join(_COLUMNS)}")
     names = [one["variation"] for one in content["trials"]]
     if names[:1] != ["task"] or (len(names) > 1 and names != list(now.facts)):
@@ -248,13 +248,13 @@ def _figures(
     unknown: dict[str, Any] = dict.fromkeys(EpisodeMetrics._fields, np.nan)
     of_runs = (dict(zip(known, values, strict=True)) for values in zip(*known.values(), strict=True))
     episodes = [EpisodeMetrics(**(unknown | one)) for one in of_runs]
-    crushed, own = runs["crushed"], _COLUMNS[len(_FIRST) :]
+    crushed = runs["crushed"]
     runs["crushed_share"] = crushed / place.population.people
     runs["crushed_time"] = np.where(crushed > 0, runs["crushed_time"] / np.maximum(crushed, 1), np.nan)
-    names = ("mean_exit", "contact_impulse", "max_pressure", "crushed_share", "crushed_time", *own)
+    names = ("mean_exit", "contact_impulse", "max_pressure", "crushed_share", "crushed_time", *_OWN)
     if trial["learned_share"] == 1.0:
         names = names[: -len(_MIXED)]
-    found = {name: named(runs[name]) if name in runs else kept[name] for name in names}
+    found = {name: named(runs[name]) for name in names}
     for name in runs.keys() & _WITH_MAX:
         found[name]["max"] = float(runs[name].max())
     return {

@@ -36,7 +36,7 @@ class Task:
     options : of the scenario.
     people : how many; another number (`place`) gets as much time for each.
     scheme : contact law.
-    dt : s, physics step: the own one of the scheme.
+    dt : s, physics step: the one that its environment would take.
     time_limit : s.
     blocked_after : s without anyone getting out, after which the exits count as blocked and the run ends.
     manner : how people walk under policies that do not say so themselves.
@@ -140,14 +140,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(one) for one in value]
     names = [one.name for one in fields(value)] if is_dataclass(value) else list(vars(value))
-    kind = type(value).__name__
-    said = {"people": "count"} if kind == "Population" else {}  # as digests in files have it
-    if kind == "Headway" and not (value.beside or value.off_walls):  # as manners of version 1 are called
-        names = [name for name in names if name not in ("beside", "keep_up", "off_walls", "shyness")]
-    held = {said.get(name, name): _plain(getattr(value, name)) for name in names}
-    if kind in ("NSM1", "NSM2"):
-        held["solver"] = "auto"  # as they called the one that there is
-    return {"": kind} | held
+    return {"": type(value).__name__} | {name: _plain(getattr(value, name)) for name in names}
 
 
 # Name -> task.

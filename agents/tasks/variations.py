@@ -10,7 +10,7 @@ from typing import Any
 
 import tomllib
 
-from crowd_env import Headway, Scenario
+from crowd_env import MANNERS, Headway, Scenario
 
 from .task import TASKS, Task
 
@@ -64,8 +64,7 @@ _HURRIED = Variation(
     "half-hurried",
     "half of the people follow the rule, and keep a distance (hurried)",
     learned_share=0.5,
-    # The numbers of version 1: a task does not change because a manner of the package does.
-    manner=Headway(time_gap=0.3, strength=0.2, beside=0.0, off_walls=0.0),
+    manner=MANNERS["hurried"],
 )
 _PEOPLE = (_SLOWER, _MIXED, _HURRIED)
 # Times the people of the task.

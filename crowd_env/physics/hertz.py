@@ -162,7 +162,9 @@ class Hertz(ContactScheme):
 
     def default_dt(self, bodies: Bodies, within: float = DECISION_DT, outline: Outline | None = None) -> float:
         """Return 0.005 s or half the stable step, whichever is shorter, rounded down to a part of ``within``."""
-        limit = min(self.info.default_dt, 0.5 * self.stable_dt(bodies)) * (1.0 if outline is None else outline.step_share)
+        limit = min(self.info.default_dt, 0.5 * self.stable_dt(bodies)) * (
+            1.0 if outline is None else outline.step_share
+        )
         return float(within / np.ceil(within / limit - 1e-9))
 
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:

@@ -60,8 +60,6 @@ def run(tmp_path):
         "spent": {"steps": 5000.0, "seconds": 10.0, "cpu_seconds": 19.0},
         "validation": {"evacuation_time": 8.1},
         "confirmation": None,
-        "learned_minus_rule": {"last": -1.0},
-        "learned_over_rule": {"last": 0.9},
         "rows": rows,
     }
     write_json(found / "results.json", results)
@@ -77,13 +75,12 @@ def changed(run, **changes):
 
 @looped("name", PRETRAINED)
 def test_a_shipped_policy_fits_its_task_as_it_stands(name):
-    """Its network, its card and the task are of one version, and people walk by it."""
+    """Its network and its card are of one version of the task, maybe a former one, and people walk by it."""
     task, found, card = make_task(name.partition("/")[0]), load(name), read_json(PRETRAINED[name].with_suffix(".json"))
     assert found.name == card["policy"] == name
-    assert found.trained["task"] == card["task"] == task.identity()
+    assert found.trained["task"] == card["task"] and card["task"]["name"] == task.name
     assert card["network"] == network_digest(PRETRAINED[name])
     assert card["config"]["seed"] == found.trained["seed"] and card["spent"]["cpu_seconds"] > 0
-    assert {row["policy"] for row in card["held_out"]} > {"learned"} and card["held_out"][0]["task"] == task.name
     assert isinstance(found, LearnedPolicy) or task.decides == "routing"
     if isinstance(found, LearnedPolicy):
         assert ObservationLayout(**card["config"]["observation"]) == found.env_options["observation"]
@@ -138,8 +135,7 @@ def test_shipping_copies_the_network_and_writes_its_card(run, folder):
     card, results = read_json(folder / "room/mine.json"), read_json(run / "results.json")
     assert card["policy"] == "room/mine" and card["task"] == ROOM.identity()
     assert card["network"] == network_digest(folder / "room/mine.safetensors")
-    assert card["held_out"] == results["rows"]
-    for key in ("config", "spent", "validation", "confirmation", "learned_minus_rule", "learned_over_rule"):
+    for key in ("config", "spent", "validation", "confirmation"):
         assert card[key] == results[key]
 
 
@@ -173,7 +169,7 @@ def test_a_name_is_taken_once_unless_it_is_to_be_replaced(run, folder):
         (
             "room/ppo",
             lambda run: policy(replace(ROOM, time_limit=59.0)).save(run / "best.safetensors"),
-            "which is at version 1 now",
+            "which is at version 2 now",
         ),
         (
             "room/ppo",
@@ -217,8 +213,6 @@ def test_a_run_of_train_py_can_be_shipped(tmp_path, folder, monkeypatch):
     assert found.trained["task"] == card["task"] == ROOM.identity() and card["config"] == config
     assert card["spent"]["steps"] >= 1500 and card["spent"]["cpu_seconds"] > 0
     assert card["validation"]["evacuation_time"] > 0
-    assert [row["policy"] for row in card["held_out"]] == ["rule", "learned:sampled", "learned"]
-    assert card["held_out"][-1]["runs"] == 2
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(trained_run.shipped, "FOLDER", tmp_path / "rules")
     trained_run.shipped.ship(ROOM, runs=2)
@@ -227,4 +221,4 @@ def test_a_run_of_train_py_can_be_shipped(tmp_path, folder, monkeypatch):
         again = trained_run.judge(run, config, 2, 1, fresh=fresh)
         assert [result.policy for result in again] == ["rule", "learned:sampled", "learned"]
         assert (run / "held-out-2/kept/rule-nsm2.npz").exists() == fresh
-        assert again[0].row()["flow"]["mean"] == pytest.approx(card["held_out"][0]["flow"], rel=1e-6)
+        assert again[0].row()["flow"]["mean"] == pytest.approx(read_json(run / "results.json")["rows"][0]["flow"], rel=1e-6)

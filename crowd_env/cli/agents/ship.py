@@ -16,14 +16,14 @@ from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.files.atomic import written
 from crowd_env.core.files.json_file import read_json, write_json
 
-_FROM_RESULTS = ("config", "spent", "validation", "confirmation", "learned_minus_rule", "learned_over_rule")
+_FROM_RESULTS = ("config", "spent", "validation", "confirmation")
 
 
 def ship(run: Path, name: str, *, replace: bool = False) -> Path:
     """Copy the network of a run into the folder of shipped policies, with its card; return the path of the network.
 
     The card holds the task and the digest of the weights, every parameter of the run, what was spent (steps, seconds, CPU
-    seconds), and the figures of the policy on validation draws and, beside all that it was compared with, on held-out draws.
+    seconds), and the figures on validation draws.  What it reaches on held-out draws says its submission to the task.
 
     Parameters
     ----------
@@ -54,7 +54,6 @@ def ship(run: Path, name: str, *, replace: bool = False) -> Path:
         "network": digest,
         "task": task.identity(),
         **{key: results[key] for key in _FROM_RESULTS},
-        "held_out": results["rows"],
     }
     # The card first: a policy is listed as soon as its network lies there, and then both do.
     write_json(path.with_suffix(".json"), card)
@@ -74,7 +73,7 @@ def _place(name: str) -> tuple[Task, Path]:
 def _results(path: Path) -> dict[str, Any]:
     """Return what a finished run has written about itself."""
     found = read_json(path)
-    for key in ("task", "network", "rows", *_FROM_RESULTS):
+    for key in ("task", "network", *_FROM_RESULTS):
         if not isinstance(found, dict) or key not in found:
             raise ValueError(f"{path} lacks {key!r}: it was not written by this version of train.py")
     return dict(found)
@@ -104,7 +103,7 @@ def main(
     name: Annotated[str, typer.Option("--as", metavar="TASK/POLICY", help="What it is shipped as.")],
     replace: Annotated[bool, typer.Option("--replace", help="Replace the shipped policy of that name.")] = False,
 ) -> None:
-    """Ship the network of a training run, with a card that says how it was trained and what it reaches.
+    """Ship the network of a training run, with a card that says how it was trained.
 
     Example: crowd-env ship runs/competitive-door-hertz-seed0 --as competitive-door/ppo
     """
