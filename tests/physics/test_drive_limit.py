@@ -123,3 +123,16 @@ def test_people_in_an_environment_press_less_with_a_limit():
         env.reset(seed=0)
         pushed.append(sum(env.step(None) and env.simulation.results.impulse_magnitude.sum() for _ in range(30)))
     assert pushed[1] < 0.7 * pushed[0]
+
+
+@looped(("limit", "pushed"), [(LIMIT, 0.0), (LIMIT, 500.0), (None, 500.0)])
+def test_hertz_with_a_limited_drive_is_of_second_order(limit, pushed):
+    # Pushed from the side: at first the drive is at its limit, then below it.
+    ends = []
+    for steps in (60, 120, 240, 6000):
+        simulation = one(plain(), (0.0, 0.0), "hertz", max_drive=limit, dt=0.8 / steps)
+        push, ahead = np.array([[0.0, pushed]]), np.array([[1.0, 0.0]])
+        simulation.advance(ahead, relative=np.zeros(1, bool), external_force=push, n_substeps=steps)
+        ends.append(simulation.state.position[0].copy())
+    errors = np.array([np.abs(end - ends[-1]).max() for end in ends[:-1]])
+    assert errors[0] > 6.0 * errors[2]

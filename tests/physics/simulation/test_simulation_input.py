@@ -7,6 +7,7 @@ import pytest
 from cases import looped
 
 from crowd_env import FULL_SPEED, SCHEMES, CrowdEnv, Geometry, Physics, Population, Scenario, Uniform, make_scenario
+from crowd_env.core.arrays.outline import OUTLINES
 from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_state
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.scenarios.groups import Groups, extreme_bodies
@@ -184,6 +185,21 @@ def test_no_draw_has_a_shorter_stable_step_than_the_one_that_is_checked(scheme, 
     for _ in range(50):
         bodies, _ = scenario.population.draw(rng, scenario.geometry)
         assert law.stable_dt(bodies) >= bound
+
+
+def test_a_step_that_nobody_gave_is_that_of_the_scenario_and_a_part_of_the_decision():
+    people = {"radius": Uniform(0.2, 0.25), "mass": Uniform(60.0, 100.0)}
+    few, many = (make_scenario("room-v0", side=30.0, population=Population(n, **people)) for n in (20, 400))
+    law = SCHEMES["hertz"]
+    steps = [CrowdEnv(few, num_envs=n, physics="hertz").simulation.dt for n in (1, 3)]
+    assert steps == [0.005, 0.005]  # whoever shares the batch
+    assert CrowdEnv(few, physics="hertz", decision_dt=0.012).simulation.dt == 0.004
+    assert CrowdEnv(few, physics="dem").simulation.dt == 0.01
+    short = CrowdEnv(many, physics="hertz").simulation.dt
+    limit = 0.5 * law.stable_dt(extreme_bodies(many.population))
+    assert 0.9 * limit < short <= limit < 0.005 and 0.1 / short == pytest.approx(round(0.1 / short), abs=1e-9)
+    turned = CrowdEnv(few, physics=Physics("hertz", outline="torso")).simulation.dt
+    assert 0.9 * OUTLINES["torso"].step_share < turned / 0.005 <= OUTLINES["torso"].step_share
 
 
 def test_a_step_is_refused_if_any_draw_would_be_unstable_whatever_the_first_one_is():
