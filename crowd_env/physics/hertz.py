@@ -59,8 +59,8 @@ INFO = SchemeInfo(
     order=2,
     conserves_energy_at_contact=False,
     overlap="(5 m v^2 / (4 k_n sqrt R))^(2/5), 3 cm for two who run into each other at 1 m/s each, and the push of the crowd",
-    stable_step="2 / omega, omega^2 = 1.5 k_n alpha / m_e at the overlap bound, and 2 tau_min; environments take at most half of "
-    "it, and at most 0.005 s, since contacts last 0.04 s or more",
+    stable_step="2 / omega, omega^2 = 1.5 k_n alpha / m_e at the overlap bound, and 2 tau_min; environments take at most "
+    "half of it, and at most 0.005 s, since contacts last 0.04 s or more",
     uses=("desired_velocity", "force", "previous_position", "torque"),
     default_dt=5e-3,
     contacts_at="end",
