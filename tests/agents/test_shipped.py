@@ -221,4 +221,6 @@ def test_a_run_of_train_py_can_be_shipped(tmp_path, folder, monkeypatch):
         again = trained_run.judge(run, config, 2, 1, fresh=fresh)
         assert [result.policy for result in again] == ["rule", "learned:sampled", "learned"]
         assert (run / "held-out-2/kept/rule-nsm2.npz").exists() == fresh
-        assert again[0].row()["flow"]["mean"] == pytest.approx(read_json(run / "results.json")["rows"][0]["flow"], rel=1e-6)
+        assert again[0].row()["flow"]["mean"] == pytest.approx(
+            read_json(run / "results.json")["rows"][0]["flow"], rel=1e-6
+        )
