@@ -44,7 +44,8 @@ def same(found, expected):
 
 def test_a_run_is_the_evacuation_of_the_run_command(tmp_path):
     (one,) = run(LinSettings(1, seed=3).case(12, 1.5), tmp_path)
-    env = evacuated(make_scenario("lin-room-v0", desired_speed=1.5), physics="hertz", people=12, seed=[3])
+    physics = {"scheme": "hertz", "dt": 0.001}  # as the paper
+    env = evacuated(make_scenario("lin-room-v0", desired_speed=1.5), physics=physics, people=12, seed=[3])
     np.testing.assert_array_equal(one.exit_time, env.simulation.state.exit_time)
     assert one.metrics.unfinished == 0 and np.isnan(one.metrics.blocked_since)
 
