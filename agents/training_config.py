@@ -19,6 +19,7 @@ from crowd_env.envs.routing.batch import routing_arguments
 from crowd_env.envs.routing.env import RoutingVectorEnv
 from crowd_env.envs.settings import Physics, arguments_of
 from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.physics.scheme import DECISION_DT
 
 from . import POLICIES, make_policy
 from .evaluation.entries import RULE
@@ -79,7 +80,7 @@ def default_config(
         "steps": steps,
         "minutes": minutes,
         "dt": Physics(law_of({"scheme": scheme}), outline=outline).step(place) if dt is None else dt,
-        "decision_dt": 0.1,
+        "decision_dt": DECISION_DT,
         "manner": plain_manner(place.manner_of_run(manner)),
         "outline": plain_outline(place.outline_of_run(outline)),
         "frame": "path",

@@ -29,7 +29,7 @@ DISTRIBUTIONS = {"gaussian": ActorCriticPolicy, "beta": BetaPolicy}
 class PPOSettings:
     """Hyperparameters, a line each; the defaults are tuned for room-v0."""
 
-    learning_rate: float = 7e-4  # falls linearly to zero over steps and time, whichever is further
+    learning_rate: float = 7e-4  # falls linearly to zero over the steps, or the second half of the time
     n_steps: int = 128  # decision steps per rollout
     batch_size: int = 16384  # samples of people who were inside
     n_epochs: int = 6

@@ -8,7 +8,7 @@ class FallingRate:
 
     Attributes
     ----------
-    time_spent : share of the time that has passed; the callback of the training sets it.
+    time_spent : share of the time that has passed, as far as it counts; whoever watches over the training sets it.
     """
 
     def __init__(self, initial: float) -> None:

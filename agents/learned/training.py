@@ -80,6 +80,14 @@ class Keeper:
         """Return the share of the budget that is spent: of steps or of time, whichever is further."""
         return max(steps / self.config["steps"], self.seconds / (60.0 * self.config["minutes"]))
 
+    @property
+    def late(self) -> float:
+        """Share of the second half of the time that has passed.
+
+        Training that needs less than half of it depends on its seed alone, and not on what else the machine does.
+        """
+        return max(0.0, 2.0 * self.share(0.0) - 1.0)
+
     def judge(
         self, who: LearnedPolicy | LearnedController, steps: float, checkpoint: Callable[[], None], *, cpu: float = 0.0
     ) -> dict[str, float]:
@@ -178,7 +186,7 @@ class TrainingCallback(BaseCallback):
     def _on_rollout_end(self) -> None:
         for name, value in saturation(cast(Any, self.model).rollout_buffer, self.model.action_space).items():
             self.logger.record(f"rollout/{name}", value)
-        cast(FallingRate, self.model.learning_rate).time_spent = self.keeper.share(0.0)
+        cast(FallingRate, self.model.learning_rate).time_spent = self.keeper.late
         rate = (self.num_timesteps - self._first[1]) / max(time.monotonic() - self._first[0], 1e-9)
         best = min((row["evacuation_time"] for row in self.keeper.curve if row["unfinished"] == 0), default=np.nan)
         done = min(self.keeper.share(self.num_timesteps), 1.0)

@@ -17,6 +17,7 @@ from crowd_env import FULL_SPEED, Scenario, make_scenario, make_scheme
 from crowd_env.core.arrays.headway import Manner, make_manner
 from crowd_env.core.checks import known, whole
 from crowd_env.core.files.fingerprint import fingerprint
+from crowd_env.physics.scheme import DECISION_DT
 
 from ..evaluation.evaluation import HELD_OUT_SEED
 
@@ -62,7 +63,7 @@ class Task:
     frozen: str
     manner: Manner = "competitive"
     rule: str = "shortest"
-    decision_dt: float = 0.1
+    decision_dt: float = DECISION_DT
     runs: int = 200
     decides: Decides = "walking"
     no_harm: bool = False

@@ -108,7 +108,7 @@ class _Training:
 
     def _iterate(self) -> None:
         """Let all runners simulate, and learn from it."""
-        self.rate.time_spent = min(self.share, 1.0)
+        self.rate.time_spent = self.keeper.late
         set_rate(self.algorithm, self.rate(1.0 - min(self.steps / self.config["steps"], 1.0)))
         healthy = self.algorithm.env_runner_group.num_healthy_remote_workers()
         result = self.algorithm.train()
