@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.outline import room_of
-from crowd_env.core.arrays.state import Bools, Floats, Ints, make_state
+from crowd_env.core.arrays.state import Bools, Floats, Ints, join_bodies, make_state
 from crowd_env.core.checks import COUNT, POSITIVE, Range, array, flag, number, whole
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.envs.action import ActionKind, make_action, to_command
@@ -232,8 +232,7 @@ class CrowdEnv:
         for e, words in enumerate(seed_words(seed, self.num_envs)):
             if chosen[e] and (words is not None or not self._started):  # copies that have not begun share no draw
                 self._generators[e] = np.random.default_rng(words)
-        for k in np.flatnonzero(chosen):
-            self._restart(int(k))
+        self._restart(np.flatnonzero(chosen).tolist())
         self._started = True
         observation, transition = self._observer.observe(self.active), self._transition
         fresh = chosen[self.env_of_person]
@@ -279,8 +278,7 @@ class CrowdEnv:
         info["metrics"] = {int(e): self.metrics(int(e)) for e in over}
         if self.autoreset and len(over):
             info["final_observation"] = observation.copy()
-            for e in over:
-                self._restart(int(e))
+            self._restart(over.tolist())
             self._observer.observe(state.active, over, observation)
         transition.travel_time_before[:] = transition.travel_time_after
         return Step(observation, reward, left, truncated, info)
@@ -336,24 +334,34 @@ class CrowdEnv:
         self._started, self._interrupted = checkpoint.started, checkpoint.interrupted
         self._times_restored = self.simulation.times_restored
 
-    def _restart(self, e: int) -> None:
-        scenario = self.scenario_of_env[e]
-        bodies, position = scenario.population.draw(
-            self._generators[e], scenario.geometry, room_of(self.simulation.outline)
-        )
-        kind = e % len(self.scenarios)
-        route = self._usual_route[kind]
-        self.simulation.restart(e, bodies, position, route=0 if route is None else route)
-        if route is None:
+    def _restart(self, chosen: list[int]) -> None:
+        """Begin new episodes in ``chosen`` environments, each with a crowd that its own generator draws."""
+        if not chosen:
+            return
+        room, kinds = room_of(self.simulation.outline), [e % len(self.scenarios) for e in chosen]
+        drawn = [
+            self.scenarios[kind].population.draw(self._generators[e], self.scenarios[kind].geometry, room)
+            for e, kind in zip(chosen, kinds, strict=True)
+        ]
+        bodies, position = zip(*drawn, strict=True)
+        usual = [self._usual_route[kind] for kind in kinds]
+        routes = [
+            np.zeros(len(stand), int) if known is None else known for stand, known in zip(position, usual, strict=True)
+        ]
+        self.simulation.restart(chosen, join_bodies(bodies), np.concatenate(position), route=np.concatenate(routes))
+        for k in (k for k, known in enumerate(usual) if known is None):
+            e, scenario, strategy = chosen[k], self.scenarios[kinds[k]], self.strategies[kinds[k]]
             route_set = self.simulation.planner.route_set(e)  # as the doors stand at the start
             assert route_set is not None
-            chosen = scenario.choose(route_set, self.strategies[kind], position, bodies.radius)
-            self.simulation.send(e, chosen)
-            if not scenario.depends_on_place(self.strategies[kind]):
-                self._usual_route[kind] = chosen
-        people, transition = self.people(e), self._transition
+            route = scenario.choose(route_set, strategy, position[k], bodies[k].radius)
+            self.simulation.send(e, route)
+            if not scenario.depends_on_place(strategy):
+                self._usual_route[kinds[k]] = route
+        begun, transition = np.zeros(self.num_envs, dtype=np.bool_), self._transition
+        begun[chosen] = True
+        people = begun[self.env_of_person]
         self._choice.chosen_at[people], transition.impulse[people], transition.inside[people] = -np.inf, 0.0, True
-        transition.last_exit[e], transition.step_start[e], transition.finished[e] = 0.0, 0.0, False
+        transition.last_exit[chosen], transition.step_start[chosen], transition.finished[chosen] = 0.0, 0.0, False
 
     def _command(
         self, action: ArrayLike | None, scripted: ArrayLike | None

@@ -1,6 +1,6 @@
 """All that a step works on: the world around the crowd, what is asked of it, results, history and scratch."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
@@ -262,22 +262,22 @@ def allocate_history(
     )
 
 
-def begin_history(e: int, people: slice, history: History, bodies: Bodies, route: Ints) -> None:
-    """Forget what went on in environment ``e``: no contact, no forces, nobody has looked for the route."""
+def begin_history(chosen: Sequence[int], people: Ints, history: History, bodies: Bodies, route: Ints) -> None:
+    """Forget what went on in ``chosen`` environments: no contact, no forces, nobody has looked for the route."""
     for name in ("phase", "directions_known", "turn", "rule_on", "have_decided"):
-        getattr(history, name)[e] = 0
-    history.contacts.number[e], history.door_open[e] = 0, True
+        getattr(history, name)[chosen] = 0
+    history.contacts.number[chosen], history.door_open[chosen] = 0, True
     history.followed[people], history.region_bits[people] = route, 0
     history.local_speed[people] = bodies.desired_speed[people]
-    for array in (history.waited, history.walking_velocity):  # empty where nobody decides
-        array[people] = 0.0
+    if len(history.waited):  # somebody decides
+        history.waited[people], history.walking_velocity[people] = 0.0, 0.0
 
 
-def begin_results(e: int, people: slice, results: Results, total: Diagnostics) -> None:
-    """Set to zero what the people of environment ``e`` got, and what went on since its start."""
+def begin_results(chosen: Sequence[int], people: Ints, results: Results, total: Diagnostics) -> None:
+    """Set to zero what the people of ``chosen`` environments got, and what went on since their start."""
     results.impulse[people], results.impulse_magnitude[people], results.wall_impulse[people] = 0.0, 0.0, 0.0
     for array in (*total, *results.diagnostics):
-        array[e] = 0
+        array[chosen] = 0
 
 
 def allocate_workspace(

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from crowd_env.core.arrays.state import MOTIVATION, Bodies, Floats, make_bodies
+from crowd_env.core.arrays.state import MOTIVATION, Bodies, Floats, join_bodies, make_bodies
 from crowd_env.core.checks import at, check_fields, refuse
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.placement import sample_positions
@@ -109,8 +109,7 @@ class Groups:
             If the people do not fit.
         """
         drawn = [part.draw_bodies(rng) for part in self.parts]
-        columns = [np.concatenate(column) for column in zip(*(bodies[:-1] for bodies in drawn), strict=True)]
-        bodies = Bodies._make([*columns, np.array([0, self.people])])
+        bodies = join_bodies(drawn)._replace(env_start=np.array([0, self.people]))
         radius = room * bodies.radius
         owner = np.repeat(np.arange(len(self.parts)), [part.people for part in self.parts])
         position = np.zeros((self.people, 2))

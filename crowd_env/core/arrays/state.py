@@ -111,6 +111,12 @@ def make_bodies(
     return bodies
 
 
+def join_bodies(parts: Sequence[Bodies]) -> Bodies:
+    """Return the bodies of all ``parts`` (at least one), one behind the other, as copies."""
+    *columns, starts = zip(*parts, strict=True)
+    return Bodies._make([*map(np.concatenate, columns), joined_starts(starts)])
+
+
 def make_state(position: Floats, velocity: Floats | None = None, *, environments: int = 1) -> CrowdState:
     """Return a `CrowdState` at time zero with everyone inside; velocity defaults to rest.
 
@@ -226,9 +232,9 @@ def _short(values: np.ndarray) -> str:
 
 def _require(name: str, values: Floats, allowed: Bools, must: str) -> None:
     """Raise ValueError, naming the first pedestrian of whom a value is not ``allowed`` (N,)."""
-    bad = np.flatnonzero(~allowed)
-    if len(bad):
-        raise ValueError(f"{name} of pedestrian {bad[0]} is {values[bad[0]]:g}; it must be {must}")
+    if not allowed.all():
+        bad = int(np.argmin(allowed))
+        raise ValueError(f"{name} of pedestrian {bad} is {values[bad]:g}; it must be {must}")
 
 
 def as_grid(values: np.ndarray, environments: int) -> np.ndarray:

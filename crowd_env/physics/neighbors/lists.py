@@ -1,5 +1,6 @@
 """Lists of neighbors: what they hold, and how they are built."""
 
+from collections.abc import Sequence
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -58,7 +59,7 @@ def allocate_neighbors(bodies: Bodies, per_person: int) -> NeighborList:
     return allocate(NeighborList, sizes, entry_start=entry_start, horizon=horizon, **ends)
 
 
-def invalidate_lists(near: NeighborList, environments: int | slice = slice(None)) -> None:
+def invalidate_lists(near: NeighborList, environments: int | Sequence[int] | slice = slice(None)) -> None:
     """Let the next step of an environment, or of all, build its list anew."""
     near.is_valid[environments] = False
 

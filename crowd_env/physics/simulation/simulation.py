@@ -179,7 +179,7 @@ class Simulation:
         """Number of people still inside, per environment (E,)."""
         return np.add.reduceat(self.state.active.astype(np.int64), self.bodies.env_start[:-1])
 
-    def _set_inertia(self, people: slice) -> None:
+    def _set_inertia(self, people: slice | Ints) -> None:
         """Let bodies that have an outline turn as it does."""
         if self.outline is not None:
             self.bodies.inertia[people] = self.outline.inertia(self.bodies.mass[people], self.bodies.radius[people])
@@ -261,10 +261,16 @@ class Simulation:
         return slice(int(self.bodies.env_start[e]), int(self.bodies.env_start[e + 1]))
 
     def restart(
-        self, e: int, bodies: Bodies, position: Floats, velocity: Floats | None = None, route: Ints | int = 0
+        self,
+        e: int | Sequence[int],
+        bodies: Bodies,
+        position: Floats,
+        velocity: Floats | None = None,
+        route: Ints | int = 0,
     ) -> None:
         """Begin a new episode in environment ``e`` with other people, as many as before; the others are not touched.
 
+        Of several environments, which is quicker than one after the other, all people are given in the order of ``e``.
         ``route`` is the number of the way that each means to take; `send` changes it later.  Ways that follow the crowd are
         found at once.
 
@@ -273,8 +279,9 @@ class Simulation:
         ValueError
             If the number of people differs, an array has the wrong shape, or a value is not one that it can have.
         """
-        people = self._people(e)
-        count = people.stop - people.start
+        chosen = [e] if isinstance(e, int | np.integer) else [*e]
+        people = np.concatenate([np.arange(*self._people(each).indices(len(self.state.route))) for each in chosen])
+        count = len(people)
         check_bodies(bodies)
         if len(bodies.radius) != count:
             raise ValueError(f"environment {e} holds {count} people, not {len(bodies.radius)}")
@@ -287,16 +294,16 @@ class Simulation:
         for array, values in zip(arrays, (*bodies[:-1], *start[:-1]), strict=True):
             array[people] = values
         self._set_inertia(people)
-        self.state.route[people], self.state.time[e] = routes, 0.0
-        begin_history(e, people, self.history, self.bodies, routes)
-        begin_results(e, people, self.results, self.diagnostics)
-        invalidate_lists(self.workspace.neighbors, e)
-        if self._sorted is not None:
-            self._sorted.restart(e)
-        self.planner.restart(e)
-        self.close_doors(e, self._door_schedule.restart(e))
-        self.escaped[people] = False
-        self.planner.update(self.bodies, self.state, only=e)
+        self.state.route[people], self.state.time[chosen], self.escaped[people] = routes, 0.0, False
+        begin_history(chosen, people, self.history, self.bodies, routes)
+        begin_results(chosen, people, self.results, self.diagnostics)
+        invalidate_lists(self.workspace.neighbors, chosen)
+        for each in chosen:
+            if self._sorted is not None:
+                self._sorted.restart(each)
+            self.planner.restart(each)
+            self.close_doors(each, self._door_schedule.restart(each))
+            self.planner.update(self.bodies, self.state, only=each)
 
     def _made_by(self) -> dict[str, Any]:
         """Return what a simulation must have in common with this one to take up a checkpoint of it."""

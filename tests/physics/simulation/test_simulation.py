@@ -8,7 +8,7 @@ from crowds import PLANS, copied, crowd_in, every_scheme, joined, part, people, 
 from shapely.geometry import box
 
 import crowd_env.physics.simulation.simulation
-from crowd_env.core.arrays.state import make_bodies, make_state
+from crowd_env.core.arrays.state import join_bodies, make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import make_scheme
 from crowd_env.physics.neighbors.lists import invalidate_lists
@@ -262,6 +262,23 @@ def test_a_restarted_environment_is_a_new_one_and_the_others_do_not_notice(name)
             np.testing.assert_array_equal(part(simulation.state, simulation.bodies, e)[field], values)
     for total, expected in zip(simulation.diagnostics, new.diagnostics, strict=True):
         assert total[2] == expected[0]
+
+
+@every_scheme
+def test_environments_that_restart_together_are_those_that_restart_one_after_the_other(name):
+    one_by_one, together = (run(name, evacuations(), calls=8) for _ in range(2))
+    start, fresh = one_by_one.bodies.env_start, []
+    for e in (3, 0, 2):
+        rng, stand = np.random.default_rng(30 + e), one_by_one.state.position[start[e] : start[e + 1]].copy()
+        fresh.append((people(rng, len(stand)), stand, rng.normal(size=stand.shape)))
+        one_by_one.restart(e, *fresh[-1])
+    bodies, *moving = zip(*fresh, strict=True)
+    together.restart([3, 0, 2], join_bodies(bodies), *map(np.concatenate, moving))
+    for simulation in (one_by_one, together):
+        simulation.advance(n_substeps=30)
+    same_bits(together, one_by_one)
+    for total, expected in zip(together.diagnostics, one_by_one.diagnostics, strict=True):
+        np.testing.assert_array_equal(total, expected)
 
 
 @every_scheme
