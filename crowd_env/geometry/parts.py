@@ -15,6 +15,7 @@ from crowd_env.geometry.parsing import Area, place
 
 _EXACT = 0.999  # of a body has to fit
 GAP = 0.01  # m; parts nearer to each other than this were meant to touch
+_ROUNDED = 1e-9  # m; gaps of this size come from rounding
 _INTO = 1e-6  # m; how far a corner is moved into the other part, so that the two overlap
 
 
@@ -23,6 +24,9 @@ def join_near_parts(area: Area, what: str) -> Area:
     parts = list(shapely.get_parts(area))
     if len(parts) < 2:
         return area
+    snapped = shapely.union_all(parts, grid_size=_ROUNDED)
+    if len(shapely.get_parts(snapped)) < len(parts):  # nobody has drawn what rounding leaves between two parts
+        return join_near_parts(snapped, what)
     tree = shapely.STRtree(parts)
     first, second = tree.query(parts, predicate="dwithin", distance=GAP)
     near = [(int(i), int(j)) for i, j in zip(first, second, strict=True) if i != j]

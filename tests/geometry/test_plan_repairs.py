@@ -192,3 +192,18 @@ def test_a_mistake_far_from_the_origin_of_a_map_can_be_found():
     hall = shapely.box(east, north, east + 10, north + 8)
     with pytest.raises(ValueError, match=r"its point \(357416(\.\d+)?, 5612349\) is"):
         Geometry.from_polygon(hall, exits=[[(east + 4, north + 4), (east + 5, north + 4)]])
+
+
+def test_rooms_that_touch_are_one_however_they_are_turned():
+    """What rounding leaves between them is no gap, and no part of the drawing."""
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        angle, (x, y, u, v) = rng.uniform(0.0, 6.3), rng.uniform(1.0, 9.0, 4)
+        axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        rooms = [
+            shapely.transform(shapely.box(*sides), lambda points, axes=axes: points @ axes)
+            for sides in ((0, 0, x, y), (x, -v, x + u, y))
+        ]
+        place = quietly(rooms, exits=[np.array([(x + u, 0.2), (x + u, 0.8)]) @ axes])
+        assert len(shapely.get_parts(place.walkable)) == 1
+        assert place.walkable.area == pytest.approx(x * y + u * (y + v))
