@@ -45,6 +45,8 @@ class Boundary(NamedTuple):
     """What kernels read of the geometry; the arrays of G geometries lie one behind the other."""
 
     wall: Floats  # (W, 2, 2)  m   ends a, b; walkable area to the left of a -> b; the chords of round jambs last
+    tangent: Floats  # (W, 2)  unit vector from a to b
+    length: Floats  # (W,)    m
     depth: Floats  # (W,)    m   half the thickness of what is solid behind the wall, 0.25 m at most
     two_sided: Bools  # (W,)    thin wall inside the area: touches from both sides
     wall_door: Ints  # (W,)    door of its geometry that the wall closes; -1 = it stands for good
@@ -52,6 +54,7 @@ class Boundary(NamedTuple):
     chord_start: Ints  # (G,)    first chord of each geometry: nobody touches a chord, but the arc that it draws
     corner: Floats  # (V, 2)  m   distinct ends of walls: door jambs, corners of obstacles; or the center of a round one
     corner_radius: Floats  # (V,)    m   of a round jamb; 0 = a point
+    corner_turn: Floats  # (V,)    sine of the turn between its two walls, > 0: to the left; -1 = none or not two
     corner_door: Ints  # (V,)    door of its geometry that the corner belongs to; -1 = none
     corner_start: Ints  # (G+1,)  first corner of each geometry
     corner_wall_start: Ints  # (V+1,)  corner v ends corner_wall[corner_wall_start[v]:corner_wall_start[v+1]]
@@ -241,10 +244,15 @@ class Geometry:
         doors = self.door_of_wall[members[start[:-1]] // 2]
         on_post = self.arcs.ends[:, 1] < 0
         members = np.concatenate([members, self.arcs.ends[~on_post].ravel()])
-        round_start = start[-1] + np.cumsum(np.where(on_post, 0, 2))
+        starts = np.concatenate([start, start[-1] + np.cumsum(np.where(on_post, 0, 2))])
         corner = np.concatenate([ends[members[start[:-1]]], self.arcs.center])
+        along = self.walls[:, 1] - self.walls[:, 0]
+        length = np.hypot(*along.T)
+        tangent = along / length[:, None]
         return Boundary(
             wall=self.walls,
+            tangent=tangent,
+            length=length,
             depth=solid_depth(self.walls, self.walkable),
             two_sided=self.two_sided,
             wall_door=self.door_of_wall,
@@ -252,9 +260,10 @@ class Geometry:
             chord_start=np.array([straight], dtype=np.int64),
             corner=corner,
             corner_radius=np.repeat([0.0, self.arcs.radius], [len(start) - 1, len(on_post)]),
+            corner_turn=_turns(starts, members, self.two_sided, tangent),
             corner_door=np.concatenate([doors, np.full(len(on_post), -1, dtype=np.int64)]),
             corner_start=np.array([0, len(corner)], dtype=np.int64),
-            corner_wall_start=np.concatenate([start, round_start]),
+            corner_wall_start=starts,
             corner_wall=members // 2,
             corner_wall_end=members % 2,
             exit=self.exits,
@@ -318,6 +327,18 @@ class Geometry:
             return np.full(len(xy), np.inf)
         _, distance = self._wall_tree.query_nearest(shapely.points(xy), return_distance=True, all_matches=False)
         return np.asarray(distance)
+
+
+def _turns(start: Ints, ends: Ints, two_sided: Bools, tangent: Floats) -> Floats:
+    """Return `Boundary.corner_turn`; at corner v lie the ``ends[start[v]:start[v + 1]]``, of wall k 2 k and 2 k + 1."""
+    turn = np.full(len(start) - 1, -1.0)
+    of_two = np.flatnonzero(np.diff(start) == 2)
+    pairs = ends[start[of_two, None] + [0, 1]]
+    plain = (pairs.sum(axis=1) % 2 == 1) & ~two_sided[pairs // 2].any(axis=1)
+    pairs = pairs[plain]
+    into, out = pairs[pairs % 2 == 1] // 2, pairs[pairs % 2 == 0] // 2
+    turn[of_two[plain]] = tangent[into, 0] * tangent[out, 1] - tangent[into, 1] * tangent[out, 0]
+    return turn
 
 
 def _sides(corners: Floats) -> tuple[float, float]:

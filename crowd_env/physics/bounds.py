@@ -202,17 +202,12 @@ def _crossing_wall(
     boundary: Boundary, k: int, x0: float, y0: float, x1: float, y1: float
 ) -> tuple[float, float, float]:
     """Return what `_crossing` returns, for wall ``k``."""
-    wall = boundary.wall
-    ax, ay = wall[k, 0, 0], wall[k, 0, 1]
-    tx, ty = wall[k, 1, 0] - ax, wall[k, 1, 1] - ay
-    side1 = tx * (y1 - ay) - ty * (x1 - ax)
-    far = MARGIN * (abs(tx) + abs(ty))  # no nearer than the margin
-    if side1 > far and not boundary.two_sided[k]:
+    ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
+    tx, ty, length = boundary.tangent[k, 0], boundary.tangent[k, 1], boundary.length[k]
+    after = tx * (y1 - ay) - ty * (x1 - ax)
+    if after >= MARGIN and not boundary.two_sided[k]:
         return 2.0, 0.0, 0.0
-    length = np.sqrt(tx * tx + ty * ty)
-    tx, ty = tx / length, ty / length
     nx, ny, before = -ty, tx, tx * (y0 - ay) - ty * (x0 - ax)
-    after = side1 / length
     if boundary.two_sided[k] and before < 0.0:
         nx, ny, before, after = -nx, -ny, -before, -after
     if before < -MARGIN or after >= MARGIN or after >= before:

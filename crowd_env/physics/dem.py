@@ -172,7 +172,7 @@ def _push_off_walls(e: int, row: int, batch: Batch, dt: float, stiffness: float)
     found[row, OUTSIDE] = 0.0
     for entry in range(index(partition.wall_start[row]), index(partition.wall_stop[row])):
         i = owner[entry]
-        gap, nx, ny = gap_to_feature(x[i], y[i], radius[i], boundary, g, np.int64(partner[entry]))
+        gap, nx, ny = gap_to_feature(x[i], y[i], radius[i], boundary, g, np.int64(partner[entry]), 0.0)
         if gap < 0.0:
             size = _spring_force(stiffness, gap)
             fx[i] += size * nx

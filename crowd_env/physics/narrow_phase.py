@@ -64,7 +64,7 @@ def find_wall_candidates(e: int, entry_start: int, entry_stop: int, batch: Batch
     """
     near, boundary, g = batch.workspace.neighbors, batch.world.boundary, batch.world.geometry_of_env[e]
     owner, partner, wall, corner = near.owner, near.partner, boundary.wall, boundary.corner
-    corner_radius = boundary.corner_radius
+    tangent, corner_radius = boundary.tangent, boundary.corner_radius
     radius, position, candidates = batch.bodies.radius, batch.state.position, batch.workspace.narrow_phase.candidates
     wall_first, corner_first = boundary.wall_start[g], boundary.corner_start[g]
     candidate, walls = entry_start, boundary.chord_start[g] - wall_first
@@ -74,11 +74,9 @@ def find_wall_candidates(e: int, entry_start: int, entry_stop: int, batch: Batch
         candidates[candidate] = entry
         if k < walls:
             k += wall_first
-            ax, ay = wall[k, 0, 0], wall[k, 0, 1]
-            tx, ty = wall[k, 1, 0] - ax, wall[k, 1, 1] - ay
-            cross = tx * (y - ay) - ty * (x - ax)
+            height = tangent[k, 0] * (y - wall[k, 0, 1]) - tangent[k, 1] * (x - wall[k, 0, 0])
             # With room for rounding: the narrow phase decides about what is exactly at the limit.
-            candidate += cross * cross < 1.000001 * limit * limit * (tx * tx + ty * ty)
+            candidate += abs(height) < 1.000001 * limit
         else:
             k += corner_first - walls
             dx, dy, far = x - corner[k, 0], y - corner[k, 1], limit + corner_radius[k]
@@ -117,7 +115,7 @@ def _write_all(e: int, pairs: tuple[int, int], walls: tuple[int, int], batch: Ba
         i, feature = owner[entry], np.int64(partner[entry])
         if not active[i]:
             continue
-        gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius[i], boundary, g, feature)
+        gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius[i], boundary, g, feature, margin)
         if gap < margin:
             before = h
             while h < pairs[1] and owner[candidates[h]] <= i:  # walls come after the pairs of i
@@ -186,14 +184,17 @@ def _is_of(discs: Ints, contacts: Contacts, c: int) -> bool:
 
 @inner_kernel
 def gap_to_feature(
-    x: float, y: float, radius: float, boundary: Boundary, g: int, feature: int
+    x: float, y: float, radius: float, boundary: Boundary, g: int, feature: int, most: float = np.inf
 ) -> tuple[float, float, float]:
-    """Return gap and normal between a disc and wall feature ``feature`` of geometry ``g``; infinite if it does not face it."""
+    """Return gap and normal between a disc and wall feature ``feature`` of geometry ``g``.
+
+    The gap is infinite if the disc does not face the feature, and perhaps if it is not below ``most`` [m].
+    """
     wall_first = boundary.wall_start[g]
     walls = boundary.chord_start[g] - wall_first
     if feature < walls:
         return _disc_on_wall(x, y, radius, boundary, wall_first + feature)
-    return _disc_on_corner(x, y, radius, boundary, boundary.corner_start[g] + feature - walls)
+    return _disc_on_corner(x, y, radius, boundary, boundary.corner_start[g] + feature - walls, most)
 
 
 @inner_kernel
@@ -207,43 +208,42 @@ def disc_on_point(dx: float, dy: float, radius: float) -> tuple[float, float, fl
 
 @inner_kernel
 def _disc_on_wall(x: float, y: float, radius: float, boundary: Boundary, k: int) -> tuple[float, float, float]:
-    wall = boundary.wall
-    ax, ay = wall[k, 0, 0], wall[k, 0, 1]
-    tx, ty = wall[k, 1, 0] - ax, wall[k, 1, 1] - ay
-    square = tx * tx + ty * ty
-    along = (x - ax) * tx + (y - ay) * ty
-    if along <= 0.0 or along >= square:
+    wall, tx, ty = boundary.wall, boundary.tangent[k, 0], boundary.tangent[k, 1]
+    dx, dy = x - wall[k, 0, 0], y - wall[k, 0, 1]
+    along, height = dx * tx + dy * ty, tx * dy - ty * dx  # > 0: the center is left of the wall, on the walkable side
+    if along <= 0.0 or along >= boundary.length[k]:
         return np.inf, 0.0, 0.0
-    length = np.sqrt(square)
-    height = (tx * (y - ay) - ty * (x - ax)) / length  # > 0: the center is left of the wall, on the walkable side
-    nx, ny = -ty / length, tx / length
     if height >= 0.0:
-        return height - radius, nx, ny
+        return height - radius, -ty, tx
     if boundary.two_sided[k]:
-        return -height - radius, -nx, -ny
+        return -height - radius, ty, -tx
     # A center that was pressed a little into the wall is pushed back, not through: the gap stays continuous.  Further
     # behind it belongs to the other face, or stands on the other side of a slim partition.
     if -height < min(0.5 * radius, boundary.depth[k]):
-        return height - radius, nx, ny
+        return height - radius, -ty, tx
     return np.inf, 0.0, 0.0
 
 
 @inner_kernel
-def _disc_on_corner(x: float, y: float, radius: float, boundary: Boundary, v: int) -> tuple[float, float, float]:
-    if not is_beyond_walls(x, y, boundary, v, 0.0):
+def _disc_on_corner(
+    x: float, y: float, radius: float, boundary: Boundary, v: int, most: float
+) -> tuple[float, float, float]:
+    dx, dy, radius = x - boundary.corner[v, 0], y - boundary.corner[v, 1], radius + boundary.corner_radius[v]
+    far = radius + most
+    # With room for rounding; most corners are not near enough, or not faced: neither needs a root.
+    if dx * dx + dy * dy > 1.000001 * far * far or not is_beyond_walls(x, y, boundary, v, 0.0):
         return np.inf, 0.0, 0.0
-    return disc_on_point(x - boundary.corner[v, 0], y - boundary.corner[v, 1], radius + boundary.corner_radius[v])
+    return disc_on_point(dx, dy, radius)
 
 
 @inner_kernel
 def is_beyond_walls(x: float, y: float, boundary: Boundary, v: int, margin: float) -> bool:
     """Whether a point lies beyond the end of every wall that ends at corner ``v``, or no further than ``margin`` [m] before."""
-    wall, corner_wall, corner_wall_end = boundary.wall, boundary.corner_wall, boundary.corner_wall_end
+    wall, tangent = boundary.wall, boundary.tangent
+    corner_wall, corner_wall_end = boundary.corner_wall, boundary.corner_wall_end
     for m in range(boundary.corner_wall_start[v], boundary.corner_wall_start[v + 1]):
         k, end = corner_wall[m], corner_wall_end[m]
-        px, py = wall[k, end, 0], wall[k, end, 1]
-        tx, ty = wall[k, 1 - end, 0] - px, wall[k, 1 - end, 1] - py
-        along = (x - px) * tx + (y - py) * ty
-        if along > 0.0 and along > margin * np.sqrt(tx * tx + ty * ty):  # the segment itself is nearer
+        along = (x - wall[k, end, 0]) * tangent[k, 0] + (y - wall[k, end, 1]) * tangent[k, 1]
+        if (along if end == 0 else -along) > margin:  # the segment itself is nearer
             return False
     return True

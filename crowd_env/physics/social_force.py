@@ -131,68 +131,61 @@ def add_social_forces(e: int, rank_stop: int, batch: Batch, params: SocialParams
     The neighbor list must be complete up to the cut-off.  Distances and sizes are found for all pairs first, eight in one
     instruction; then the forces are added up in the order of the list.
     """
-    near, inside = batch.workspace.neighbors, batch.workspace.inside
-    position, force = batch.state.position, batch.history.force
-    desired, heading = batch.workspace.desired_velocity, batch.workspace.heading
-    slot_start = batch.bodies.env_start[e]
-    for rank in range(index(slot_start), index(rank_stop)):
-        i = inside[rank]
-        x, y = desired[i, 0], desired[i, 1]
-        if heading[i, 2] != x or heading[i, 3] != y:  # seldom: a root and a division are dear
-            speed = np.sqrt(x * x + y * y)
-            share = params.anisotropy / speed if speed > 0.0 else 0.0
-            heading[i, 0], heading[i, 1], heading[i, 2], heading[i, 3] = share * x, share * y, x, y
+    near, force, heading = batch.workspace.neighbors, batch.history.force, batch.workspace.heading
+    inside = batch.workspace.inside
+    for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
+        _turn_heading(inside[rank], batch, params.anisotropy)
     pairs, owner, partner = batch.workspace.social_pairs, near.owner, near.partner
     entry, sizes, normal_x, normal_y = pairs.entry, pairs.size, pairs.x, pairs.y
-    pair, pair_stop = index(near.entry_start[e]), _find_pairs(e, batch, params.cutoff)
-    _repel(pair, pair_stop, normal_x, normal_y, sizes, params)
-    wall, wall_end = index(near.pair_end[e]), index(near.wall_end[e])
-    for rank in range(index(slot_start), index(rank_stop)):
-        i = inside[rank]
-        ahead_x, ahead_y, total_x, total_y = heading[i, 0], heading[i, 1], 0.0, 0.0
-        while pair < pair_stop and owner[entry[pair]] == i:
-            j, nx, ny, size = partner[entry[pair]], normal_x[pair], normal_y[pair], sizes[pair]
-            pair += index(1)
-            mine = size * (1.0 - (ahead_x * nx + ahead_y * ny))
-            other = size * (1.0 + (heading[j, 0] * nx + heading[j, 1] * ny))
-            total_x += mine * nx
-            total_y += mine * ny
-            force[j, 0] -= other * nx
-            force[j, 1] -= other * ny
-        while params.wall_strength > 0.0 and wall < wall_end and owner[wall] <= i:
-            if owner[wall] == i:
-                boundary, g, radius = batch.world.boundary, batch.world.geometry_of_env[e], batch.bodies.radius[i]
-                feature = np.int64(partner[wall])
-                gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius, boundary, g, feature)
-                if gap < params.cutoff:
-                    size = params.wall_strength * _exp(-gap * (1.0 / params.length))
-                    size *= 1.0 - (ahead_x * nx + ahead_y * ny)
-                    total_x += size * nx
-                    total_y += size * ny
-            wall += index(1)
-        force[i, 0] += total_x
-        force[i, 1] += total_y
+    pair_start, pair_stop = index(near.entry_start[e]), _find_pairs(e, batch, params.cutoff)
+    _repel(pair_start, pair_stop, normal_x, normal_y, sizes, params)
+    for pair in range(pair_start, pair_stop):
+        i, j = owner[entry[pair]], partner[entry[pair]]
+        nx, ny, size = normal_x[pair], normal_y[pair], sizes[pair]
+        mine = size * (1.0 - (heading[i, 0] * nx + heading[i, 1] * ny))
+        other = size * (1.0 + (heading[j, 0] * nx + heading[j, 1] * ny))
+        force[i, 0] += mine * nx
+        force[i, 1] += mine * ny
+        force[j, 0] -= other * nx
+        force[j, 1] -= other * ny
+    if params.wall_strength > 0.0:
+        _add_forces_of_walls(e, batch, params, force)
+
+
+@inner_kernel
+def _turn_heading(i: int, batch: Batch, anisotropy: float) -> None:
+    """Bring `Workspace.heading` of person ``i`` up to date with the desired velocity."""
+    desired, heading = batch.workspace.desired_velocity, batch.workspace.heading
+    x, y = desired[i, 0], desired[i, 1]
+    if heading[i, 2] != x or heading[i, 3] != y:  # seldom: a root and a division are dear
+        speed = np.sqrt(x * x + y * y)
+        share = anisotropy / speed if speed > 0.0 else 0.0
+        heading[i, 0], heading[i, 1], heading[i, 2], heading[i, 3] = share * x, share * y, x, y
+
+
+@inner_kernel
+def _add_forces_of_walls(e: int, batch: Batch, params: SocialParams, force: Floats) -> None:
+    """Add the social forces [N] of walls on the people of environment ``e`` to ``force`` (P, 2)."""
+    near, boundary, g = batch.workspace.neighbors, batch.world.boundary, batch.world.geometry_of_env[e]
+    owner, partner, radius, position = near.owner, near.partner, batch.bodies.radius, batch.state.position
+    active, heading, per_length = batch.state.active, batch.workspace.heading, 1.0 / params.length
+    for wall in range(index(near.pair_end[e]), index(near.wall_end[e])):
+        i, feature = owner[wall], np.int64(partner[wall])
+        gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius[i], boundary, g, feature, params.cutoff)
+        if gap < params.cutoff and active[i]:
+            size = params.wall_strength * _exp(-gap * per_length)
+            size *= 1.0 - (heading[i, 0] * nx + heading[i, 1] * ny)
+            force[i, 0] += size * nx
+            force[i, 1] += size * ny
 
 
 @kernel
 def social_forces_of_walls(batch: Batch, params: SocialParams, force: Floats) -> None:
     """Add the social forces [N] of walls at the present positions to ``force`` (P, 2)."""
-    near, boundary, state = batch.workspace.neighbors, batch.world.boundary, batch.state
-    position, desired, radius = state.position, batch.workspace.desired_velocity, batch.bodies.radius
-    for e in range(len(state.time)):
-        g = batch.world.geometry_of_env[e]
-        for wall in range(index(near.pair_end[e]), index(near.wall_end[e])):
-            i = near.owner[wall]
-            x, y = desired[i, 0], desired[i, 1]
-            gap, nx, ny = gap_to_feature(
-                position[i, 0], position[i, 1], radius[i], boundary, g, np.int64(near.partner[wall])
-            )
-            if state.active[i] and gap < params.cutoff:
-                speed = np.sqrt(x * x + y * y)
-                share = params.anisotropy / speed if speed > 0.0 else 0.0
-                size = params.wall_strength * _exp(-gap / params.length) * (1.0 - share * (x * nx + y * ny))
-                force[i, 0] += size * nx
-                force[i, 1] += size * ny
+    for e in range(len(batch.state.time)):
+        for i in range(index(batch.bodies.env_start[e]), index(batch.bodies.env_start[e + 1])):
+            _turn_heading(i, batch, params.anisotropy)
+        _add_forces_of_walls(e, batch, params, force)
 
 
 @inner_kernel

@@ -99,16 +99,5 @@ class SpeedMap:
 
 def jutting_corners(boundary: Boundary) -> Floats:
     """Return the corners (V, 2) of a geometry that jut into the walkable area, of round ones the centers: where ways turn."""
-    found = []
-    for v in np.flatnonzero(boundary.corner_door < 0):
-        here = slice(boundary.corner_wall_start[v], boundary.corner_wall_start[v + 1])
-        rows, end = boundary.corner_wall[here], boundary.corner_wall_end[here]
-        if len(rows) == 2 and not boundary.two_sided[rows].any():
-            into, out = boundary.wall[rows[end == 1]], boundary.wall[rows[end == 0]]
-            if len(into) and len(out):
-                a, b = into[0, 1] - into[0, 0], out[0, 1] - out[0, 0]
-                turn = (a[0] * b[1] - a[1] * b[0]) / (np.hypot(*a) * np.hypot(*b))
-                if turn > -0.3:  # walls turn left (walkable side) or hardly at all: concave
-                    continue
-        found.append(boundary.corner[v])
-    return np.array(found).reshape(-1, 2)
+    # Elsewhere walls turn left (walkable side) or hardly at all.
+    return boundary.corner[(boundary.corner_door < 0) & (boundary.corner_turn <= -0.3)]

@@ -152,6 +152,25 @@ def test_every_wall_end_is_a_corner_and_knows_its_walls():
             assert np.abs(boundary.wall[w] - corner).sum(axis=1).min() < 1e-9
 
 
+def test_nobody_inside_faces_a_corner_where_walls_turn_left():
+    slanted = [(0, 0), (5, 0), (6, 3), (3, 2.5), (2, 4), (0, 5)]  # one corner juts in
+    place = from_polygon(
+        slanted, exits={"door": [(1, 0), (2, 0)]}, obstacles=[box(1, 1, 2, 2)], thin_walls=[[(3, 0), (3, 1)]]
+    )
+    boundary = place.boundary
+    np.testing.assert_allclose(boundary.length, lengths(boundary.wall))
+    np.testing.assert_allclose(boundary.wall[:, 0] + boundary.length[:, None] * boundary.tangent, boundary.wall[:, 1])
+    hollow = np.flatnonzero(boundary.corner_turn > 0.0)
+    assert {tuple(corner) for corner in boundary.corner[hollow]} == {(0, 0), (5, 0), (6, 3), (2, 4), (0, 5)}
+    points = np.random.default_rng(0).uniform(0.0, 6.0, (2000, 2))
+    inside = points[place.contains(points)]
+    for v in hollow:
+        here = slice(boundary.corner_wall_start[v], boundary.corner_wall_start[v + 1])
+        rows, end = boundary.corner_wall[here], boundary.corner_wall_end[here]
+        away = np.where(end == 0, -1.0, 1.0)[:, None] * boundary.tangent[rows]
+        assert not ((inside - boundary.corner[v]) @ away.T >= 0.0).all(axis=1).any()
+
+
 def test_join_boundaries_keeps_each_geometry_and_shifts_the_rows():
     parts = [
         from_polygon(ROOM, exits=[DOOR]),

@@ -213,13 +213,16 @@ def list_walls(
     near: NeighborList,
     reach: float,
 ) -> bool:
-    """Write the wall features nearer than ``reach`` to anyone, but for open doors; False if they do not fit."""
+    """Write the wall features nearer than ``reach`` to anyone, but for open doors; False if they do not fit.
+
+    Where walls turn left nobody inside is beyond both: such a corner touches nobody and is in no list.
+    """
     slot_start, slot_stop, radius = bodies.env_start[e], bodies.env_start[e + 1], bodies.radius
     active, position = state.active, state.position
     wall_first, wall_stop = boundary.wall_start[g], boundary.chord_start[g]
-    wall, wall_door = boundary.wall, boundary.wall_door
+    wall, tangent, wall_door = boundary.wall, boundary.tangent, boundary.wall_door
     corner, corner_door, corner_start = boundary.corner, boundary.corner_door, boundary.corner_start
-    corner_radius = boundary.corner_radius
+    corner_radius, corner_turn = boundary.corner_radius, boundary.corner_turn
     owner, partner, allowed = near.owner, near.partner, near.allowed
     entry, entry_stop = near.pair_end[e], near.entry_start[e + 1]
     for i in range(slot_start, slot_stop):
@@ -232,15 +235,14 @@ def list_walls(
                 continue
             if wall_door[k] >= 0 and door_open[e, wall_door[k]]:
                 continue
-            length = np.hypot(bx - ax, by - ay)
-            if abs((bx - ax) * (y - ay) - (by - ay) * (x - ax)) < limit * length:
+            if abs(tangent[k, 0] * (y - ay) - tangent[k, 1] * (x - ax)) < limit:
                 if entry == entry_stop:
                     return False
                 owner[entry], partner[entry] = i, k - wall_first
                 entry += 1
         for k in range(corner_start[g], corner_start[g + 1]):
             dx, dy, far = x - corner[k, 0], y - corner[k, 1], limit + corner_radius[k]
-            if dx * dx + dy * dy < far * far:
+            if dx * dx + dy * dy < far * far and corner_turn[k] <= 0.0:
                 if corner_door[k] >= 0 and door_open[e, corner_door[k]]:
                     continue
                 if entry == entry_stop:

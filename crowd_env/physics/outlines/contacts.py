@@ -180,10 +180,7 @@ def _gap_to_feature(
         k = start + feature
         side, height = _crossed(x, y, x + dx, y + dy, boundary, k)
         if side != 0.0:  # pressed through the wall: back to the side of the body
-            ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
-            tx, ty = boundary.wall[k, 1, 0] - ax, boundary.wall[k, 1, 1] - ay
-            length = np.sqrt(tx * tx + ty * ty)
-            return height - radius, -side * ty / length, side * tx / length
+            return height - radius, -side * boundary.tangent[k, 1], side * boundary.tangent[k, 0]
         return gap_to_feature(x + dx, y + dy, radius, boundary, g, feature)
     gap, nx, ny = gap_to_feature(x + dx, y + dy, radius, boundary, g, feature)
     if gap < 0.0:
@@ -202,13 +199,12 @@ def _crossed(x0: float, y0: float, x1: float, y1: float, boundary: Boundary, k: 
     With it the height [m] of point 1 above the wall, seen from that side: negative.
     """
     ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
-    tx, ty = boundary.wall[k, 1, 0] - ax, boundary.wall[k, 1, 1] - ay
+    tx, ty = boundary.tangent[k, 0], boundary.tangent[k, 1]
     before, after = tx * (y0 - ay) - ty * (x0 - ax), tx * (y1 - ay) - ty * (x1 - ax)
     if before * after >= 0.0 or (before < 0.0 and not boundary.two_sided[k]):
         return 0.0, 0.0
     part = before / (before - after)
-    square = tx * tx + ty * ty
     along = (x0 + part * (x1 - x0) - ax) * tx + (y0 + part * (y1 - y0) - ay) * ty
-    if along < 0.0 or along > square:
+    if along < 0.0 or along > boundary.length[k]:
         return 0.0, 0.0
-    return (1.0 if before > 0.0 else -1.0), -abs(after) / np.sqrt(square)
+    return (1.0 if before > 0.0 else -1.0), -abs(after)
