@@ -40,6 +40,7 @@ from crowd_env.physics.dem_lanes.stages import (
 )
 from crowd_env.physics.driving_force import Influences
 from crowd_env.physics.narrow_phase import find_contacts, gap_to_feature
+from crowd_env.physics.neighbors.update import list_slabs
 from crowd_env.physics.scheme import ContactScheme, SchemeInfo
 from crowd_env.physics.step import contact_range, tick
 from crowd_env.physics.walking.decide import decide_share
@@ -253,12 +254,17 @@ def _advance_range(
         while True:
             if thread == 0:
                 # Neighbors: a new list if the old one is stale.  Contacts are listed in the last step of the call alone.
-                partition.run[e] = detect(e, slabs, batch, n_substeps, acting.reach)
+                partition.run[e] = detect(e, slabs, team, batch, n_substeps, acting.reach)
                 if partition.run[e]:
                     plan_steering(e, batch, dt, acting.regions, acting.walking)
                     if substep[e] == n_substeps - 1:
                         _list_contacts(e, batch, dt, stiffness)
             wait_for_all(partition.barrier, team)
+            if partition.is_listing[e]:
+                # Thread 0 asks for help with the list; it is back at this barrier when that is done.
+                list_slabs(e, thread, team, batch)
+                wait_for_all(partition.barrier, team)
+                wait_for_all(partition.barrier, team)
             if not partition.run[e]:
                 break
             if acting.walking is not None and partition.steering[e] == DECIDE:

@@ -40,7 +40,7 @@ def begin_call(e: int, batch: Batch, regions: bool | None) -> tuple[int, float, 
 @inner_kernel
 def find_neighbors(e: int, batch: Batch, cutoff: float) -> bool:
     """Bring the neighbor list up to date for gaps below ``cutoff``; False (with the reason in `status`) if it cannot."""
-    batch.workspace.status[e] = update_neighbors(e, batch, cutoff)
+    batch.workspace.status[e] = update_neighbors(e, batch, cutoff, 1)
     return bool(batch.workspace.status[e] == OK)
 
 

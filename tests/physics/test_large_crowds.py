@@ -114,6 +114,25 @@ def test_what_everyone_gets_is_what_the_contacts_say_across_slabs_too(threads):
     np.testing.assert_allclose(simulation.results.impulse_magnitude, crush, atol=1e-9)
 
 
+@looped("threads", [1, 3])
+def test_slabs_list_every_pair_that_may_touch_once_and_in_order(threads):
+    simulation = crowd("dem", 4200, threads=threads)
+    simulation.advance(n_substeps=20)
+    invalidate_lists(simulation.workspace.neighbors)
+    slot, near = simulation._sorted.slot, simulation.workspace.neighbors
+    at, inside, radius = (
+        array[slot] for array in (simulation.state.position, simulation.state.active, simulation.bodies.radius)
+    )
+    simulation.advance()
+    pairs = slice(near.entry_start[0], near.pair_end[0])
+    listed = np.column_stack([near.owner[pairs], near.partner[pairs]]).astype(np.int64)
+    i, j = np.sort(cKDTree(at).query_pairs(0.5, output_type="ndarray"), axis=1).T
+    touch = inside[i] & inside[j] & (np.hypot(*(at[i] - at[j]).T) < radius[i] + radius[j] + 2 * 0.02)
+    assert (np.diff(listed @ [4200, 1]) > 0).all()
+    assert set(map(tuple, np.column_stack([i, j])[touch])) <= set(map(tuple, listed))
+    np.testing.assert_array_equal(near.contact_distance[pairs], radius[listed].sum(axis=1))
+
+
 def test_threads_that_share_a_crowd_stop_together_when_memory_runs_full_or_everyone_is_out(monkeypatch):
     # Two large crowds and a small place for the list of neighbors: kernels return in the middle of the call.
     expected = crowd("dem", 4200, environments=2)

@@ -45,7 +45,7 @@ def gather_crowd(e: int, slabs: int, batch: Batch, dt: float, cutoff: float, reg
     partition.has_regular_force[e], partition.smallest_radius[e] = is_pushed, smallest
     # The command of a call is new in its first step; after that people begin to walk until the last one has responded.
     partition.desired_until[e] = max(latest + dt, state.time[e])
-    partition.list_is_stale[e] = True
+    partition.list_is_stale[e], partition.is_listing[e] = True, False
     batch.workspace.status[e] = OK
     list_active_by_slab(e, slabs, batch)
     reset_routes(e, batch, regions)

@@ -30,6 +30,7 @@ class Partition(NamedTuple):
     barrier: Annotated[Ints, "8"]  # [0] counts who has come to `wait_for_all`
     run: Annotated[Bools, "E"]  # another step is to be done
     list_is_stale: Annotated[Bools, "E"]  # someone may have gone further than the neighbor list allows for
+    is_listing: Annotated[Bools, "E"]  # all threads are to list pairs, see `neighbors.update.list_slabs`
     steering: Annotated[Ints, "E"]  # what this step has to do about desired velocities, see `stages.plan_steering`
     turn: Annotated[Ints, "E"]  # whose turn it is to look up the direction, see `steering.begin_look_up`
     desired_until: Annotated[Floats, "E"]  # s    up to when each step has to compute desired velocities anew

@@ -35,7 +35,7 @@ KEEP, COMPUTE, LOOK_UP, DECIDE = 0, 1, 2, 3
 
 
 @inner_kernel
-def detect(e: int, slabs: int, batch: Batch, n_substeps: int, cutoff: float) -> bool:
+def detect(e: int, slabs: int, team: int, batch: Batch, n_substeps: int, cutoff: float) -> bool:
     """Bring the neighbor list of environment ``e`` up to date; returns whether there is a step to do.
 
     There is none after the last one of the call, in an empty place, or (with the reason in `status`) if the list does not fit.
@@ -47,7 +47,7 @@ def detect(e: int, slabs: int, batch: Batch, n_substeps: int, cutoff: float) -> 
     if work.partition.list_is_stale[e]:
         interleave(begin, end, active, soa.x, soa.y, state.position)
         interleave(begin, end, active, soa.vx, soa.vy, state.velocity)
-        work.status[e] = update_neighbors(e, batch, cutoff)
+        work.status[e] = update_neighbors(e, batch, cutoff, team)
         if work.status[e] != OK:
             return False
         cut_neighbor_list(e, slabs, batch)

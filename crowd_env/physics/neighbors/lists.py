@@ -46,6 +46,8 @@ class NeighborList(NamedTuple):
     cell_start: Annotated[NDArray[np.int32], "C"]  # cell heads of the counting sort, see `first_cell`
     cell_item: Annotated[NDArray[np.int32], "P"]
     cell_of: Annotated[NDArray[np.int32], "P"]
+    columns: Annotated[Ints, "E"]  # of cells, where pairs are listed by them
+    rows: Annotated[Ints, "E"]
 
 
 def allocate_neighbors(bodies: Bodies, per_person: int) -> NeighborList:
@@ -121,31 +123,35 @@ def sort_into_cells(
 
 
 @inner_kernel
-def list_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList, reach: float, size: float) -> bool:
-    """Write all pairs nearer than ``reach`` and their allowed displacements; cells of ``size``.  False if they do not fit."""
-    slot_start, slot_stop, radius = bodies.env_start[e], bodies.env_start[e + 1], bodies.radius
-    owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
-    if slot_stop - slot_start <= _FEW:
-        entry = _all_pairs(e, bodies, state, near, reach)
+def list_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList, size: float) -> bool:
+    """Write all pairs nearer than `reach` and their allowed displacements; cells of ``size``.  False if they do not fit."""
+    slots, entries = (bodies.env_start[e], bodies.env_start[e + 1]), (near.entry_start[e], near.entry_start[e + 1])
+    if slots[1] - slots[0] <= _FEW:
+        near.pair_end[e] = _all_pairs(e, bodies, state, near)
     else:
-        grid = sort_into_cells(e, slot_start, slot_stop, state.active, state.position, near, size)
-        entry = _pairs_by_cell(e, bodies, state, near, reach, grid)
-    if entry < 0:
-        return False
-    for k in range(index(near.entry_start[e]), index(entry)):
-        contact_distance[k] = radius[owner[k]] + radius[partner[k]]
-    near.pair_end[e] = entry
-    return True
+        sort_for_pairs(e, bodies, state, near, size)
+        near.pair_end[e] = pairs_by_cell(e, slots, entries, bodies, state, near)
+    find_distances(entries[0], near.pair_end[e], bodies, near)
+    return near.pair_end[e] >= 0
+
+
+@inner_kernel
+def find_distances(entry_start: int, entry_stop: int, bodies: Bodies, near: NeighborList) -> None:
+    """Write the contact distances of pairs."""
+    owner, partner, contact_distance, radius = near.owner, near.partner, near.contact_distance, bodies.radius
+    if entry_stop > entry_start:
+        for k in range(index(entry_start), index(entry_stop)):
+            contact_distance[k] = radius[owner[k]] + radius[partner[k]]
 
 
 # Entries are counted without sign: numba would guard every index that is written to, which takes half as long again.
 
 
 @inner_kernel
-def _all_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList, reach: float) -> int:
+def _all_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList) -> int:
     """Write the near pairs of few people; returns one past the last entry, -1 if they do not fit."""
     slot_stop, radius, active, position = bodies.env_start[e + 1], bodies.radius, state.active, state.position
-    owner, partner, allowed = near.owner, near.partner, near.allowed
+    owner, partner, allowed, reach = near.owner, near.partner, near.allowed, near.reach[e]
     entry, entry_stop = index(near.entry_start[e]), index(near.entry_start[e + 1])
     for i in range(index(bodies.env_start[e]), index(slot_stop)):
         if not active[i]:
@@ -161,24 +167,29 @@ def _all_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList, re
 
 
 @inner_kernel
-def _pairs_by_cell(
-    e: int, bodies: Bodies, state: CrowdState, near: NeighborList, reach: float, grid: tuple[int, int, int]
-) -> int:
-    """Write the near pairs of many people, sorted into cells; returns one past the last entry, -1 if they do not fit.
-
-    Cells are no smaller than two radii, the allowed displacements and the reach.
-    """
-    slot_start, slot_stop, radius = bodies.env_start[e], bodies.env_start[e + 1], bodies.radius
-    active, position = state.active, state.position
-    head, columns, rows = grid
-    cell_of, cell_item, cell_start, allowed = near.cell_of, near.cell_item, near.cell_start, near.allowed
+def sort_for_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList, size: float) -> None:
+    """Sort many people into cells, no smaller than two radii, the allowed displacements and the reach."""
+    begin, position, radius, allowed = bodies.env_start[e], state.position, bodies.radius, near.allowed
+    head, columns, rows = sort_into_cells(e, begin, bodies.env_start[e + 1], state.active, position, near, size)
+    near.columns[e], near.rows[e], cell_item, cell_start = columns, rows, near.cell_item, near.cell_start
     x_of, y_of, room = near.origin_x, near.origin_y, near.room  # in the order of cells; the origins are written later
-    for item in range(index(slot_start), index(slot_start) + index(cell_start[head + columns * rows])):
+    for item in range(index(begin), index(begin) + index(cell_start[head + columns * rows])):
         j = cell_item[item]
         x_of[item], y_of[item], room[item] = position[j, 0], position[j, 1], radius[j] + allowed[j]
+
+
+@inner_kernel
+def pairs_by_cell(
+    e: int, slots: tuple[int, int], entries: tuple[int, int], bodies: Bodies, state: CrowdState, near: NeighborList
+) -> int:
+    """Write the near pairs whose first is in ``slots`` into ``entries``; returns one past the last, -1 if they do not fit."""
+    slot_start, radius, active, position = bodies.env_start[e], bodies.radius, state.active, state.position
+    head, columns, rows = first_cell(e, slot_start), near.columns[e], near.rows[e]
+    cell_of, cell_item, cell_start, allowed = near.cell_of, near.cell_item, near.cell_start, near.allowed
+    x_of, y_of, room, reach = near.origin_x, near.origin_y, near.room, near.reach[e]
     owner, partner, one = near.owner, near.partner, index(1)
-    entry, entry_stop = index(near.entry_start[e]), index(near.entry_start[e + 1])
-    for i in range(slot_start, slot_stop):
+    entry, entry_stop = index(entries[0]), index(entries[1])
+    for i in range(slots[0], slots[1]):
         if not active[i]:
             continue
         x, y, limit, own_start = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach, entry

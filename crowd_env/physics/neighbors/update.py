@@ -9,7 +9,17 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.kernels.jit import index, inner_kernel
-from crowd_env.physics.neighbors.lists import NeighborList, list_exits, list_pairs, list_walls
+from crowd_env.physics.dem_lanes.barrier import wait_for_all
+from crowd_env.physics.dem_lanes.partition import SLABS
+from crowd_env.physics.neighbors.lists import (
+    NeighborList,
+    find_distances,
+    list_exits,
+    list_pairs,
+    list_walls,
+    pairs_by_cell,
+    sort_for_pairs,
+)
 from crowd_env.physics.workspace import Batch
 
 # `Workspace.status`; anything but OK returns to Python.
@@ -28,9 +38,10 @@ _TESTS = 40.0
 
 
 @inner_kernel
-def update_neighbors(e: int, batch: Batch, margin: float) -> int:
+def update_neighbors(e: int, batch: Batch, margin: float, team: int) -> int:
     """Rebuild the list of environment ``e`` if a gap below ``margin`` could be missing from it.
 
+    The other threads of a ``team`` wait at the barrier, and help (`list_slabs`).
     Returns OK; FULL if the entries do not fit; or DIVERGED if somebody is nowhere near the world.
     """
     near, radius, allowed = batch.workspace.neighbors, batch.bodies.radius, batch.workspace.neighbors.allowed
@@ -53,8 +64,9 @@ def update_neighbors(e: int, batch: Batch, margin: float) -> int:
         allowed[i] = path
         if active[i]:
             widest, largest = max(widest, path), max(largest, radius[i])
-    reach = 1.1 * margin  # some schemes need a little more or less every step
-    if not list_pairs(e, batch.bodies, batch.state, near, reach, 2.0 * (largest + widest) + reach):
+    near.reach[e] = reach = 1.1 * margin  # some schemes need a little more or less every step
+    size = 2.0 * (largest + widest) + reach
+    if not (_list_together(e, batch, size, team) if team > 1 else list_pairs(e, batch.bodies, batch.state, near, size)):
         return FULL
     g, boundary, door_open = batch.world.geometry_of_env[e], batch.world.boundary, batch.history.door_open
     if not list_walls(e, g, boundary, door_open, batch.bodies, batch.state, near, reach):
@@ -66,8 +78,42 @@ def update_neighbors(e: int, batch: Batch, margin: float) -> int:
         # A person who is not listed is never near: one who is made active from outside forces a new list.
         origin_x[i] = position[i, 0] if active[i] else np.inf
         origin_y[i] = position[i, 1]
-    near.reach[e], near.is_valid[e] = reach, True
+    near.is_valid[e] = True
     return OK
+
+
+@inner_kernel
+def _list_together(e: int, batch: Batch, size: float, team: int) -> bool:
+    """List the pairs of a large crowd, each thread those of its slabs: the list is the one that `list_pairs` makes."""
+    near, partition = batch.workspace.neighbors, batch.workspace.partition
+    sort_for_pairs(e, batch.bodies, batch.state, near, size)
+    partition.is_listing[e] = True
+    wait_for_all(partition.barrier, team)
+    list_slabs(e, 0, team, batch)
+    wait_for_all(partition.barrier, team)
+    partition.is_listing[e] = False
+    owner, partner, distance, entry = near.owner, near.partner, near.contact_distance, index(near.entry_start[e])
+    for row in range(SLABS * e, SLABS * (e + 1)):
+        if partition.pair_stop[row] < 0:
+            return False
+        for k in range(index(partition.pair_start[row]), index(partition.pair_stop[row])):
+            owner[entry], partner[entry], distance[entry] = owner[k], partner[k], distance[k]
+            entry += index(1)
+    near.pair_end[e] = entry
+    return True
+
+
+@inner_kernel
+def list_slabs(e: int, thread: int, team: int, batch: Batch) -> None:
+    """List the pairs of the slabs of one thread, those of each in its own part of the room for all."""
+    near, partition = batch.workspace.neighbors, batch.workspace.partition
+    first, room = near.entry_start[e], near.entry_start[e + 1] - near.entry_start[e]
+    for s in range(thread, SLABS, team):
+        row, entries = SLABS * e + s, (first + s * room // SLABS, first + (s + 1) * room // SLABS)
+        slots = partition.slot_start[row], partition.slot_stop[row]
+        partition.pair_start[row] = entries[0]
+        partition.pair_stop[row] = pairs_by_cell(e, slots, entries, batch.bodies, batch.state, near)
+        find_distances(entries[0], partition.pair_stop[row], batch.bodies, near)
 
 
 @inner_kernel
