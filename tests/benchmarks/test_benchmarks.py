@@ -75,6 +75,8 @@ def test_scaling(monkeypatch):
     assert len(found) == 3 * len(scaling.WAYS)
     alone = check(scaling.against_threads(TINY, rooms=2, people=30))
     assert {value for (who, _), value in alone.items() if who.endswith(", 1 threads")} == {1.0}
+    people = [who for who, _ in alone if who.endswith("processes with a share each") and "30 people" in who]
+    assert len(people) >= 2 * (len(scaling.WAYS) + 1)
 
 
 def test_memory_counts_every_array_once():
