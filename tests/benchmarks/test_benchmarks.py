@@ -35,12 +35,15 @@ def small_jam(people=40):
 
 @pytest.mark.more
 def test_crowds(monkeypatch):
-    """Two schemes in a jam, and people who keep a distance."""
+    """Two schemes in a jam, one at the step that it takes by default, and people who keep a distance."""
     ways = [way for way in crowds.PAIRS if way.scheme in ("dem", "nsm2")]
-    monkeypatch.setitem(crowds.CASES, "jam", [(small_jam, (40,), [*ways, crowds.Way("dem", 0.01, "calm")])])
+    monkeypatch.setitem(
+        crowds.CASES, "jam", [(small_jam, (40,), [*ways, crowds.Way("hertz"), crowds.Way("dem", 0.01, "calm")])]
+    )
     found = check(crowds.rows("jam", TINY))
     assert {who.partition(", ")[0] for who, _ in found} == {
         *(f"{way.scheme} {way.dt:g} s" for way in ways),
+        "hertz 0.005 s",
         "dem 0.01 s calm",
     }
     assert found["dem 0.01 s, jam, 40 people", "contacts per person"] > 0
