@@ -1,8 +1,11 @@
 """Which way pedestrians walk: the route that each follows, the direction along it, and the desired speed there."""
 
+from typing import Any
+
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.kernels.fetch import fetch
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.walking.decide import decide
 from crowd_env.physics.workspace import LOOKUP_PERIOD, Batch
@@ -17,6 +20,9 @@ LOOK_EVERY = 0.01  # s
 # more than its width.
 _MANY = 1000
 _UNIFORM = 0.05
+_AHEAD = (
+    8  # people: for the one so far ahead, most likely of the same field, what the look needs of its table is asked for
+)
 
 
 @inner_kernel
@@ -99,19 +105,19 @@ def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: f
     """
     field, boundary, field_of_route = batch.world.field, batch.world.boundary, batch.world.guidance.field_of_route
     cell, table, exit_line, position = field.cell, field.direction, boundary.exit, batch.state.position
-    radius, relative, inside = batch.bodies.radius, batch.control.relative, batch.workspace.inside
+    radius, is_uniform, looking = batch.bodies.radius, batch.history.is_uniform, batch.workspace.looking
     followed, direction = batch.history.followed, batch.history.direction
-    is_uniform, lookup_turn = batch.history.is_uniform, batch.history.lookup_turn
-    everyone = dt < LOOK_EVERY  # a command that becomes relative before the next look-up needs the direction too
+    looking_stop = _list_looking(rank_start, rank_stop, batch, dt < LOOK_EVERY, turn)
     f, rows, cols, start, keep, left, bottom, size = -1, 0, 0, 0, np.nan, 0.0, 0.0, 1.0
     aim, frame = -1, (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
-    for rank in range(index(rank_start), index(rank_stop)):
-        i = inside[rank]
-        if not (relative[i] or everyone):
-            is_uniform[i] = False
-            continue
-        if turn >= 0 and is_uniform[i] and lookup_turn[i] != turn:
-            continue
+    for k in range(index(rank_start), looking_stop):
+        i = looking[k]
+        if turn >= 0 and cols > 0 and k + index(_AHEAD) < looking_stop:
+            j = looking[k + index(_AHEAD)]
+            node, _, _ = quick_cell(start, rows, cols, left, bottom, size, position[j, 0], position[j, 1])
+            fetch(cell, node)
+            fetch(table, 2 * node)
+            fetch(table, 2 * (node + cols))
         mine = field_of_route[e, followed[i]]
         if mine != f:
             f = mine
@@ -122,19 +128,37 @@ def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: f
         if cols > 0:
             x, y, r = position[i, 0], position[i, 1], radius[i]
             node, u, v = quick_cell(start, rows, cols, left, bottom, size, x, y)
-            k = cell[node]
-            if k >= 0:
-                if k != aim:  # most aim at the same exit as the one before
-                    aim = k
-                    frame = exit_frame(exit_line, k)
+            kind = cell[node]
+            if kind >= 0:
+                if kind != aim:  # most aim at the same exit as the one before
+                    aim = kind
+                    frame = exit_frame(exit_line, kind)
                 plain = True
                 ex, ey = through_exit(frame, x, y, r, keep if keep >= 0.0 else r)
-            elif k == BLEND:
+            elif kind == BLEND:
                 plain, ex, ey = blended_direction(table, node, cols, u, v)
                 is_uniform[i] = _agree(table, node, cols)
         if not plain:  # in cells that a wall runs through
             ex, ey, _ = way_at(field, boundary, f, position[i, 0], position[i, 1], radius[i])
         direction[i, 0], direction[i, 1] = ex, ey
+
+
+@inner_kernel
+def _list_looking(rank_start: int, rank_stop: int, batch: Batch, everyone: bool, turn: int) -> Any:
+    """List who looks up the direction in `Workspace.looking`, without a branch; returns one past the last.
+
+    That is ``everyone``, since a command that becomes relative before the next look-up needs the direction too, or those whose
+    command is relative; but for those around whom it is uniform and whose ``turn`` it is not.
+    """
+    inside, looking, relative = batch.workspace.inside, batch.workspace.looking, batch.control.relative
+    is_uniform, lookup_turn, k = batch.history.is_uniform, batch.history.lookup_turn, index(rank_start)
+    for rank in range(index(rank_start), index(rank_stop)):
+        i = inside[rank]
+        follows = relative[i] | everyone
+        is_uniform[i] &= follows
+        looking[k] = i
+        k += index(follows & ((turn < 0) | (lookup_turn[i] == turn) | (not is_uniform[i])))
+    return k
 
 
 @inner_kernel

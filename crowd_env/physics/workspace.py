@@ -172,6 +172,7 @@ class Workspace(NamedTuple):
     social_pairs: SocialPairs
     walkers: Walkers
     inside: Annotated[Indices, "P"]  # who is inside, environment e from env_start[e] on: see `step.list_active`
+    looking: Annotated[Indices, "P"]  # who looks up the direction, where it stands for them in `inside` or before
     desired_velocity: Annotated[Floats, "P 2", "desired_velocity"]  # m/s
     # Desired direction by anisotropy of the social force; of which velocity.
     heading: Annotated[Floats, "P 4", "heading"]
