@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 import gymnasium
@@ -177,7 +178,7 @@ class CrowdEnv:
         dwell = self.action_kind.dwell
         choice = make_route_choice(self.scenario_of_env, routes_of_env, self.env_start, dwell, used=choosing)
         self._choice, ways = struct_ref(choice), choice.ways
-        self._observer = Observer(self.simulation, self.layout, ways, in_world=in_world, threads=threads)
+        self._observer = Observer(self.simulation, self.layout, ways, in_world=in_world)
         time_limits = np.array([time_limit or each.time_limit for each in self.scenario_of_env])
         blocked_after = np.array([each.blocked_after for each in self.scenario_of_env])
         self._transition = init_transition(self.simulation, self._observer.view.potential, time_limits, blocked_after)
@@ -264,10 +265,12 @@ class CrowdEnv:
         if not self._interrupted:  # else this step goes on with the one before: who got out in between has left
             transition.inside[:], transition.step_start[:] = state.active, state.time
         self._interrupted = True
-        simulation.advance(command, relative=relative, n_substeps=self.n_substeps, gives_way=gives_way)
+        observation = self._observer.begin(transition.inside)
+        look = partial(self._observer.look, observation)
+        simulation.advance(command, relative=relative, n_substeps=self.n_substeps, gives_way=gives_way, then=look)
         # Before the end of an episode takes out those who are truncated: they are still seen, by themselves and by others,
         # and what is left of their route is not yet 0, which would pay them as if they had got out.
-        observation = self._observer.observe(transition.inside)
+        self._observer.finish(observation)
         update_episode(self._transition, simulation.dt)
         self._interrupted = False
         left, truncated, ended = (array.copy() for array in (transition.left, transition.truncated, transition.ended))

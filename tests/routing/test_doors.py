@@ -340,6 +340,6 @@ def test_a_door_of_an_empty_place_does_not_cut_calls_short(monkeypatch):
     simulation.advance(n_substeps=300)
     assert simulation.inside[0] == 0
     targets = []
-    monkeypatch.setattr(simulation._stepper, "run_until", lambda target, dt: targets.append(target))
+    monkeypatch.setattr(simulation._stepper, "run_until", lambda target, dt, then: targets.append(target))
     simulation.advance(n_substeps=100_000)
     assert targets == [100_000]

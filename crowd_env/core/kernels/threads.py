@@ -23,7 +23,7 @@ class Workers:
     def __reduce__(self) -> tuple[Any, ...]:
         return Workers, ()
 
-    def run(self, work: Callable[..., None], parts: Sequence[tuple[Any, ...]]) -> None:
+    def run(self, work: Callable[..., object], parts: Sequence[tuple[Any, ...]]) -> None:
         """Call ``work(*part)`` for all parts, each on a thread of its own; return or raise when all have ended.
 
         Parts may wait for each other.  An exception in the calling thread (Ctrl-C comes at any place) is raised when all

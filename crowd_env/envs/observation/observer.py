@@ -4,14 +4,11 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Ints
 from crowd_env.core.kernels.struct_ref import struct_ref
-from crowd_env.core.kernels.threads import Workers
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.observation.perception import perceive
 from crowd_env.envs.observation.view import View, Ways
 from crowd_env.physics.neighbors.lists import allocate_neighbors
 from crowd_env.physics.simulation.simulation import Simulation
-
-_ENOUGH_FOR_THREADS = 1000  # people; calling the threads costs as much as observing two hundred
 
 
 class Observer:
@@ -22,24 +19,19 @@ class Observer:
     simulation, layout : whom, and what of them.
     ways : that people may choose among.
     in_world : vectors along x and y, else along and to the left of the shortest path.
-    threads : spread environments over so many; observations do not depend on it.
 
     Attributes
     ----------
     view : a reference to the `View`.
     """
 
-    def __init__(
-        self, simulation: Simulation, layout: ObservationLayout, ways: Ways, *, in_world: bool, threads: int
-    ) -> None:
+    def __init__(self, simulation: Simulation, layout: ObservationLayout, ways: Ways, *, in_world: bool) -> None:
         people, environments = len(simulation.bodies.radius), len(simulation.state.time)
         self.layout, self._width = layout, layout.size
         direction = np.zeros((people, 2))
         self._everywhere = np.arange(environments)
-        side_by_side = min(threads, environments) if people >= _ENOUGH_FOR_THREADS else 1
         largest = int(np.diff(simulation.bodies.env_start).max())
-        self._plans = [struct_ref(layout.plan(largest)) for _ in range(side_by_side)]
-        self._workers = Workers()
+        self._plans = {first: struct_ref(layout.plan(largest)) for first, _ in simulation.ranges}
         world, batch, history, results = simulation.world, simulation.batch, simulation.history, simulation.results
         # The parts of `simulation.batch` stay the same references when doors or growth replace what they refer to.
         self.view = struct_ref(
@@ -77,17 +69,25 @@ class Observer:
         environments : write the rows of these alone; None = of all.
         out : (P, D) float32 to write into instead of a new array.
         """
-        view = self.view
-        view.fields.seen[:] = seen
-        rows = np.empty((len(seen), self._width), np.float32) if out is None else out
+        rows = self.begin(seen) if out is None else out
+        self.view.fields.seen[:] = seen
         chosen = self._everywhere if environments is None else environments
-        if environments is not None or len(self._plans) == 1:
-            perceive(chosen, view, self._plans[0], rows)
-        else:
-            parts = np.array_split(chosen, len(self._plans))
-            self._workers.run(
-                lambda part, plan: perceive(part, view, plan, rows), list(zip(parts, self._plans, strict=True))
-            )
+        perceive(chosen, self.view, self._plans[0], rows)
+        return self.finish(rows, chosen)
+
+    def begin(self, seen: Bools) -> np.ndarray:
+        """Return room (P, D) for what those ``seen`` (P,) observe, to `look` and `finish`: what `observe` does in one."""
+        self.view.fields.seen[:] = seen
+        return np.empty((len(seen), self._width), np.float32)
+
+    def look(self, rows: np.ndarray, first: int, stop: int) -> None:
+        """Write the rows of environments ``first:stop``, one of `Simulation.ranges`: threads do so side by side."""
+        perceive(self._everywhere[first:stop], self.view, self._plans[first], rows)
+
+    def finish(self, rows: np.ndarray, environments: Ints | None = None) -> np.ndarray:
+        """Return the rows, with terms of one's own of these environments; None = of all."""
         if self.layout.own_terms:
-            self.layout.add_own_terms(view.fields, chosen, rows)
+            self.layout.add_own_terms(
+                self.view.fields, self._everywhere if environments is None else environments, rows
+            )
         return rows

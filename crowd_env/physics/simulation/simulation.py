@@ -141,7 +141,7 @@ class Simulation:
         self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
         self._sorted = SortedCrowd(batch) if SortedCrowd.is_needed(bodies) else None
         self._stepper = Stepper(self.scheme, batch, self._sorted, self.threads)
-        self.batch = self._stepper.batch  # what kernels work on
+        self.batch, self.ranges = self._stepper.batch, self._stepper.ranges  # what kernels work on, and side by side
         for e in range(len(state.time)):
             self.close_doors(e, self._door_schedule.restart(e))
         self.listeners: list[Callable[[], object]] = []  # called after every physics step; bits stay, speed does not
@@ -192,6 +192,7 @@ class Simulation:
         n_substeps: int = 1,
         external_force: Floats | None = None,
         gives_way: Bools | None = None,
+        then: Callable[[int, int], object] = lambda first, stop: None,
     ) -> None:
         """Advance every environment by ``n_substeps`` physics steps in one compiled call.
 
@@ -202,6 +203,7 @@ class Simulation:
             axes are those of the world.
         external_force : (P, 2) N.
         gives_way : (P,), False for people who walk as they are told, whatever the manner of the others; default True.
+        then : looks at environments ``first:stop`` when their last step is done; threads make several such calls at once.
 
         Raises
         ------
@@ -227,7 +229,7 @@ class Simulation:
             waits = [task.steps_until_due(self.state.time, self.dt, inside) for task in tasks if task is not None]
             waits += [1] if self.listeners else []
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
-            self._stepper.run_until(target, self.dt)
+            self._stepper.run_until(target, self.dt, then if target == n_substeps else lambda first, stop: None)
             for listen in self.listeners:
                 listen()
         add_diagnostics(self.diagnostics, self.results.diagnostics)

@@ -1,6 +1,7 @@
 """How a batch is stepped: on several threads, in the order of space, and with more memory when lists are full."""
 
 import itertools
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -27,12 +28,15 @@ class Stepper:
     Attributes
     ----------
     batch : what kernels work on, always the same reference.
+    ranges : environments that threads can look after side by side, first and one past the last of each.
     """
 
     def __init__(self, scheme: ContactScheme, batch: Batch, order: SortedCrowd | None, threads: int) -> None:
         self._scheme, self._in_slots, self._order = scheme, batch, order
         self.batch: StructRef = struct_ref(batch if order is None else order.batch)
-        self._parts = _share_out(scheme, batch, threads)
+        self._parts, self.ranges = _share_out(scheme, batch, threads)
+        # Where people lie in another order, or share a thread's work, they are where others look for them when all have ended.
+        self._looks_later = order is not None or self._parts[0][3] > 1
         self._workers = Workers()
         self._asked = Command(None, None, None, None)
 
@@ -46,8 +50,8 @@ class Stepper:
         if self._order is None:
             set_command(self._in_slots.control, asked)
 
-    def run_until(self, n_substeps: int, dt: float) -> None:
-        """Advance every environment to step ``n_substeps`` of this call.
+    def run_until(self, n_substeps: int, dt: float, then: Callable[[int, int], object]) -> None:
+        """Advance every environment to step ``n_substeps`` of this call, and call ``then`` with each of `ranges`.
 
         Raises
         ------
@@ -59,10 +63,7 @@ class Stepper:
             if self._order is not None:
                 self._order.gather(self._asked)
             try:  # the kernels hold no lock
-                if len(self._parts) == 1:
-                    self._scheme.advance(self.batch, dt, n_substeps, *self._parts[0])
-                else:
-                    self._workers.run(partial(self._scheme.advance, self.batch, dt, n_substeps), self._parts)
+                self._workers.run(partial(self._advance, dt, n_substeps, then), self._parts)
             finally:  # after Ctrl-C too, people stand where they have come to
                 if self._order is not None:
                     self._order.scatter()
@@ -71,8 +72,15 @@ class Stepper:
                 e, who = int(stopped[0]), (self._in_slots.bodies, self._in_slots.state)
                 raise FloatingPointError(why_stopped(self._scheme.info.name, e, int(status[e]), *who, dt))
             if not (status == FULL).any():
+                if self._looks_later:
+                    self._workers.run(then, self.ranges)
                 return
             self.grow()  # the environments that were full go on where they were
+
+    def _advance(self, dt: float, n_substeps: int, then: Callable[[int, int], object], *part: int) -> None:
+        self._scheme.advance(self.batch, dt, n_substeps, *part)
+        if not self._looks_later and (self._in_slots.workspace.status[part[0] : part[1]] == OK).all():
+            then(part[0], part[1])  # at once: to wake threads again would take as long as many have to do
 
     def grow(self) -> None:
         """Make more room for neighbors; what others hold on to stays."""
@@ -81,17 +89,20 @@ class Stepper:
         grow(self._in_slots.history, self._in_slots.workspace, self._in_slots.bodies, uses)
 
 
-def _share_out(scheme: ContactScheme, batch: Batch, threads: int) -> list[tuple[int, int, int, int]]:
-    """Return what each thread does: its environments, its number, and with how many threads it shares them.
+def _share_out(
+    scheme: ContactScheme, batch: Batch, threads: int
+) -> tuple[list[tuple[int, int, int, int]], list[tuple[int, int]]]:
+    """Return what each thread does: its environments, its number, and with how many threads it shares them; and the ranges.
 
     Either ranges of environments side by side, which share no memory; or, where a crowd is large and the scheme knows how, all
     threads go through all environments together.
     """
     count, largest = len(batch.state.time), int(np.diff(batch.bodies.env_start).max())
-    if threads > 1 and scheme.slabs(largest, batch.control.driving) > 1:
-        return [(0, count, thread, threads) for thread in range(threads)]
     edges = np.linspace(0, count, min(threads, count) + 1).astype(int).tolist()
-    return [(first, stop, 0, 1) for first, stop in itertools.pairwise(edges)]
+    ranges = list(itertools.pairwise(edges))
+    if threads > 1 and scheme.slabs(largest, batch.control.driving) > 1:
+        return [(0, count, thread, threads) for thread in range(threads)], ranges
+    return [(first, stop, 0, 1) for first, stop in ranges], ranges
 
 
 def why_stopped(scheme: str, e: int, status: int, bodies: Bodies, state: CrowdState, dt: float) -> str:

@@ -8,6 +8,7 @@ from crowds import PLANS, copied, crowd_in, every_scheme, joined, part, people, 
 from shapely.geometry import box
 
 import crowd_env.physics.simulation.simulation
+import crowd_env.physics.spatial_order
 from crowd_env.core.arrays.state import join_bodies, make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import make_scheme
@@ -279,6 +280,23 @@ def test_environments_that_restart_together_are_those_that_restart_one_after_the
     same_bits(together, one_by_one)
     for total, expected in zip(together.diagnostics, one_by_one.diagnostics, strict=True):
         np.testing.assert_array_equal(total, expected)
+
+
+@pytest.mark.parametrize("many", [10**9, 20], ids=["as they are", "sorted"])
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_who_looks_after_a_call_sees_every_environment_once_where_it_comes_to_stand(threads, many, monkeypatch):
+    monkeypatch.setattr(crowd_env.physics.spatial_order, "MANY", many)
+    bodies, state = joined([copied(b, s) for b, s in evacuations()])
+    simulation, seen, start = Simulation(ROOM, bodies, state, scheme="dem", threads=threads), [], bodies.env_start
+
+    def look(first, stop):
+        seen.append((first, stop, state.position[start[first] : start[stop]].copy()))
+
+    simulation.advance(n_substeps=7, then=look)
+    firsts, stops, positions = zip(*sorted(seen, key=lambda each: each[0]), strict=True)
+    assert (*firsts, len(start) - 1) == (0, *stops)
+    assert len(seen) == len(simulation.ranges) == threads
+    np.testing.assert_array_equal(np.concatenate(positions), state.position)
 
 
 @every_scheme
