@@ -188,7 +188,7 @@ def test_others_go_on_with_the_ways_they_have_where_one_begins_anew():
 @pytest.mark.parametrize("dt", [0.01, 0.002])
 def test_memory_that_runs_full_in_the_midst_of_a_step_changes_nothing(scheme, dt, monkeypatch):
     # Near a round wall of many edges the lists hold more than they have room for at first.
-    corners = 2.0 * np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0, 2 * np.pi, 1200, endpoint=False)])
+    corners = 2.0 * np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0, 2 * np.pi, 2400, endpoint=False)])
     place = Geometry.from_polygon(corners, exits=[box(1.7, -0.6, 3, 0.6)])
     scene = Scenario("round", place, Population(12, **TABLE_4), 100.0, **FULL_SPEED)
     grown = []
