@@ -46,12 +46,19 @@ def speed_limit(batch: Batch) -> float:
 @inner_kernel
 def hold_to_speed(e: int, rank_stop: int, batch: Batch, velocity: Floats, limit: float) -> float:
     """Hold ``velocity`` (P, 2) to ``limit`` [m/s] and return the largest speed [m/s], which is kept in the sums too."""
-    rank_start, inside, most, fastest = batch.bodies.env_start[e], batch.workspace.inside, limit * limit, 0.0
-    for rank in range(index(rank_start), index(rank_stop)):
+    inside, fastest = batch.workspace.inside, 0.0
+    for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]
         fastest = max(fastest, velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
+    return float(hold_fastest(e, rank_stop, batch, velocity, limit, fastest))
+
+
+@inner_kernel
+def hold_fastest(e: int, rank_stop: int, batch: Batch, velocity: Floats, limit: float, fastest: float) -> float:
+    """Do what `hold_to_speed` does, where the ``fastest`` square of a speed [m2/s2] is known."""
+    inside, most = batch.workspace.inside, limit * limit
     if fastest > most:
-        for rank in range(index(rank_start), index(rank_stop)):
+        for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
             i = inside[rank]
             square = velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1]
             if square > most:

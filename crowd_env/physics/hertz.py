@@ -39,7 +39,7 @@ from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Bodies
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range
 from crowd_env.core.kernels.jit import index, inner_kernel, kernel
-from crowd_env.physics.bounds import hold_to_speed, stay_within_bounds
+from crowd_env.physics.bounds import hold_fastest, stay_within_bounds
 from crowd_env.physics.driving_force import Influences, limited, regular_forces
 from crowd_env.physics.exits import leave
 from crowd_env.physics.outlines.contacts import detect_discs
@@ -193,18 +193,27 @@ class Hertz(ContactScheme):
 
 
 @inner_kernel
-def _kick(e: int, rank_stop: int, batch: Batch, half: float, limit: float) -> float:
-    """Half a kick (eqs 9, 11), to no more than ``limit`` [m/s]; returns the largest speed [m/s]."""
+def _kick(
+    e: int, rank_stop: int, batch: Batch, half: float, limit: float, drives: bool, max_drive: float | None
+) -> float:
+    """Half a kick (eqs 9, 11), to no more than ``limit`` [m/s]; returns the largest speed [m/s].
+
+    The second of a step ``drives``: it makes the drive that of the velocity after it.
+    """
     inside, velocity, spin, mass = batch.workspace.inside, batch.state.velocity, batch.state.spin, batch.bodies.mass
     inertia, force, torque = batch.bodies.inertia, batch.history.force, batch.history.torque
+    fastest = 0.0
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]
+        if drives:
+            _drive_after_kick(i, batch, half, max_drive)
         rate = half / mass[i]
         velocity[i, 0] += rate * force[i, 0]
         velocity[i, 1] += rate * force[i, 1]
         if torque[i] != 0.0:  # few are in contact, and a division is slow
             spin[i] += half * torque[i] / inertia[i]
-    return float(hold_to_speed(e, rank_stop, batch, velocity, limit))
+        fastest = max(fastest, velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
+    return float(hold_fastest(e, rank_stop, batch, velocity, limit, fastest))
 
 
 @inner_kernel
@@ -318,32 +327,26 @@ def _find_forces(
     regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive)
     _clear_torques(e, batch)
     _add_contact_forces(e, batch, dt, elapsed, params, outline)
-    half = 0.5 * elapsed  # of the step, over which these forces are about to act
     if outline is not None:
-        add_turning_torques(e, rank_stop, batch, half)
-    if batch.control.driving and half > 0.0:
-        _drive_after_kick(e, rank_stop, batch, half, acting.max_drive)
+        add_turning_torques(e, rank_stop, batch, 0.5 * elapsed)
 
 
 @inner_kernel
-def _drive_after_kick(e: int, rank_stop: int, batch: Batch, half: float, max_drive: float | None) -> None:
-    """Let the drive be that of the velocity after the half kick by all forces, not before it.
+def _drive_after_kick(i: int, batch: Batch, half: float, max_drive: float | None) -> None:
+    """Let the drive of person ``i`` be that of the velocity after the half kick by all forces, not before it.
 
     With v' = v + half (F + g) / m and g = m (v_d - v') / tau:  g = (m (v_d - v) - half F) / (tau + half), limited as it is.
     """
-    inside, desired, velocity = batch.workspace.inside, batch.workspace.desired_velocity, batch.state.velocity
-    force, mass, relaxation_time = batch.history.force, batch.bodies.mass, batch.bodies.relaxation_time
-    for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
-        i = inside[rank]
-        tau, fx, fy = relaxation_time[i], force[i, 0], force[i, 1]
-        if max_drive is None:  # the same for all forces together
-            force[i, 0], force[i, 1] = fx * (tau / (tau + half)), fy * (tau / (tau + half))
-        else:
-            px, py = mass[i] * (desired[i, 0] - velocity[i, 0]), mass[i] * (desired[i, 1] - velocity[i, 1])
-            gx, gy = limited(px / tau, py / tau, max_drive)
-            fx, fy = fx - gx, fy - gy  # all but the drive
-            gx, gy = limited((px - half * fx) / (tau + half), (py - half * fy) / (tau + half), max_drive)
-            force[i, 0], force[i, 1] = fx + gx, fy + gy
+    desired, velocity, force = batch.workspace.desired_velocity, batch.state.velocity, batch.history.force
+    mass, tau, fx, fy = batch.bodies.mass[i], batch.bodies.relaxation_time[i], force[i, 0], force[i, 1]
+    if max_drive is None:  # the same for all forces together
+        force[i, 0], force[i, 1] = fx * (tau / (tau + half)), fy * (tau / (tau + half))
+    else:
+        px, py = mass * (desired[i, 0] - velocity[i, 0]), mass * (desired[i, 1] - velocity[i, 1])
+        gx, gy = limited(px / tau, py / tau, max_drive)
+        fx, fy = fx - gx, fy - gy  # all but the drive
+        gx, gy = limited((px - half * fx) / (tau + half), (py - half * fy) / (tau + half), max_drive)
+        force[i, 0], force[i, 1] = fx + gx, fy + gy
 
 
 @inner_kernel
@@ -387,7 +390,7 @@ def _advance_range(
             if phase[e] == _KNOWN:
                 # Half a kick with the forces of the last step, and the drift (eqs 9, 10).
                 record_impulses(e, batch, 0.5)
-                longest = dt * _kick(e, rank_stop, batch, 0.5 * dt, limit)
+                longest = dt * _kick(e, rank_stop, batch, 0.5 * dt, limit, False, acting.max_drive)
                 _drift(e, rank_stop, batch, dt)
                 # Nobody through a wall.
                 if not stay_within_bounds(e, rank_stop, batch, deepest, smallest, longest):
@@ -406,6 +409,6 @@ def _advance_range(
             if acting.outline is not None:  # the overlaps of other discs do not say how near a wall a center is
                 deepest = np.inf
             # The other half of the kick (eq 11), and the clock.
-            _kick(e, rank_stop, batch, 0.5 * dt, limit)
+            _kick(e, rank_stop, batch, 0.5 * dt, limit, batch.control.driving, acting.max_drive)
             tick(e, batch, dt)
             phase[e] = _KNOWN
