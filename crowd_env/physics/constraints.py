@@ -94,7 +94,7 @@ def assemble_percussions(
     tangents = contact_stop
     source, pair, coefficients = constraints.source, constraints.pair, constraints.coefficients
     compliance, reaction = constraints.compliance, constraints.reaction
-    contact_i, contact_j, normal = contacts.i, contacts.j, contacts.normal
+    contact_i, contact_j, normal, impulse = contacts.i, contacts.j, contacts.normal, contacts.impulse
     for t in range(contact_start, contact_stop):
         source[t] = t - contact_start
         a = _assemble_row(t, t, extent, contacts, mass, constraints)
@@ -105,7 +105,7 @@ def assemble_percussions(
             vy -= before[j, 1]
         nx, ny = normal[t, 0], normal[t, 1]
         w = vx * nx + vy * ny
-        reaction[t, 0], reaction[t, 1] = 0.0, 0.0
+        reaction[t, 0], reaction[t, 1] = a * impulse[t, 0] if dissipative else 0.0, 0.0
         if w < 0.0:
             coefficients[t, 2] = w if k_normal > 0.0 else 0.0
             compliance[t] = a / (2.0 / k_normal + a)

@@ -26,7 +26,7 @@ class Contacts(NamedTuple):
     normal: Annotated[Floats, "M 2"]  # unit, from j to i
     impulse: Annotated[Floats, "M 2"]  # N s   normal, tangential, of the current step
     history: Annotated[Floats, "M 2"]  # what the scheme keeps of a contact while it lasts; 0 at first
-    #                nsm1, nsm2: normal and tangential impulse of the last step [N s]; hertz: tangential elongation [m], 0
+    # nsm1, nsm2: normal impulses [N s], from which the next step starts and of the last; hertz: tangential elongation [m], 0
     # Which disc of i; without an outline there is but one, and these two are empty.
     disc_i: Annotated[Ints, "M", "discs"]
     disc_j: Annotated[Ints, "M", "discs"]  # which disc of j; -1 of a wall

@@ -137,7 +137,7 @@ def _collide(e: int, batch: Batch, params: Percussion, stopping: Stopping) -> fl
     sweeps, residual, converged = solve(extent, rows, rows, mass, v, constraints, compliance, stopping)
     set_impulses(extent, rows, contacts, mass, constraints)
     record_solver(e, batch, sweeps, residual, converged)
-    return float(record_contacts(e, batch))
+    return float(record_contacts(e, batch, True))
 
 
 @inner_kernel

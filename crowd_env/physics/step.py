@@ -116,8 +116,10 @@ def record_overlaps(e: int, batch: Batch) -> float:
 
 
 @inner_kernel
-def record_contacts(e: int, batch: Batch) -> float:
+def record_contacts(e: int, batch: Batch, rattles: bool) -> float:
     """Add impulses and overlaps to the sums, and let the solver of the next step start from these impulses.
+
+    Elastic contacts that are at rest rattle with a period of two steps: there it starts from the impulses of the step before.
 
     Returns the deepest overlap of a contact of environment ``e`` with a wall [m].
     """
@@ -125,7 +127,7 @@ def record_contacts(e: int, batch: Batch) -> float:
     impulse, history = batch.history.contacts.impulse, batch.history.contacts.history
     contact_start, contact_stop = contact_range(e, batch)
     for c in range(contact_start, contact_stop):
-        history[c, 0], history[c, 1] = impulse[c, 0], impulse[c, 1]
+        history[c, 0], history[c, 1] = history[c, 1] if rattles else impulse[c, 0], impulse[c, 0]
     return float(record_overlaps(e, batch))
 
 

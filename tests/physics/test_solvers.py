@@ -86,6 +86,18 @@ def test_a_relative_tolerance_holds_for_the_residual_of_the_contacts(share):
     assert np.linalg.norm(solved) > 1e-5 * share * np.linalg.norm(none)  # and is what it stopped at
 
 
+@looped("tolerance", [0.05, 0.005])
+def test_the_residual_is_that_of_the_worst_of_all_contacts(tolerance):
+    # Looks at the rows end early where one is off by too much; the last must not.
+    simulation = jam(NSM1(tolerance=tolerance), steps=150)
+    way = 9.0 - simulation.workspace.previous_position
+    free = simulation.bodies.desired_speed[:, None] * way / np.hypot(*way.T)[:, None]
+    _, solved = natural_residual(simulation, free)
+    assert simulation.results.diagnostics.iterations[0] > 5
+    assert 0.1 * tolerance < abs(solved).max() <= tolerance
+    assert simulation.results.diagnostics.residual[0] == pytest.approx(abs(solved).max(), rel=1e-6)
+
+
 @looped("make", [NSM1, NSM2])
 def test_both_tolerances_must_be_met(make):
     strict = jam(make(tolerance=1e-6, relative_tolerance=0.5), steps=60)
