@@ -214,15 +214,15 @@ def _residual(
     The look goes round the active rows from ``begin`` on, and ends at the first that is off by more than ``enough`` [m/s];
     only then come the others.
     """
-    worst, square, row, t, known = 0.0, 0.0, 0, begin, active_rows
-    for _ in range(known):
-        off = abs(_wanted(t, pair, coefficients, compliance, reaction, u) - reaction[t, 0])
-        square += off * off
-        if not off <= worst:
-            worst, row = off, t
-            if not off <= enough:
-                return worst, np.sqrt(square), active_rows, row
-        t = t + 1 if t + 1 < known else 0
+    worst, square, row, known = 0.0, 0.0, 0, active_rows
+    for row_start, row_stop in ((begin, known), (0, begin)):
+        for t in range(index(row_start), index(row_stop)):
+            off = abs(_wanted(t, pair, coefficients, compliance, reaction, u) - reaction[t, 0])
+            square += off * off
+            if not off <= worst:
+                worst, row = off, int(np.int64(t))
+                if not off <= enough:
+                    return worst, np.sqrt(square), active_rows, row
     for t in range(index(known), index(len(pair))):
         r = _wanted(t, pair, coefficients, compliance, reaction, u)
         if r > 0.0:
