@@ -15,6 +15,7 @@ from rich.table import Table
 
 from benchmarks import batch, cold, crowds, memory, scaling, train
 from benchmarks.measuring import Effort, Row, grid
+from benchmarks.pictures import draw_pictures
 from crowd_env.core.checks import known
 from crowd_env.core.console import friendly_errors, notes
 from validation.pages import TABLES, fill_pages, write_table
@@ -54,7 +55,7 @@ def run(
     max_people: Annotated[int, typer.Option(help="Leave out larger crowds.")] = 100_000,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a case, each on a line.")] = False,
     as_csv: Annotated[
-        bool, typer.Option("--csv", help="Also write docs/tables/benchmark-CASE.csv, and the pages of docs/.")
+        bool, typer.Option("--csv", help="Also write docs/tables/benchmark-CASE.csv, pages and pictures of docs/.")
     ] = False,
 ) -> None:
     """Measure how fast crowd_env is, against itself and other programs; a few minutes for all cases.
@@ -75,6 +76,7 @@ def run(
                 command = f"python -m benchmarks {name}{' --peers' if peers else ''} --csv"
                 write_table(f"benchmark-{name}", grid(rows), command, made_on, TABLES)
                 fill_pages()
+                draw_pictures()
             if as_json:
                 typer.echo(json.dumps({"case": name, "machine": made_on, "rows": [row._asdict() for row in rows]}))
             else:

@@ -10,7 +10,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from benchmarks import batch, cli, cold, crowds, memory, peers, scaling, scenes, train
+from benchmarks import batch, cli, cold, crowds, memory, peers, pictures, scaling, scenes, train
 from benchmarks.measuring import Effort, Row, Sample, Stopwatch, fastest, grid, in_turn, number
 from validation import pages
 
@@ -179,6 +179,7 @@ def test_one_json_object_a_case_and_one_table_of_the_pages(monkeypatch, tmp_path
     monkeypatch.setattr(cli, "CASES", {name: lambda effort: rows for name in ("one", "two")})
     monkeypatch.setattr(cli, "TABLES", tmp_path)
     monkeypatch.setattr(cli, "fill_pages", lambda: [])
+    monkeypatch.setattr(cli, "draw_pictures", lambda: [])
     (tmp_path / "made_by.csv").write_text("table,command,note\n")
     result = run("--json", "--csv")
     assert result.exit_code == 0
@@ -187,6 +188,19 @@ def test_one_json_object_a_case_and_one_table_of_the_pages(monkeypatch, tmp_path
     assert pages.read_table("benchmark-one", tmp_path) == [["", "steps per CPU s", "times b 1.0"], ["a", "2", "4"]]
     assert pages.read_table("made_by", tmp_path)[1][1:2] == ["python -m benchmarks one --csv"]
     assert "times b 1.0" in run("one").stdout
+
+
+def test_pictures_are_of_the_tables(tmp_path):
+    read = {
+        name: list(pictures.cells(pages.TABLES, *name)) for name in (("batch", "times magent2"), ("hall", "person-"))
+    }
+    assert all(read.values())
+    for (table, column), found in read.items():
+        head, *rows = pages.read_table(f"benchmark-{table}", pages.TABLES)
+        k = next(k for k, name in enumerate(head) if name.startswith(column))
+        shown = {row[0]: row[k] for row in rows}
+        assert all(number(figure) == shown[f"{way}, {scene}"] for way, scene, figure in found)
+    assert all(path.stat().st_size > 10_000 for path in pictures.draw_pictures(images=tmp_path))
 
 
 def test_bad_input_is_said_plainly():
