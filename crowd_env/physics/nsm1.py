@@ -240,7 +240,7 @@ def _advance_range(
             if not _project(e, rank_stop, batch, dt, spontaneous, stopping, acting.reach):
                 break
             # Impulses and overlaps into the sums, and for the solver of the next step.
-            deepest = record_contacts(e, batch, False)
+            deepest = record_contacts(e, batch)
             # Positions.
             longest = _move(e, rank_stop, batch, dt, limit)
             # Nobody through a wall.

@@ -116,10 +116,11 @@ def record_overlaps(e: int, batch: Batch) -> float:
 
 
 @inner_kernel
-def record_contacts(e: int, batch: Batch, rattles: bool) -> float:
+def record_contacts(e: int, batch: Batch, rattles: bool = False) -> float:
     """Add impulses and overlaps to the sums, and let the solver of the next step start from these impulses.
 
-    Elastic contacts that are at rest rattle with a period of two steps: there it starts from the impulses of the step before.
+    Elastic contacts that are at rest rattle with a period of two steps: where a law ``rattles`` so, the solver starts from the
+    impulses of the step before.
 
     Returns the deepest overlap of a contact of environment ``e`` with a wall [m].
     """
