@@ -152,7 +152,7 @@ def check_options(options: Any, known: Collection[str] = (), *, idle: Collection
         if name not in known and name not in idle:
             raise ValueError(
                 f"unknown reset option {name!r}; known: {', '.join(known) or 'none'}; "
-                "scenario, crowd and limits are given when the environment is made"
+                "all else is given when the environment is made"
             )
 
 

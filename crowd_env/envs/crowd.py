@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.outline import room_of
 from crowd_env.core.arrays.state import Bools, Floats, Ints, join_bodies, make_state
-from crowd_env.core.checks import COUNT, POSITIVE, Range, array, flag, number, whole
+from crowd_env.core.checks import COUNT, POSITIVE, Range, array, flag, number, refuse, whole
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.envs.action import ActionKind, make_action, to_command
 from crowd_env.envs.arguments import (
@@ -379,3 +379,11 @@ class CrowdEnv:
             take_routes(way, controlled, self._choice, self._transition.state)
         others, in_world = ~controlled, self.action_kind.frame == "world"
         return command, (others if in_world else None), (others if self.walking.acts_on == "scripted" else None)
+
+
+def require_same_spaces(env: CrowdEnv, before: CrowdEnv) -> None:
+    """Raise ValueError if observations or actions of a person are others than they were before."""
+    for what in ("single_observation_space", "single_action_space"):
+        if getattr(env, what) != getattr(before, what):
+            one, other = getattr(env, what), getattr(before, what)
+            refuse("scenario", env.scenarios[0].name, f"a place in which a person's space stays {other}, not {one}")

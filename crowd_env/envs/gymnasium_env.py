@@ -13,9 +13,10 @@ from gymnasium.vector.utils import batch_space
 from typing_extensions import Unpack
 
 from crowd_env.core.arrays.state import Bools, as_grid
-from crowd_env.envs.arguments import Place
+from crowd_env.core.checks import refuse
+from crowd_env.envs.arguments import Place, check_options
 from crowd_env.envs.controlled import BatchStep, BatchVectorEnv, SingleEnv
-from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.crowd import CrowdEnv, require_same_spaces
 from crowd_env.envs.settings import EnvArguments, answers_unknown
 
 
@@ -93,6 +94,32 @@ class CrowdGymEnv(SingleEnv):
         self, scenario: Place = "room-v0", *, render_mode: str | None = None, **arguments: Unpack[EnvArguments]
     ) -> None:
         super().__init__(CrowdBatch(scenario, **arguments), render_mode)
+        self._arguments = arguments
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start an episode; the same seed gives the same people at the same positions.
+
+        Parameters
+        ----------
+        options : None, or {"scenario": ...}, what `make_scenario` takes, with as many people: the place from now on.
+
+        Raises
+        ------
+        ValueError
+            If the seed is no whole number >= 0, an option is unknown, or the place needs other spaces.
+        """
+        check_options(options, ("scenario",))
+        if options and "scenario" in options:
+            batch = CrowdBatch(options["scenario"], **self._arguments)
+            require_same_spaces(batch.env, self.env)
+            if batch.env.num_people != self.env.num_people:
+                refuse(
+                    "scenario", options["scenario"], f"a place of {self.env.num_people} people; give people= with it"
+                )
+            self.batch, self.env, self._canvas = batch, batch.env, None
+        return super().reset(seed=seed)
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Advance by one decision step.

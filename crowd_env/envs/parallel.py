@@ -13,7 +13,7 @@ from typing_extensions import Unpack
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import array, refuse, whole
 from crowd_env.envs.arguments import NUMBERS, Place, check_options
-from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.crowd import CrowdEnv, require_same_spaces
 from crowd_env.envs.global_state import StateLayout, StateReader
 from crowd_env.envs.settings import EnvArguments, answers_unknown
 
@@ -73,23 +73,28 @@ class CrowdParallelEnv(ParallelEnv):
     ) -> None:
         if render_mode is not None and render_mode not in RENDER_MODES:
             raise ValueError(f"unknown render_mode {render_mode!r}; known: None, {', '.join(RENDER_MODES)}")
-        self.env = CrowdEnv(scenario, **arguments)
-        if max_cycles is not None:
-            self.max_cycles = max_cycles
+        self._arguments, self._cycles = arguments, max_cycles
+        self._enter(CrowdEnv(scenario, **arguments))
         self.render_mode = render_mode
         self.possible_agents = [f"pedestrian_{i}" for i in range(self.env.num_people)]
         self.agents: list[str] = []
         self._slots: Ints | slice = slice(None)  # of the agents; while these are all, indexing copies nothing
         self._slot = {agent: i for i, agent in enumerate(self.possible_agents)}
-        self._state = StateReader(self.env)
-        self.state_layout: StateLayout = self._state.layout
-        self.state_space = self.state_layout.space()
         self._begun = False
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.env.decision_dt)}
         self._observation_spaces = {a: copy.deepcopy(self.env.single_observation_space) for a in self.possible_agents}
         self._action_spaces = {a: copy.deepcopy(self.env.single_action_space) for a in self.possible_agents}
-        self._canvas: Any = None
         self._window: Any = None
+
+    def _enter(self, env: CrowdEnv) -> None:
+        """Let the next evacuation be that of another environment."""
+        self.env = env
+        self._canvas: Any = None
+        if self._cycles is not None:
+            self.max_cycles = self._cycles
+        self._state = StateReader(env)
+        self.state_layout: StateLayout = self._state.layout
+        self.state_space = self.state_layout.space()
 
     @property
     def max_cycles(self) -> int:
@@ -114,15 +119,29 @@ class CrowdParallelEnv(ParallelEnv):
     ) -> tuple[dict[str, np.ndarray], dict[str, dict[str, Any]]]:
         """Start an evacuation; the same seed gives the same people at the same positions.
 
+        Parameters
+        ----------
+        options : None, or {"scenario": ...}, what `make_scenario` takes: the place from now on.  If it has fewer people than
+            there are possible agents, the first of these are there.
+
         Raises
         ------
         ValueError
-            If the seed is no whole number >= 0, or there are options: all are given when the environment is made.
+            If the seed is no whole number >= 0, an option is unknown, or the place holds more people or needs other spaces.
         """
-        check_options(options, idle=("options",))  # PettingZoo's own checkers give it to every environment
+        check_options(
+            options, ("scenario",), idle=("options",)
+        )  # PettingZoo's own checkers give it to every environment
+        if options and "scenario" in options:
+            env = CrowdEnv(options["scenario"], **self._arguments)
+            if env.num_people > len(self.possible_agents):
+                most = len(self.possible_agents)
+                refuse("scenario", env.scenarios[0].name, f"a place of at most {most} people, not {env.num_people}")
+            require_same_spaces(env, self.env)
+            self._enter(env)
         observation, _ = self.env.reset(None if seed is None else [seed])
         self._begun = True
-        self.agents, self._slots = list(self.possible_agents), slice(None)
+        self.agents, self._slots = self.possible_agents[: self.env.num_people], slice(None)
         if self.render_mode == "human":
             self.render()
         return dict(zip(self.agents, observation, strict=True)), {agent: {} for agent in self.agents}

@@ -124,7 +124,7 @@ def test_what_a_step_returned_can_be_changed():
 @looped(
     "options,words",
     [
-        ({"people": 5}, r"unknown reset option 'people'; known: none; .* given when the environment is made"),
+        ({"people": 5}, r"unknown reset option 'people'; known: scenario; .* given when the environment is made"),
         ({"options": 1, "seed": 3}, "unknown reset option 'seed'"),
         ([("count", 5)], r"options is \[\('count', 5\)\].*dictionary"),
     ],

@@ -306,12 +306,12 @@ def test_options_that_make_no_sense_are_refused(kind, options, words):
     np.testing.assert_array_equal(env.reset(seed=1, options={})[0], rows)
 
 
-@pytest.mark.parametrize("kind", ["crowd", "routing"])
-def test_one_environment_has_no_options(kind):
+@pytest.mark.parametrize(("kind", "known"), [("crowd", "scenario"), ("routing", "none")])
+def test_one_environment_knows_few_options(kind, known):
     env = one(kind)[0]
     env.reset(seed=1, options={})
     for name in ("count", "reset_mask"):
-        with pytest.raises(ValueError, match=f"unknown reset option '{name}'; known: none"):
+        with pytest.raises(ValueError, match=f"unknown reset option '{name}'; known: {known}"):
             env.reset(seed=1, options={name: 1})
 
 

@@ -16,7 +16,7 @@ from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios import options_of
 from crowd_env.scenarios.scenario import COMMON
 
-DRAWN = [name for name in SCENARIOS if name not in ("room-v0", "lin-room-v0", "theatre-v0")]
+DRAWN = [name for name in SCENARIOS if name not in ("room-v0", "lin-room-v0", "theatre-v0", "generated-v0")]
 
 
 @looped("name", DRAWN)

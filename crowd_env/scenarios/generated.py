@@ -1,0 +1,309 @@
+"""Places without end: a seed draws a plan, the people in it, and how they meet, always the same.
+
+Nine kinds of places: a room with one to four doors, a room behind a corridor, a corner, a room with pillars, rooms behind
+rooms, rooms on a corridor, streams that merge, cross, and meet.  Doors of 0.6 to 2.4 m, 10 to 400 people who want 0.8 to
+2.5 m/s, bodies of 0.15 to 0.3 m, who respond at once or late.  Every place is turned by any angle, and half of them are
+mirrored.  A place is as large as its people need: they start at 0.2 to 2 /m2.
+
+`VERSION` goes up where a seed draws another place: what is learned and judged in them names it.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import Range, known, whole
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
+from crowd_env.scenarios.groups import Groups
+from crowd_env.scenarios.population import Population
+from crowd_env.scenarios.scenario import COMMON, FULL_SPEED, Scenario, changed_place
+
+VERSION = 0
+SEEDS = Range(0, 2**62)
+LAWS = ("dem", "nsm1", "nsm2", "hertz")
+
+_FEWEST, _MOST = 10, 400  # people
+_COVER = 0.3  # share of the floor that bodies cover at the start, at most
+_WALL = 0.2  # m, between two rooms
+_LEAST_FLOW = 0.25  # people a second and meter of exits: who is slower than this is not waited for
+
+
+class _People(NamedTuple):
+    """Who is there, before it is known where."""
+
+    number: int
+    density: float  # 1/m2, at the start
+    fields: dict[str, Any]  # of a Population
+    body: float  # m, diameter of the largest
+
+    @property
+    def area(self) -> float:
+        """Floor that they need at the start [m2]."""
+        return self.number / self.density
+
+
+class _Plan(NamedTuple):
+    """What is drawn of a place, in its own axes: shapes are rows of corners (K, 2) [m]."""
+
+    about: str
+    walkable: Sequence[Floats]
+    exits: Mapping[str, Floats]
+    starts: Mapping[str, Floats]  # name of the region -> its corners
+    routes: Mapping[str, str] = {}  # region -> exit that those who start there walk to
+    obstacles: Sequence[Floats] = ()
+
+
+def generated(*, seed: int = 0, kind: str | None = None, **options: Any) -> Scenario:
+    """Return the place of a ``seed``; of one ``kind`` (a name in `KINDS`) if that is given.
+
+    Raises
+    ------
+    ValueError
+        If the seed is out of range or the kind is unknown, or for what `changed_place` refuses in the other options.
+    """
+    seed = whole("generated: seed", seed, SEEDS)
+    rng = np.random.default_rng((VERSION, seed))
+    drawn = list(KINDS)[int(rng.integers(len(KINDS)))]
+    drawn = drawn if kind is None else known("kind of place", kind, KINDS)
+    people = _draw_people(rng)
+    plan = KINDS[drawn](rng, people)
+    turn = _turn(rng)
+    # In whole millimeters, and before it is turned: what touches then still does.
+    floor = shapely.union_all(shapely.polygons([np.round(shape, 3) for shape in plan.walkable]))
+    geometry = Geometry.from_polygon(
+        shapely.transform(floor, turn),
+        exits={name: turn(line) for name, line in plan.exits.items()},
+        obstacles=[turn(shape) for shape in plan.obstacles],
+        regions={name: turn(shape) for name, shape in plan.starts.items()},
+    )
+    shares = np.full(len(plan.starts), people.number // len(plan.starts))
+    shares[: people.number % len(plan.starts)] += 1
+    groups = [
+        Population(int(n), start_region=name, route=plan.routes.get(name), name=name, **people.fields)
+        for n, name in zip(shares, plan.starts, strict=True)
+        if n > 0
+    ]
+    slow, late = people.fields["desired_speed"].low, people.fields["response_time"].high
+    walk = 2.0 * np.ptp(shapely.get_coordinates(geometry.walkable), axis=0).sum() / slow
+    queue = people.number / (_LEAST_FLOW * sum(geometry.exit_widths.values()))
+    place = Scenario(
+        "generated-v0",
+        geometry,
+        Groups(tuple(groups)) if len(groups) > 1 else groups[0],
+        float(np.ceil(60.0 + walk + queue + late)),
+        f"place {seed}: {plan.about}, {people.number} people",
+        f"drawn by version {VERSION} of crowd_env.scenarios.generated from the seed {seed}",
+        **{**FULL_SPEED, "strategy": None, "blocked_after": 30.0 + late},
+    )
+    return changed_place(place, options)
+
+
+generated.__kwdefaults__ |= dict.fromkeys(COMMON)  # type: ignore[operator]  # a function with keyword arguments has them
+
+
+def law_of(seed: int) -> str:
+    """Return the name of the contact law that goes with the place of a seed."""
+    return LAWS[int(np.random.default_rng((VERSION, seed, 1)).integers(len(LAWS)))]
+
+
+def _draw_people(rng: np.random.Generator) -> _People:
+    """Draw who is there: adults of one size or several, all in one hurry or each in their own."""
+    number = round(np.exp(rng.uniform(np.log(_FEWEST), np.log(_MOST))))
+    radius = rng.uniform(0.15, 0.25)
+    bodies = Uniform(radius, radius + rng.choice([0.0, 0.05]))
+    speed = rng.uniform(0.8, 2.5)
+    own = Normal(speed, 0.15 * speed, 0.7 * speed, 1.3 * speed)
+    fields = {
+        "radius": bodies,
+        "desired_speed": own if rng.random() < 0.5 else Uniform(speed, speed),
+        "relaxation_time": Uniform(0.1, 0.5) if rng.random() < 0.5 else Uniform(0.5, 0.5),
+        "response_time": LogNormal(3.0, 0.5, 12.0) if rng.random() < 0.25 else Uniform(0.0, 0.0),
+    }
+    density = min(np.exp(rng.uniform(np.log(0.2), np.log(2.0))), _COVER / (np.pi * bodies.high**2))
+    return _People(number, float(density), fields, 2.0 * bodies.high)
+
+
+def _turn(rng: np.random.Generator) -> Callable[[Floats], Floats]:
+    """Return what turns shapes by any angle, mirrors half of all places, and moves them."""
+    angle, mirror, shift = rng.uniform(0.0, 2.0 * np.pi), rng.choice([-1.0, 1.0]), rng.uniform(-20.0, 20.0, 2)
+    axes = np.array([[np.cos(angle), np.sin(angle)], [-mirror * np.sin(angle), mirror * np.cos(angle)]])
+    return lambda shape: np.round(shape, 3) @ axes + shift
+
+
+def _box(left: float, low: float, right: float, high: float) -> Floats:
+    return np.array([(left, low), (right, low), (right, high), (left, high)])
+
+
+def _width(rng: np.random.Generator, people: _People, most: float = 2.4) -> float:
+    """Draw the width of a door: the largest bodies fit through."""
+    least = max(0.6, people.body + 0.05)
+    return float(np.exp(rng.uniform(np.log(least), np.log(max(most, least)))))
+
+
+def _room(rng: np.random.Generator, people: _People, floor: float = 1.0) -> tuple[float, float]:
+    """Draw length and depth of a room that is ``floor`` times as large as its people need, and no side below 3 m."""
+    area, aspect = max(floor * people.area, 9.0), np.exp(rng.uniform(-0.7, 0.7))
+    length = max(np.sqrt(area * aspect), 3.0)
+    return float(length), float(max(area / length, 3.0))
+
+
+def _opening(rng: np.random.Generator, length: float, width: float) -> tuple[float, float]:
+    """Draw where in a wall of this length a door begins and ends, 0.1 m or more off its ends."""
+    begin = rng.uniform(0.1, max(length - width - 0.1, 0.1))
+    return float(begin), float(begin + width)
+
+
+def _doors_of(rng: np.random.Generator, people: _People, length: float, depth: float, number: int) -> dict[str, Floats]:
+    """Draw exits of a room, each in a wall of its own."""
+    exits = {}
+    for side in rng.permutation(4)[:number]:
+        wall = length if side % 2 == 0 else depth
+        a, b = _opening(rng, wall, min(_width(rng, people), wall - 0.3))
+        line = [[(a, 0.0), (b, 0.0)], [(length, a), (length, b)], [(a, depth), (b, depth)], [(0.0, a), (0.0, b)]]
+        exits[("south", "east", "north", "west")[side]] = np.array(line[side])
+    return exits
+
+
+def _doors(rng: np.random.Generator, people: _People) -> _Plan:
+    """A room with one to four doors; everyone anywhere in it."""
+    length, depth = _room(rng, people)
+    exits = _doors_of(rng, people, length, depth, int(rng.choice([1, 2, 3, 4], p=[0.55, 0.25, 0.1, 0.1])))
+    room = _box(0.0, 0.0, length, depth)
+    return _Plan(f"a room of {length:.1f} x {depth:.1f} m, {len(exits)} exits", [room], exits, {"room": room})
+
+
+def _bottleneck(rng: np.random.Generator, people: _People) -> _Plan:
+    """A room that leads into a corridor with the exit at its end."""
+    length, depth = _room(rng, people)
+    low, high = _opening(rng, depth, _width(rng, people))
+    end = length + rng.uniform(0.5, 6.0)
+    room, passage = _box(0.0, 0.0, length, depth), _box(length, low, end, high)
+    about = f"a room before a passage {high - low:.2f} m wide"
+    return _Plan(about, [room, passage], {"end": np.array([(end, low), (end, high)])}, {"room": room})
+
+
+def _corner(rng: np.random.Generator, people: _People) -> _Plan:
+    """A corridor with a corner."""
+    width = max(rng.uniform(1.2, 4.0), people.area / 30.0)
+    arm, out = people.area / width, width + rng.uniform(3.0, 10.0)
+    first, second = _box(0.0, 0.0, arm + width + 1.0, width), _box(arm + 1.0, 0.0, arm + 1.0 + width, out)
+    exits = {"end": np.array([(arm + 1.0, out), (arm + 1.0 + width, out)])}
+    return _Plan(
+        f"a corridor of {width:.1f} m with a corner", [first, second], exits, {"arm": _box(0.0, 0.0, arm, width)}
+    )
+
+
+def _pillars(rng: np.random.Generator, people: _People) -> _Plan:
+    """A room with round pillars, and room to pass between them."""
+    length, depth = _room(rng, people, 1.3)
+    exits, pillars = _doors_of(rng, people, length, depth, int(rng.integers(1, 3))), []
+    middles = np.array([line.mean(axis=0) for line in exits.values()])
+    placed: list[tuple[Floats, float]] = []
+    for _ in range(12):
+        radius = rng.uniform(0.15, 0.6)
+        free = radius + 2.0 * people.body
+        if 2.0 * free >= min(length, depth):
+            continue
+        at = np.array([rng.uniform(free, length - free), rng.uniform(free, depth - free)])
+        if np.hypot(*(middles - at).T).min() < free + 0.3 or any(
+            np.hypot(*(at - other)) < free + size for other, size in placed
+        ):
+            continue
+        angle = 2.0 * np.pi * np.arange(16) / 16
+        pillars.append(at + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+        placed.append((at, radius))
+        if len(placed) == 6:
+            break
+    room = _box(0.0, 0.0, length, depth)
+    about = f"a room of {length:.1f} x {depth:.1f} m with {len(pillars)} pillars"
+    return _Plan(about, [room], exits, {"room": room}, obstacles=pillars)
+
+
+def _row_of_rooms(rng: np.random.Generator, people: _People) -> _Plan:
+    """Rooms one behind the other, the exit in the last."""
+    number, (length, depth) = int(rng.integers(2, 5)), _room(rng, people)
+    each = max(length / number, 2.5)
+    shapes, starts, left = [], {}, 0.0
+    for k in range(number):
+        shapes.append(_box(left, 0.0, left + each, depth))
+        starts[f"room-{k}"] = shapes[-1]
+        low, high = _opening(rng, depth, min(_width(rng, people), depth - 0.3))
+        left += each + _WALL
+        if k < number - 1:
+            shapes.append(_box(left - _WALL, low, left, high))
+    exits = {"end": np.array([(left - _WALL, low), (left - _WALL, high)])}
+    return _Plan(f"{number} rooms one behind the other", shapes, exits, starts)
+
+
+def _rooms_on_a_corridor(rng: np.random.Generator, people: _People) -> _Plan:
+    """Rooms on both sides of a corridor with an exit at one end or both."""
+    number, width = int(rng.integers(2, 5)), rng.uniform(1.5, 3.0)
+    side = max(np.sqrt(people.area / (2 * number)), 2.5)
+    end = number * (side + _WALL) - _WALL
+    shapes, starts = [_box(0.0, 0.0, end, width)], {}
+    for k in range(2 * number):
+        left, up = (k // 2) * (side + _WALL), k % 2 == 0
+        low, high = _opening(rng, side, min(_width(rng, people, 1.6), side - 0.3))
+        wall = (width, width + _WALL) if up else (-_WALL, 0.0)
+        floor = (wall[1], wall[1] + side) if up else (wall[0] - side, wall[0])
+        shapes += [_box(left, floor[0], left + side, floor[1]), _box(left + low, wall[0], left + high, wall[1])]
+        starts[f"room-{k}"] = shapes[-2]
+    exits = {"east": np.array([(end, 0.0), (end, width)]), "west": np.array([(0.0, 0.0), (0.0, width)])}
+    if rng.random() < 0.5:
+        del exits["west"]
+    return _Plan(f"{2 * number} rooms on a corridor of {width:.1f} m", shapes, exits, starts)
+
+
+def _streams(rng: np.random.Generator, people: _People) -> tuple[float, float]:
+    """Return width [m] and length [m] of where each of two streams starts: at 1.2 /m2 at most, and 15 m long."""
+    area = people.number / min(people.density, 1.2) / 2.0
+    width = max(rng.uniform(2.0, 5.0), area / 15.0)
+    return width, area / width
+
+
+def _merging(rng: np.random.Generator, people: _People) -> _Plan:
+    """Two streams meet and go on as one."""
+    width, arm = _streams(rng, people)
+    half, far, out = width / 2, width / 2 + 1.0, width + rng.uniform(3.0, 8.0)
+    shapes = [_box(-far - arm, 0.0, far + arm, width), _box(-half, 0.0, half, out)]
+    starts = {"left": _box(-far - arm, 0.0, -far, width), "right": _box(far, 0.0, far + arm, width)}
+    exits = {"end": np.array([(-half, out), (half, out)])}
+    return _Plan(f"two streams merge in corridors of {width:.1f} m", shapes, exits, starts)
+
+
+def _crossing(rng: np.random.Generator, people: _People) -> _Plan:
+    """Two streams cross at right angles."""
+    width, arm = _streams(rng, people)
+    half, far, out = width / 2, width / 2 + 1.0, width / 2 + rng.uniform(3.0, 8.0)
+    shapes = [_box(-far - arm, -half, out, half), _box(-half, -far - arm, half, out)]
+    starts = {"west": _box(-far - arm, -half, -far, half), "south": _box(-half, -far - arm, half, -far)}
+    exits = {"east": np.array([(out, -half), (out, half)]), "north": np.array([(-half, out), (half, out)])}
+    routes = {"west": "east", "south": "north"}
+    return _Plan(f"two streams cross in corridors of {width:.1f} m", shapes, exits, starts, routes)
+
+
+def _counter_flow(rng: np.random.Generator, people: _People) -> _Plan:
+    """Two groups walk towards each other in a corridor."""
+    width, arm = _streams(rng, people)
+    length = 2.0 * arm + rng.uniform(3.0, 12.0)
+    starts = {"left": _box(0.5, 0.0, arm + 0.5, width), "right": _box(length - arm - 0.5, 0.0, length - 0.5, width)}
+    exits = {"west": np.array([(0.0, 0.0), (0.0, width)]), "east": np.array([(length, 0.0), (length, width)])}
+    about = f"two groups meet in a corridor of {width:.1f} m"
+    return _Plan(about, [_box(0.0, 0.0, length, width)], exits, starts, {"left": "east", "right": "west"})
+
+
+KINDS: Mapping[str, Callable[[np.random.Generator, _People], _Plan]] = {
+    "doors": _doors,
+    "bottleneck": _bottleneck,
+    "corner": _corner,
+    "pillars": _pillars,
+    "row of rooms": _row_of_rooms,
+    "rooms on a corridor": _rooms_on_a_corridor,
+    "merging": _merging,
+    "crossing": _crossing,
+    "counter-flow": _counter_flow,
+}
