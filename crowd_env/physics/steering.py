@@ -21,7 +21,7 @@ LOOK_EVERY = 0.01  # s
 _MANY = 1000
 _UNIFORM = 0.05
 _AHEAD = (
-    8  # people: for the one so far ahead, most likely of the same field, what the look needs of its table is asked for
+    8  # people: what the look of the one so far ahead, most likely in the same field, needs of its table is asked for
 )
 
 

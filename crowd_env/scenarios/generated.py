@@ -17,10 +17,11 @@ import shapely
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import Range, known, whole
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.routing.route_set import Target
 from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
-from crowd_env.scenarios.groups import Groups
+from crowd_env.scenarios.groups import Groups, People
 from crowd_env.scenarios.population import Population
-from crowd_env.scenarios.scenario import COMMON, FULL_SPEED, Scenario, changed_place
+from crowd_env.scenarios.scenario import FULL_SPEED, Scenario, changed_place
 
 VERSION = 0
 SEEDS = Range(0, 2**62)
@@ -57,7 +58,16 @@ class _Plan(NamedTuple):
     obstacles: Sequence[Floats] = ()
 
 
-def generated(*, seed: int = 0, kind: str | None = None, **options: Any) -> Scenario:
+def generated(
+    *,
+    seed: int = 0,
+    kind: str | None = None,
+    people: int | None = None,
+    population: People | None = None,
+    time_limit: float | None = None,
+    blocked_after: float | None = None,
+    target: Target | None = None,
+) -> Scenario:
     """Return the place of a ``seed``; of one ``kind`` (a name in `KINDS`) if that is given.
 
     Raises
@@ -69,8 +79,8 @@ def generated(*, seed: int = 0, kind: str | None = None, **options: Any) -> Scen
     rng = np.random.default_rng((VERSION, seed))
     drawn = list(KINDS)[int(rng.integers(len(KINDS)))]
     drawn = drawn if kind is None else known("kind of place", kind, KINDS)
-    people = _draw_people(rng)
-    plan = KINDS[drawn](rng, people)
+    crowd = _draw_people(rng)
+    plan = KINDS[drawn](rng, crowd)
     turn = _turn(rng)
     # In whole millimeters, and before it is turned: what touches then still does.
     floor = shapely.union_all(shapely.polygons([np.round(shape, 3) for shape in plan.walkable]))
@@ -80,29 +90,27 @@ def generated(*, seed: int = 0, kind: str | None = None, **options: Any) -> Scen
         obstacles=[turn(shape) for shape in plan.obstacles],
         regions={name: turn(shape) for name, shape in plan.starts.items()},
     )
-    shares = np.full(len(plan.starts), people.number // len(plan.starts))
-    shares[: people.number % len(plan.starts)] += 1
+    shares = np.full(len(plan.starts), crowd.number // len(plan.starts))
+    shares[: crowd.number % len(plan.starts)] += 1
     groups = [
-        Population(int(n), start_region=name, route=plan.routes.get(name), name=name, **people.fields)
+        Population(int(n), start_region=name, route=plan.routes.get(name), name=name, **crowd.fields)
         for n, name in zip(shares, plan.starts, strict=True)
         if n > 0
     ]
-    slow, late = people.fields["desired_speed"].low, people.fields["response_time"].high
+    slow, late = crowd.fields["desired_speed"].low, crowd.fields["response_time"].high
     walk = 2.0 * np.ptp(shapely.get_coordinates(geometry.walkable), axis=0).sum() / slow
-    queue = people.number / (_LEAST_FLOW * sum(geometry.exit_widths.values()))
+    queue = crowd.number / (_LEAST_FLOW * sum(geometry.exit_widths.values()))
     place = Scenario(
         "generated-v0",
         geometry,
         Groups(tuple(groups)) if len(groups) > 1 else groups[0],
         float(np.ceil(60.0 + walk + queue + late)),
-        f"place {seed}: {plan.about}, {people.number} people",
+        f"place {seed}: {plan.about}, {crowd.number} people",
         f"drawn by version {VERSION} of crowd_env.scenarios.generated from the seed {seed}",
         **{**FULL_SPEED, "strategy": None, "blocked_after": 30.0 + late},
     )
-    return changed_place(place, options)
-
-
-generated.__kwdefaults__ |= dict.fromkeys(COMMON)  # type: ignore[operator]  # a function with keyword arguments has them
+    given = {"people": people, "population": population, "time_limit": time_limit}
+    return changed_place(place, {**given, "blocked_after": blocked_after, "target": target})
 
 
 def law_of(seed: int) -> str:
