@@ -23,6 +23,7 @@ from crowd_env.geometry.boundary import ends_together, open_boundary, solid_dept
 from crowd_env.geometry.doors import read_doors
 from crowd_env.geometry.jambs import NO_ARCS, Arcs, deepen_exits, round_jambs
 from crowd_env.geometry.parsing import (
+    ROUNDED,
     SLIVER,
     Area,
     Shape,
@@ -288,7 +289,9 @@ class Geometry:
 
     def area_of(self, region: str | None = None) -> float:
         """Return the walkable area [m^2], of a region if one is named."""
-        return self.area if region is None else float(shapely.intersection(self.walkable, self.regions[region]).area)
+        if region is None:
+            return self.area
+        return float(shapely.intersection(self.walkable, self.regions[region], grid_size=ROUNDED).area)
 
     @cached_property
     def exit_widths(self) -> dict[str, float]:
@@ -422,7 +425,7 @@ def _regions(
         if name in exits:
             raise ValueError(f"region {name!r} has the name of an exit; names of regions and exits must differ")
         shape = read_area(thing, f"region {name!r}")
-        if shapely.intersection(area, shape).area <= SLIVER:
+        if shapely.intersection(area, shape, grid_size=ROUNDED).area <= SLIVER:
             at = place(shapely.get_coordinates(shape.representative_point())[0])
             if is_within(shape, left_out):
                 raise ValueError(f"region {name!r} around {at} lies in a part that no exit reaches; open an exit there")

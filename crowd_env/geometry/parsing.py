@@ -24,6 +24,8 @@ Shape: TypeAlias = BaseGeometry | str | ArrayLike
 """A shapely geometry, its WKT, or (K, 2) coordinates [m]."""
 
 SLIVER = 1e-6  # m; shorter pieces of wall are dropped
+# m; what is nearer is the same but for rounding.  GEOS loses pieces of shapes that share edges but for that, unless told so.
+ROUNDED = 1e-9
 _MIN_AREA = 1e-9  # m^2
 _DEEPEST = 50  # collections in collections; of tens of thousands GEOS overruns the stack, which ends the process
 _MIN_EXIT = 0.02  # m; below this an exit is a slip of the pen (and could not be told from the snap tolerance)

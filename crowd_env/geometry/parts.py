@@ -11,11 +11,10 @@ import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.geometry.parsing import Area, place
+from crowd_env.geometry.parsing import ROUNDED, Area, place
 
 _EXACT = 0.999  # of a body has to fit
 GAP = 0.01  # m; parts nearer to each other than this were meant to touch
-_ROUNDED = 1e-9  # m; gaps of this size come from rounding
 _INTO = 1e-6  # m; how far a corner is moved into the other part, so that the two overlap
 
 
@@ -24,7 +23,7 @@ def join_near_parts(area: Area, what: str) -> Area:
     parts = list(shapely.get_parts(area))
     if len(parts) < 2:
         return area
-    snapped = shapely.union_all(parts, grid_size=_ROUNDED)
+    snapped = shapely.union_all(parts, grid_size=ROUNDED)
     if len(shapely.get_parts(snapped)) < len(parts):  # nobody has drawn what rounding leaves between two parts
         return join_near_parts(snapped, what)
     tree = shapely.STRtree(parts)

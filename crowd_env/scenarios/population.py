@@ -10,6 +10,7 @@ import shapely
 from crowd_env.core.arrays.state import MAX_SPEED, MOTIVATION, Bodies, Floats, make_bodies
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, from_table, known, plain_name, whole
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.parsing import ROUNDED
 from crowd_env.geometry.placement import CLOSEST_PACKING, sample_positions
 from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
 from crowd_env.scenarios.starts import as_positions, check_starts
@@ -203,7 +204,7 @@ def require_room(geometry: Geometry, parts: Iterable[Population], room: float = 
         area = reached = geometry.area_of(region)
         if region is not None and cover > CLOSEST_PACKING * area:  # centers lie in it, bodies may reach out
             around = shapely.buffer(geometry.regions[region], widest)
-            reached = float(shapely.intersection(geometry.walkable, around).area)
+            reached = float(shapely.intersection(geometry.walkable, around, grid_size=ROUNDED).area)
         if cover > CLOSEST_PACKING * reached:
             where = f"{area:.1f} m2" + ("" if region is None else f" of {region!r}")
             most = int(count * CLOSEST_PACKING * reached / cover)

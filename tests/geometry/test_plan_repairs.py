@@ -207,3 +207,17 @@ def test_rooms_that_touch_are_one_however_they_are_turned():
         place = quietly(rooms, exits=[np.array([(x + u, 0.2), (x + u, 0.8)]) @ axes])
         assert len(shapely.get_parts(place.walkable)) == 1
         assert place.walkable.area == pytest.approx(x * y + u * (y + v))
+
+
+def test_regions_keep_their_area_however_they_are_turned():
+    rng = np.random.default_rng(0)
+    for _ in range(500):
+        angle, (x, y, u) = rng.uniform(0.0, 6.3), rng.uniform(2.0, 9.0, 3)
+        axes = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        room, region = ((points @ axes) + 7.0 for points in (corners(0.0, x + u, y), corners(0.5, x, y)))
+        place = quietly(room, exits=[np.array([(x + u, 0.2), (x + u, 0.8)]) @ axes + 7.0], regions={"here": region})
+        assert place.area_of("here") == pytest.approx((x - 0.5) * y)
+
+
+def corners(left, right, top):
+    return np.array([(left, 0.0), (right, 0.0), (right, top), (left, top)])
