@@ -136,21 +136,24 @@ def route_from(e: int, i: int, j: int, view: View) -> tuple[float, float, float]
 
 @inner_kernel
 def write_ahead(e: int, i: int, count: int, begin: int, view: View, plan: Plan, out: Rows) -> None:
-    """Write the term `ahead` of person ``i``: of equally near people the one in the first slot is the next."""
+    """Write the term `ahead` of person ``i``: of equally near people the one in the first slot is the next.
+
+    Those on other ways do not count: two streams that cross or meet would wait for each other for ever.
+    """
     around, velocity, first = plan.around, view.state.velocity, plan.column.ahead
     x, y, own = view.state.position[i, 0], view.state.position[i, 1], view.distance_to_go[i]
-    ahead, least, following = 0, np.inf, -1
+    field, ahead, least, following = view.field_of_route[e, view.followed[i]], 0, np.inf, -1
     for n in range(count):
         dx, dy, j = x - around[0, n], y - around[1, n], begin + int(around[3, n])
-        if j == i or dx * dx + dy * dy >= SIGHT * SIGHT:
+        if j == i or dx * dx + dy * dy >= SIGHT * SIGHT or view.field_of_route[e, view.followed[j]] != field:
             continue
-        lead = own - route_from(e, i, j, view)[2]
+        lead = own - view.distance_to_go[j]
         if lead > 0.0:  # false for nan
             ahead += 1
             if lead < least or (lead == least and j < following):
                 least, following = lead, j
     if ahead > 0:
-        ex, ey, _ = route_from(e, i, following, view)
+        ex, ey = view.direction[following, 0], view.direction[following, 1]
         out[i, first] = max(1.0 - least * (1.0 / SIGHT), 0.0)
         out[i, first + 1] = clipped((velocity[following, 0] * ex + velocity[following, 1] * ey) / SPEED_SCALE)
         out[i, first + 2] = ahead / (ahead + AHEAD_SCALE)
