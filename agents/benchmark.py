@@ -51,7 +51,7 @@ def _ppo(config: dict[str, Any], watch: "Watch") -> None:
 def _evolution(config: dict[str, Any], watch: "Watch") -> None:
     from .learned.evolution import evolve
 
-    evolve(place_of(config), physics_of(config), config["seed"], watch)
+    evolve(place_of(config), physics_of(config), config["seed"], watch.goes_on)
 
 
 class Algorithm(NamedTuple):
@@ -73,7 +73,7 @@ ALGORITHMS: Mapping[str, Algorithm] = MappingProxyType(
     {
         "ppo": Algorithm("PPO by stable-baselines3, begun at the rule", _ppo),
         "ppo-cloned": Algorithm("the same, begun as a training of the task is", _ppo, None),
-        "evolution": Algorithm("CMA-ES over eight constants of a local rule", _evolution),
+        "evolution": Algorithm("CMA-ES over seven weights of what is seen, begun at full speed", _evolution),
     }
 )
 

@@ -14,13 +14,13 @@ from crowd_env import ObservationLayout, ObservationTerm
 from crowd_env.core.arrays.headway import Manner, make_manner
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
-from crowd_env.envs.observation.neighbors import AHEAD_SCALE, DENSITY_RADIUS, DENSITY_SCALE
-from crowd_env.envs.observation.view import SIGHT, SPEED_SCALE, TIME_SCALE
+from crowd_env.envs.observation.neighbors import DENSITY_RADIUS, DENSITY_SCALE
+from crowd_env.envs.observation.view import SPEED_SCALE
 
 from .surroundings import LEADER, PREDECESSOR, read_leader
 
-_ANY = Range(-10.0, 10.0)  # of constants that a search may set
-_FAR = 5.0  # m
+_ANY = Range(-100.0, 100.0)  # of weights that a search may set
+_SLOWEST, _FASTEST = 0.05, 3.0  # 2 m/s, of a desired speed that is divided by; and times one's own
 
 
 class WalkingRule(ABC):
@@ -222,65 +222,59 @@ class Zipper(Follow):
 
 @dataclass(frozen=True)
 class Evolved(WalkingRule):
-    """`Follow` with more constants, all of them found by a search: what a search over eight numbers is worth.
+    """A weighted sum of what is seen: nobody has written down a gap to keep, or whom to follow.
 
-    It sees what learned policies see, people within 3 m, through compiled terms of the observation.
+        V = v_0 clip(1 + w . x, -1, 1)
 
-        V = clip(m u - h v + (s_i - s_j - d - c n / 10 - f min(s_i / 5 m, 1)) / T, -b v_0, v_0)
-
-    with the rest s of the way to the exit, the speed u of the next nearer person j along that person's way, the own speed v,
-    and the number n of people within 3 m who are nearer to the exit.  Full speed with nobody nearer.  To the side it wants
-    ``a k^4`` of the own desired speed, away from the nearest person of all, of closeness k (1 at contact, 0 at 3 m).
-
-    Linear car following (Helly 1959) of the next in the order of distance to the exit, as `Follow`, but of all within 3 m and
-    not of those in front alone, and with the own speed fed back: who wants to keep a distance exactly has to make up for the
-    relaxation time.  The constants are fitted for ``competitive-door`` by CMA-ES, see docs/training.md.
+    along the way, v_0 the own desired speed.  x is what learned policies see too, people within 3 m of those on the same way,
+    through compiled terms of the observation, as they are scaled there.  With all weights 0 it is full speed, where a search
+    begins (`crowd_env.agents.learned.evolution`).  The weights were found for ``competitive-door``, from nothing: they come
+    close to the linear car following of Helly (1959), which `Follow` was given.
 
     Parameters
     ----------
-    spacing : m, ``d``, kept from center to center along the way.
-    crowd : m, ``c``, by which that grows with every ten people who are nearer to the exit.
-    far : m, ``f``, by which that grows up to 5 m before the exit.
-    time : s, ``T``, in which a difference from that is made up for.
-    match : ``m``, of the speed of the next nearer person.
-    damping : ``h``, of the own speed.
-    side : ``a``, share of the desired speed; below 0 it is towards the nearest person.
-    back : ``b``, share of the desired speed at which one steps back at most.
+    own : weight of the own speed along the way, as a share of v_0.
+    far : of the term ``travel_time``.
+    density : of the term ``density``.
+    close : of the closeness of the next person nearer to the exit, 0 if there is none.
+    match : of the speed of that person along the way, as a share of v_0, at most 3.
+    crowd : of the number of those nearer to the exit, as the term ``ahead`` has it.
+    always : added in any case.
 
     Raises
     ------
     ValueError
-        If a constant is out of range.
+        If a weight is out of range.
     """
 
     name = "evolution"
-    terms = ("velocity", "desired_speed", "travel_time", "neighbors", "ahead")
-    spacing: float = 0.376
-    crowd: float = 0.408
-    far: float = -0.26
-    time: float = 0.201
-    match: float = 1.247
-    damping: float = 0.999
-    side: float = -0.046
-    back: float = 0.743
+    terms = ("velocity", "desired_speed", "travel_time", "density", "ahead")
+    own: float = -3.0
+    far: float = 2.64
+    density: float = 2.29
+    close: float = -8.9
+    match: float = 3.99
+    crowd: float = -3.89
+    always: float = 6.21
 
     def __post_init__(self) -> None:
-        free = dict.fromkeys(("spacing", "crowd", "far", "match", "damping"), _ANY)
-        check_fields(self.name, self, time=POSITIVE, side=Range(-1.0, 1.0), back=SHARE, **free)
+        check_fields(self.name, self, **dict.fromkeys(self.__dataclass_fields__, _ANY))
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
-        """Return the speed that keeps the distance to the next nearer person, and the step aside."""
-        seen = {name: observation[:, layout[name]].astype(np.float64) for name in layout.names}
-        desired = desired_speed(observation, layout)
-        rest = desired * _unsquashed(seen["travel_time"][:, 0], TIME_SCALE)
-        closeness, speed, share = seen["ahead"].T
-        gap = SIGHT * (1.0 - closeness) - self.spacing - self.crowd * _unsquashed(share, AHEAD_SCALE) / 10.0
-        gap -= self.far * np.minimum(rest / _FAR, 1.0)
-        velocity = SPEED_SCALE * (self.match * speed - self.damping * seen["velocity"][:, 0]) + gap / self.time
-        action = along(np.where(share > 0.0, velocity, np.inf), desired, self.back)
-        nearest = seen["neighbors"]  # the first five columns are of the nearest
-        action[:, 1] = -self.side * np.sign(nearest[:, 1]) * nearest[:, 4] ** 4
-        return action / np.maximum(np.hypot(*action.T), 1.0)[:, None]
+        """Return the speed along the way."""
+        weights = np.array([getattr(self, name) for name in self.__dataclass_fields__])
+        share = 1.0 + inputs(observation, layout) @ weights
+        return np.column_stack([np.clip(share, -1.0, 1.0), np.zeros(len(share))])
+
+
+def inputs(observation: np.ndarray, layout: ObservationLayout) -> Floats:
+    """Return what `Evolved` weighs (P, 7), from an observation that holds its terms."""
+    seen = {name: observation[:, layout[name]].astype(np.float64) for name in Evolved.terms}
+    desired, ahead = np.maximum(seen["desired_speed"][:, 0], _SLOWEST), seen["ahead"]
+    match = np.minimum(ahead[:, 1] / desired, _FASTEST)
+    own, always = seen["velocity"][:, 0] / desired, np.ones(len(observation))
+    columns = own, seen["travel_time"][:, 0], seen["density"][:, 0], ahead[:, 0], match, ahead[:, 2], always
+    return np.column_stack(columns)
 
 
 def desired_speed(observation: np.ndarray, layout: ObservationLayout) -> Floats:
@@ -291,8 +285,3 @@ def desired_speed(observation: np.ndarray, layout: ObservationLayout) -> Floats:
 def along(velocity: Floats, desired: Floats, back: float = 0.0) -> np.ndarray:
     """Return the actions (P, 2) of velocities (P,) [m/s] along the way, within ``-back`` and 1 of the desired speed."""
     return np.column_stack([np.clip(velocity / desired, -back, 1.0), np.zeros(len(velocity))])
-
-
-def _unsquashed(value: Floats, scale: float) -> Floats:
-    """Return x from x / (x + scale)."""
-    return scale * value / np.maximum(1.0 - value, 1e-9)
