@@ -29,7 +29,7 @@ from .policy import Policy
 from .rules import StrategyPolicy
 from .tasks import Task, make_task
 from .trained import NUMBERS, LearnedPolicy, names_file
-from .training_config import make_env, physics_of, place_of, start_of, task_config
+from .training_config import make_env, physics_of, place_of, task_config
 
 if TYPE_CHECKING:
     from .learned.watch import Watch
@@ -41,11 +41,11 @@ _FEWEST = 10  # seeds: an interval of fewer is too short, see `bootstrap_interva
 
 
 def _ppo(config: dict[str, Any], watch: "Watch") -> None:
+    from .learned.evolution import first_rule
     from .learned.ppo import PPOSettings
     from .learned.watch import train_ppo
 
-    start = None if config["start"] == RULE else start_of(config)
-    train_ppo(make_env(config), PPOSettings(**config["ppo"]), config["seed"], watch, start)
+    train_ppo(make_env(config), PPOSettings(**config["ppo"]), config["seed"], watch, first_rule(config))
 
 
 def _evolution(config: dict[str, Any], watch: "Watch") -> None:

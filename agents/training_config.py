@@ -27,10 +27,11 @@ from .evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
 from .runs import versions
 from .tasks import Task, make_preset, make_task
 from .tasks.presets import training_place
-from .walking import WalkingRule
+from .walking import Evolved, WalkingRule
 
 # People simulated side by side in training: a rollout of more takes many gigabytes.
 MOST_PEOPLE = 200_000
+NOTHING = "nothing"  # training begins with a search that begins at full speed
 MINUTES = 15.0  # after which a training on a task stops on a machine that is too slow for its steps
 # PPO of a controller, where it departs from that of a policy: decisions are rare, and one a crowd.
 ROUTING_PPO: dict[str, Any] = {"learning_rate": 1e-3, "n_steps": 32, "batch_size": 256}
@@ -171,7 +172,7 @@ def start_of(config: Mapping[str, Any]) -> WalkingRule:
         If it is no rule of walking.
     """
     names = [name for name, kind in POLICIES.items() if issubclass(kind, WalkingRule)]
-    return cast(WalkingRule, make_policy(known("start", config["start"], [RULE, *names])))
+    return cast(WalkingRule, make_policy(known("start", config["start"], [RULE, NOTHING, *names])))
 
 
 def judged_place(config: Mapping[str, Any]) -> Scenario:
@@ -241,7 +242,7 @@ def check_config(config: Mapping[str, Any]) -> None:
         raise ValueError(f"--start is {config['start']}: a controller begins at the nearest exits; leave it out")
     env = make_env(config, envs=1)
     if config["start"] != RULE:
-        rule = start_of(config)
+        rule = Evolved() if config["start"] == NOTHING else start_of(config)
         rule.act(np.zeros((env.num_people, env.layout.size), dtype=np.float32), env.layout, np.random.default_rng(0))
 
 

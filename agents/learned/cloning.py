@@ -5,6 +5,8 @@ in a cluster and dash through the door one by one; the same reward pays more whe
 starts there stays there.
 """
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, cast
 
 import gymnasium
@@ -16,15 +18,25 @@ from torch.nn import functional
 
 from crowd_env import CrowdEnv
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.console import say
 from crowd_env.envs.action import SpeedTable
 from crowd_env.envs.adapters.sb3 import CrowdVecEnv
 
 from ..walking import WalkingRule
+from .evolution import first_rule
 
 ROUNDS, DECISIONS, EPOCHS = 8, 300, 4  # of DAgger: decision steps of each, and passes over all that is kept
 _KEPT = 0.25  # of the samples: neighboring decisions are much alike
 _LEARNING_RATE, _BATCH = 1e-3, 4096
 _TEACHER_ROUNDS = 3  # until the policy acts for itself
+
+
+def begin(model: Any, config: Mapping[str, Any], folder: Path | None = None, threads: int = 1) -> None:
+    """Let the policy of a new model begin as the config of a run says, see `first_rule`."""
+    rule = first_rule(config, folder, threads)
+    if rule is not None:
+        say(f"cloning {rule.name}, a fraction of a minute ...")
+        clone(model, rule, config["seed"])
 
 
 def clone(model: Any, rule: WalkingRule, seed: int) -> float:

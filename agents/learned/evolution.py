@@ -5,20 +5,27 @@ together: what pays only where everyone does it, such as a gap that all keep, is
 actions, by which PPO explores, averages to nothing over the half second in which a body follows.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
 from crowd_env import CrowdEnv, Scenario
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.console import notes, progress_bar, say
+from crowd_env.core.files.json_file import read_json, write_json
 from crowd_env.envs.settings import arguments_of
 
+from ..evaluation.entries import RULE
 from ..evaluation.evaluation import HELD_OUT_SEED
 from ..policy import Policy
-from ..walking import Evolved, inputs
+from ..training_config import NOTHING, physics_of, place_of, start_of
+from ..walking import Evolved, WalkingRule, inputs
 
+FOUND = "search.json"  # weights, in the folder of a run
+GENERATIONS = 60
 _PATIENCE = 30.0  # s without anyone getting out, after which a run is given up
 _SECONDS = 2.5  # s a person, which a run may take: exits of 0.4 people a second
 
@@ -71,6 +78,35 @@ def evolve(
         costs, decided = _race(env, np.repeat(candidates, draws, axis=0), [*range(first, first + draws)] * population)
         search.tell(candidates, costs.reshape(population, draws).mean(axis=1))
         steps += decided
+
+
+def first_rule(config: Mapping[str, Any], folder: Path | None = None, threads: int = 1) -> WalkingRule | None:
+    """Return the rule whose clone a training begins at; None: it begins at full speed.
+
+    From nothing it is what a search finds in 60 generations, a minute or two of a core.  The ``folder`` of a run keeps it, so
+    that a run that is gone on with does not search again.
+    """
+    if config["start"] == RULE:
+        return None
+    if config["start"] != NOTHING:
+        return start_of(config)
+    kept = None if folder is None else folder / FOUND
+    if kept is not None and kept.exists():
+        return Evolved(**read_json(kept))
+    found: list[Policy] = []
+    with progress_bar("searching from nothing, generations", GENERATIONS) as progress:
+
+        def goes_on(steps: int, policy: Callable[[], Policy]) -> bool:
+            found.append(policy())
+            progress(1)
+            if not notes.is_terminal and len(found) % 15 == 1:
+                say(f"searching from nothing: {len(found) - 1} of {GENERATIONS} generations")
+            return len(found) <= GENERATIONS
+
+        evolve(place_of(config), {**physics_of(config), "threads": threads}, config["seed"], goes_on)
+    if kept is not None:
+        write_json(kept, asdict(cast(Evolved, found[-1])))
+    return cast(Evolved, found[-1])
 
 
 def _race(env: CrowdEnv, weights: Floats, seeds: list[int]) -> tuple[Floats, int]:

@@ -24,13 +24,12 @@ from crowd_env.core.files.csv_table import write_csv
 from crowd_env.envs.routing.env import RoutingVectorEnv
 
 from ..evaluation.comparison import last_times
-from ..evaluation.entries import RULE
 from ..evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from ..networks import NETWORK, Network
 from ..trained import LearnedController, LearnedPolicy
-from ..training_config import facts_of, judged_place, make_env, physics_of, start_of
+from ..training_config import facts_of, judged_place, make_env, physics_of
 from .checkpoint import read_checkpoint, write_checkpoint
-from .cloning import clone
+from .cloning import begin
 from .export import network_of, spread_of
 from .ppo import PPOSettings, make_ppo
 from .rate import FallingRate
@@ -220,9 +219,8 @@ def train_here(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
         venv: Any = model.get_env()
         venv.seed((config["seed"] + model.num_timesteps) % HELD_OUT_SEED)  # other draws
         say(f"going on at {model.num_timesteps} steps")
-    elif config["start"] != RULE:
-        say(f"cloning {config['start']}, a fraction of a minute ...")
-        clone(model, start_of(config), config["seed"])
+    else:
+        begin(model, config, folder, threads)
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     callback = TrainingCallback(keeper, env)
     left = config["steps"] - model.num_timesteps

@@ -1,6 +1,7 @@
 """The network that RLlib trains: it begins as the native one would, and is turned into plain numbers afterwards."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -11,8 +12,8 @@ from crowd_env import CrowdEnv
 
 from ...evaluation.entries import RULE
 from ...networks import MLP
-from ...training_config import make_env, start_of
-from ..cloning import clone
+from ...training_config import make_env
+from ..cloning import begin
 from ..export import network_of
 from ..ppo import PPOSettings, make_ppo
 
@@ -31,13 +32,11 @@ def model_config(env: CrowdEnv, settings: PPOSettings) -> DefaultModelConfig:
     )
 
 
-def first_policy(config: Mapping[str, Any]) -> MLP:
-    """Return the policy that training starts from: the rule, or the clone of a better one."""
-    cloned = config["start"] != RULE
-    env = make_env(config, envs=None if cloned else 1)
+def first_policy(config: Mapping[str, Any], folder: Path, threads: int) -> MLP:
+    """Return the policy that training starts from, as the native training would."""
+    env = make_env(config, envs=1 if config["start"] == RULE else None)
     model = make_ppo(env, PPOSettings(**config["ppo"]), config["seed"])
-    if cloned:
-        clone(model, start_of(config), config["seed"])
+    begin(model, config, folder, threads)
     network = network_of(model)
     assert isinstance(network, MLP)
     return network

@@ -11,7 +11,6 @@ from typing import Any
 from crowd_env.core.console import progress_bar, say, stops_by
 from crowd_env.core.executors import RayCluster
 
-from ...evaluation.entries import RULE
 from ...training_config import make_env
 from ..rate import FallingRate
 from ..training import Keeper, trained_in
@@ -56,7 +55,7 @@ class _Training:
     """One part of a training, from its start or last checkpoint to the end of its budget, or Ctrl-C."""
 
     def __init__(self, folder: Path, config: Mapping[str, Any], runners: int, threads: int) -> None:
-        self.folder, self.config, self.interrupted = folder, config, False
+        self.folder, self.config, self.threads, self.interrupted = folder, config, threads, False
         self.keeper, self.env = Keeper(folder, config, threads), make_env(config, envs=1)
         say(f"{runners} runners simulate; compiling the physics takes half a minute of each node the first time")
         self.algorithm = make_algorithm(config, runners)
@@ -96,9 +95,8 @@ class _Training:
 
     def _start(self) -> None:
         """Begin as the native training would."""
-        if self.config["start"] != RULE:
-            say(f"cloning {self.config['start']}, a fraction of a minute ...")
-        begin_with(self.algorithm, first_policy(self.config), self.config["ppo"]["log_std_init"])
+        first = first_policy(self.config, self.folder, self.threads)
+        begin_with(self.algorithm, first, self.config["ppo"]["log_std_init"])
 
     def _interrupt(self, number: int, frame: FrameType | None) -> None:
         if self.interrupted:
