@@ -1,4 +1,6 @@
-"""The rule whose constants are searched, and the search."""
+"""The rule whose weights are searched, and the search."""
+
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -8,15 +10,17 @@ from late import late
 from crowd_env import CrowdEnv
 from crowd_env.agents import Evolved
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
-from crowd_env.envs.rollout import run_episodes
+from crowd_env.agents.training_config import default_config
 from crowd_env.envs.settings import arguments_of
 
 evolution = late("crowd_env.agents.learned.evolution")
 OPTIONS = {"scheme": "nsm2", "dt": 0.01, "decision_dt": 0.1}
+NOTHING = Evolved(**dict.fromkeys(asdict(Evolved()), 0.0))
+SMALL = {"population": 4, "draws": 2}
 
 
 def test_the_rule_of_all_is_its_law_for_each():
-    policy = Evolved(spacing=0.4, crowd=0.3, far=-0.2, time=0.25, match=1.2, damping=0.7, side=0.3, back=0.6)
+    policy = Evolved(own=-0.7, far=0.4, density=-0.9, close=-0.8, match=1.2, crowd=0.5, always=0.3)
     env = CrowdEnv(hall(40, speed=1.6), num_envs=2, **arguments_of(policy.env_options))
     env.reset([3, 4])
     observation = [env.step(None).observation for _ in range(25)][-1]
@@ -27,41 +31,33 @@ def test_the_rule_of_all_is_its_law_for_each():
     for i in np.flatnonzero(state.active):
         mine = env.people(env.env_of_person[i])
         others = [j for j in range(mine.start, mine.stop) if j != i and state.active[j]]
-        near = [j for j in others if np.hypot(*(x[j] - x[i])) < 3.0]
-        nearer = [j for j in near if rest[j] < rest[i]]
-        speed = wanted[i]
+        around = sum(np.hypot(*(x[j] - x[i])) < 1.0 for j in others) + 1
+        nearer = [j for j in others if np.hypot(*(x[j] - x[i])) < 3.0 and rest[j] < rest[i]]
+        time = rest[i] / wanted[i]
+        share = 1.0 - 0.7 * np.clip(v[i] @ ways[i] / wanted[i], -9.0, 2.0 / wanted[i]) + 0.4 * time / (time + 5.0)
+        share += 0.3 - 0.9 * around / (np.pi * 8.0)
         if nearer:
             j = max(nearer, key=rest.__getitem__)
-            gap = min(rest[i] - rest[j], 3.0) - 0.4 - 0.3 * len(nearer) / 10 + 0.2 * min(rest[i] / 5.0, 1.0)
-            speed = 1.2 * min(v[j] @ ways[j], 2.0) - 0.7 * (v[i] @ ways[i]) + gap / 0.25
-        along, across = np.clip(speed / wanted[i], -0.6, 1.0), 0.0
-        if near:
-            j = min(near, key=lambda j: np.hypot(*(x[j] - x[i])) - bodies.radius[i] - bodies.radius[j])
-            left = ways[i, 0] * (x[j] - x[i])[1] - ways[i, 1] * (x[j] - x[i])[0]
-            gap = max(np.hypot(*(x[j] - x[i])) - bodies.radius[i] - bodies.radius[j], 0.0)
-            across = -0.3 * np.sign(left) * (1.0 - gap / 3.0) ** 4
-        expected = np.array([along, across]) / max(np.hypot(along, across), 1.0)
-        np.testing.assert_allclose(action[i], expected, atol=2e-4)
-        free += along > 0.99
-    assert 0 < free < state.active.sum()
+            share -= 0.8 * (1.0 - min(rest[i] - rest[j], 3.0) / 3.0)
+            share += 1.2 * min(v[j] @ ways[j], 2.0) / wanted[i] + 0.5 * len(nearer) / (len(nearer) + 10.0)
+        np.testing.assert_allclose(action[i], [np.clip(share, -1.0, 1.0), 0.0], atol=2e-4)
+        free += abs(share) < 1.0
+    assert free > 10
 
 
-def test_every_constant_is_searched_and_the_ones_that_ship_lie_within_the_bounds():
-    shipped = {name: getattr(Evolved(), name) for name in Evolved.__dataclass_fields__}
-    assert list(evolution.SEARCHED) == list(shipped)
-    for name, one in evolution.SEARCHED.items():
-        assert one.low <= one.start <= one.high and one.low <= shipped[name] <= one.high
+def test_nothing_is_full_speed():
+    env = CrowdEnv(hall(10), **arguments_of(NOTHING.env_options))
+    observation, _ = env.reset(seed=0)
+    assert (NOTHING.act(observation, env.layout, np.random.default_rng(0)) == (1.0, 0.0)).all()
 
 
 class Generations:
-    """A watch that lets a search go on for so many generations."""
-
-    decision_dt = 0.1
+    """Lets a search go on for so many generations."""
 
     def __init__(self, count):
         self.left, self.policies, self.steps = count, [], []
 
-    def goes_on(self, steps, policy):
+    def __call__(self, steps, policy):
         self.policies.append(policy())
         self.steps.append(steps)
         self.left -= 1
@@ -71,51 +67,56 @@ class Generations:
 @pytest.fixture
 def draws(monkeypatch):
     """Record which draws a search takes."""
-    taken = []
+    taken, reset = [], CrowdEnv.reset
 
-    def recorded(place, runs, *, seed, driver):
-        taken.append((seed, runs))
-        return run_episodes(place, runs, seed=seed, driver=driver)
+    def recorded(self, seed=None, mask=None):
+        taken.append(seed)
+        return reset(self, seed, mask)
 
-    monkeypatch.setattr(evolution, "run_episodes", recorded)
+    monkeypatch.setattr(CrowdEnv, "reset", recorded)
     return taken
 
 
-def test_a_search_begins_at_follow_takes_training_draws_and_can_be_repeated(draws):
+def test_a_search_begins_at_nothing_takes_training_draws_and_can_be_repeated(draws):
     found = []
     for seed in (5, 5, 6):
-        watch = Generations(2)
-        evolution.evolve(hall(6), OPTIONS, seed, watch, evolution.EvolutionSettings(population=4, draws=2))
-        found.append(watch)
+        found.append(Generations(2))
+        evolution.evolve(hall(6), OPTIONS, seed, found[-1], evolution.EvolutionSettings(**SMALL))
     first, again, other = found
     assert first.policies == again.policies and first.steps == again.steps and first.policies != other.policies
-    assert first.policies[0] == Evolved(**{name: one.start for name, one in evolution.SEARCHED.items()})
-    assert all(seed + runs <= HELD_OUT_SEED for seed, runs in draws)
-    assert len({seed for seed, _ in draws[:8]}) == 2  # one set of draws a generation
+    assert first.policies[0] == NOTHING != first.policies[-1]
+    assert all(seeds == 4 * seeds[:2] and max(seeds) < HELD_OUT_SEED for seeds in draws)  # all are judged on the same
+    assert draws[0] != draws[1] and draws[0] == draws[2]  # others in every generation
     assert first.steps[0] == 0 < first.steps[1] < first.steps[2]
 
 
 def test_a_search_finds_what_is_asked_for(monkeypatch):
-    """With a made-up cost: the nearer to a spacing of 0.9 m the better."""
-
-    (episode,) = run_episodes(hall(1), 1)
-
-    def made_up(place, runs, *, seed, driver):
-        last = 10.0 + (driver.policy.spacing - 0.9) ** 2
-        return [episode._replace(metrics=episode.metrics._replace(evacuation_time=last))]
-
-    monkeypatch.setattr(evolution, "run_episodes", made_up)
-    watch = Generations(40)
-    evolution.evolve(hall(1), OPTIONS, 0, watch)
-    assert watch.policies[-1].spacing == pytest.approx(0.9, abs=0.05)
+    """With a made-up cost: the nearer to a weight of 0.9 the better."""
+    index = list(asdict(NOTHING)).index("match")
+    monkeypatch.setattr(evolution, "_race", lambda env, weights, seeds: (10.0 + (weights[:, index] - 0.9) ** 2, 1))
+    found = Generations(40)
+    evolution.evolve(hall(1), OPTIONS, 0, found)
+    assert found.policies[-1].match == pytest.approx(0.9, abs=0.05)
 
 
-def test_who_does_not_get_out_counts_until_the_limit_and_decides_until_the_end():
-    (episode,) = run_episodes(hall(3), 1)
-    assert evolution.clearing_times([episode])[0] == episode.metrics.evacuation_time
-    out = np.array([1.0, 2.05, np.nan])
-    stuck = episode._replace(
-        exit_time=out, end=5.0, time_limit=60.0, metrics=episode.metrics._replace(evacuation_time=np.nan)
-    )
-    assert evolution.clearing_times([stuck])[0] == 60.0
-    assert evolution.decisions(stuck, 0.1) == 10 + 21 + 50
+def test_who_does_not_get_out_counts_more_than_any_time():
+    place = replace(hall(6), time_limit=12.0, blocked_after=4.0)
+    env = CrowdEnv(place, num_envs=2, **arguments_of({**OPTIONS, **NOTHING.env_options}))
+    weights = np.zeros((2, 7))
+    weights[1, -1] = -1.0  # stands still
+    costs, decided = evolution._race(env, weights, [1, 1])
+    assert costs[0] == env.simulation.state.exit_time[:6].max() < 12.0 and costs[1] == 12.0 + 6.0
+    times, waited = env.simulation.state.exit_time[:6], env.simulation.state.time[1]
+    assert decided == np.ceil(times / 0.1 - 1e-9).sum() + 6 * round(waited / 0.1) and 4.0 <= waited < 4.2
+
+
+def test_what_was_found_is_kept_with_the_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(evolution, "GENERATIONS", 1)
+    settings = evolution.EvolutionSettings(**SMALL)
+    monkeypatch.setattr(evolution, "EvolutionSettings", lambda: settings)
+    config = default_config("room-v0", "nsm2", 3, 2, 5000, 5.0, people=5) | {"start": "nothing"}
+    found = evolution.first_rule(config, tmp_path)
+    monkeypatch.setattr(evolution, "evolve", None)  # not again
+    assert evolution.first_rule(config, tmp_path) == found != NOTHING
+    assert evolution.first_rule(config | {"start": "rule"}) is None
+    assert evolution.first_rule(config | {"start": "follow"}).name == "follow"
