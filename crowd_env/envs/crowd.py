@@ -135,7 +135,8 @@ class CrowdEnv:
         if time_limit is not None:
             time_limit = number("time_limit", time_limit, POSITIVE, "s")
         self.autoreset = flag("autoreset", autoreset)
-        self.reward_weights, kind, layout = make_weights(reward), make_action(action), make_layout(observation)
+        self.reward_weights, kind = make_weights(reward), make_action(action)
+        layout = make_layout(observation, in_world=kind.frame == "world")
         self.scenarios = scenarios_of(scenario, people, num_envs)
         dt = physics.step(*self.scenarios, within=decision_dt)
         self.n_substeps = parts_of("decision_dt", decision_dt, "physics steps of dt", dt)

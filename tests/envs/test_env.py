@@ -288,7 +288,7 @@ def test_who_follows_the_rule_need_not_have_an_action(frame):
 @looped("k", range(9))
 def test_each_discrete_action_does_what_it_says(k, frame):
     start = np.array([2.5, 4.0])
-    env = lone_walker(start, action={"name": "discrete", "frame": frame})
+    env = lone_walker(start, action={"name": "discrete", "frame": frame}, observation={"terms": ["direction"]})
     ahead = env.reset(seed=0)[0][0, env.layout["direction"]]
     env.step([k])
     moved = env.simulation.state.position[0] - start

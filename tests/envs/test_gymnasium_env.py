@@ -106,7 +106,7 @@ def test_it_is_registered():
 def test_gymnasium_finds_it_by_itself_from_the_name_of_the_package():
     code = "import gymnasium; print(gymnasium.make('crowd_env:crowd_env/room-v0').reset(seed=0)[0].shape)"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
-    assert told.stdout.strip() == "(20, 48)"
+    assert told.stdout.strip() == "(20, 46)"
 
 
 def test_registering_twice_changes_nothing():
@@ -134,7 +134,7 @@ def test_make_vec_gives_the_native_batch():
     assert isinstance(env.unwrapped, CrowdVectorEnv)
     assert isinstance(make_vec("room-v0", 2), CrowdVectorEnv)
     assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
-    assert env.observation_space.shape == (3, 6, 48) and env.action_space.shape == (3, 6, 2)
+    assert env.observation_space.shape == (3, 6, 46) and env.action_space.shape == (3, 6, 2)
     observation, info = env.reset(seed=1)
     assert env.observation_space.contains(observation) and info["active"].all()
     np.testing.assert_array_equal(observation.reshape(18, -1), CrowdEnv("room-v0", num_envs=3, **SMALL).reset(1)[0])

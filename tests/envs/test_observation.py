@@ -100,7 +100,9 @@ def way_out_of_the_room(start, radius):
 
 def test_direction_and_travel_time_are_those_of_the_shortest_path():
     env = CrowdEnv(
-        make_scenario("room-v0", population=Population(10, **{**TABLE_4, "radius": Uniform(0.25, 0.25)})), num_envs=10
+        make_scenario("room-v0", population=Population(10, **{**TABLE_4, "radius": Uniform(0.25, 0.25)})),
+        num_envs=10,
+        observation=FULL,
     )
     observation, _ = env.reset(seed=3)
     state, bodies = env.simulation.state, env.simulation.bodies
@@ -114,7 +116,9 @@ def test_direction_and_travel_time_are_those_of_the_shortest_path():
 
 @pytest.mark.parametrize("scheme", ["dem", "nsm1-inertial", "nsm2"])
 def test_push_and_crush_are_the_impulses_of_the_contacts(scheme):
-    env = CrowdEnv([make_scenario("room-v0"), CLUTTERED], num_envs=3, physics=scheme, decision_dt=0.01)
+    env = CrowdEnv(
+        [make_scenario("room-v0"), CLUTTERED], num_envs=3, physics=scheme, decision_dt=0.01, observation=FULL
+    )
     observation, _ = env.reset(seed=2)
     simulation, pushed = env.simulation, 0
     for k in range(250):

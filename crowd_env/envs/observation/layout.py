@@ -1,7 +1,8 @@
 """The terms that observations are made of, those of a user's own among them, and in which columns they stand.
 
 Vectors are given in the frame of the actions: along and to the left of the shortest path ("path"), or along x and y
-("world"); `direction` is always along x and y.  Every value lies in [-1, 1].
+("world").  Only `direction` is always along x and y: a compass, by which a policy in the frame of the path would know one
+wall of a room from another, and which it is not shown unless it asks.  Every value lies in [-1, 1].
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -62,7 +63,7 @@ TERMS: Mapping[str, CompiledTerm] = {
     # own desired speed / 2 m/s
     "desired_speed": CompiledTerm(1),
     # direction of the shortest path to an exit, along x and y
-    "direction": CompiledTerm(2),
+    "direction": CompiledTerm(2, usual=False),
     # time t the rest of the shortest path takes at the own desired speed, as t / (t + 5 s)
     "travel_time": CompiledTerm(1),
     # sum of the contact impulses since the last decision / (own mass * 1 m/s), in the frame
@@ -79,7 +80,7 @@ TERMS: Mapping[str, CompiledTerm] = {
     # how much further along the own route each of these k people is, (own distance to go - theirs) / 3 m: above 0 for those
     # who are nearer the exit, 0 where there is nobody
     "lead": CompiledTerm(1, of_each="neighbors", usual=False),
-    # of the people within 3 m who are nearer the exit along the own route: closeness of the next, which is 1 - lead / 3 m
+    # of the people within 3 m who go the same way and are nearer its end: closeness of the next, which is 1 - lead / 3 m
     # (at least 0), the speed of that person along the route / 2 m/s, and their number n as n / (n + 10); 0 if there is none
     "ahead": CompiledTerm(3, usual=False),
     # two values for each exit and route of the place, in the order of `Scenario.ways`, as who knows the plan knows them:
@@ -196,13 +197,19 @@ class ObservationLayout(Layout):
                 out[rows, self[term.name]] = np.clip(values[rows], -1.0, 1.0)
 
 
-def make_layout(observation: ObservationLayout | Mapping[str, Any] | None) -> ObservationLayout:
+def make_layout(
+    observation: ObservationLayout | Mapping[str, Any] | None, *, in_world: bool = False
+) -> ObservationLayout:
     """Return a layout, the one of plain data such as ``{"terms": ["velocity", "walls"], "rays": 16}``, or the default.
+
+    Whose vectors are ``in_world``, along x and y, is shown the `direction` of the path by default too.
 
     Raises
     ------
     ValueError
         If it is something else, or a key is unknown.
     """
+    if observation is None and in_world:
+        return ObservationLayout(tuple(name for name in TERMS if name in USUAL or name == "direction"))
     allowed = "an ObservationLayout, a table {'terms': [...]} or None"
     return from_data("observation", ObservationLayout, observation, allowed)
