@@ -9,7 +9,7 @@ from crowd_env.core.checks import refuse
 from crowd_env.core.files.foreign import require_file
 from crowd_env.scenarios.file import SUFFIXES, read_scenario
 from crowd_env.scenarios.floor_plan import scenario_from_plan
-from crowd_env.scenarios.generated import generated
+from crowd_env.scenarios.generated import draw_place
 from crowd_env.scenarios.plans.reading import PLANS, is_plan
 from crowd_env.scenarios.scenario import COMMON, Scenario, changed_place
 from crowd_env.scenarios.shipped import places
@@ -31,7 +31,7 @@ SCENARIOS: dict[str, Callable[..., Scenario]] = {
     "supermarket-v0": places.supermarket,
     "stadium-sector-v0": places.stadium_sector,
     "floor-v0": places.floor,
-    "generated-v0": generated,
+    "generated-v0": draw_place,
 }
 
 

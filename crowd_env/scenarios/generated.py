@@ -3,7 +3,7 @@
 Nine kinds of places: a room with one to four doors, a room behind a corridor, a corner, a room with pillars, rooms behind
 rooms, rooms on a corridor, streams that merge, cross, and meet.  Doors of 0.6 to 2.4 m, 10 to 400 people who want 0.8 to
 2.5 m/s, bodies of 0.15 to 0.3 m, who respond at once or late.  Every place is turned by any angle, and half of them are
-mirrored.  A place is as large as its people need: they start at 0.2 to 2 /m2.
+mirrored.  A place is as large as its people need: they start at 0.2 to 2 /m2.  `conditions_of` says how they touch and walk.
 
 `VERSION` goes up where a seed draws another place: what is learned and judged in them names it.
 """
@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.checks import Range, known, whole
+from crowd_env.core.checks import Range, known, number, whole
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
@@ -23,14 +23,25 @@ from crowd_env.scenarios.groups import Groups, People
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario, changed_place
 
-VERSION = 0
+VERSION = 1
 SEEDS = Range(0, 2**62)
 LAWS = ("dem", "nsm1", "nsm2", "hertz")
+MANNERS = ("competitive", "hurried")
 
 _FEWEST, _MOST = 10, 400  # people
+_NARROWEST = 0.6  # m
 _COVER = 0.3  # share of the floor that bodies cover at the start, at most
 _WALL = 0.2  # m, between two rooms
+_SPARSEST, _LONGEST = 0.6, 30.0  # 1/m2 and m of a stream at the start: thinner ones never meet
 _LEAST_FLOW = 0.25  # people a second and meter of exits: who is slower than this is not waited for
+
+
+class Conditions(NamedTuple):
+    """What goes with a place beside the plan and the people: how they touch, how they walk, and what they can tell."""
+
+    law: str  #: of contacts, one of `LAWS`
+    manner: str  #: one of `MANNERS`
+    noise: float  #: standard deviation of noise on every number that a policy sees, which lie in [-1, 1]
 
 
 class _People(NamedTuple):
@@ -40,6 +51,7 @@ class _People(NamedTuple):
     density: float  # 1/m2, at the start
     fields: dict[str, Any]  # of a Population
     body: float  # m, diameter of the largest
+    door: float  # m, width of the narrowest door
 
     @property
     def area(self) -> float:
@@ -58,10 +70,11 @@ class _Plan(NamedTuple):
     obstacles: Sequence[Floats] = ()
 
 
-def generated(
+def draw_place(
     *,
     seed: int = 0,
     kind: str | None = None,
+    level: float = 1.0,
     people: int | None = None,
     population: People | None = None,
     time_limit: float | None = None,
@@ -70,16 +83,21 @@ def generated(
 ) -> Scenario:
     """Return the place of a ``seed``; of one ``kind`` (a name in `KINDS`) if that is given.
 
+    Parameters
+    ----------
+    level : 0 to 1, for training that goes from easy to hard: at 0 there are 10 people and doors of 1.2 m or more; at 1 places
+        are as the module says.
+
     Raises
     ------
     ValueError
-        If the seed is out of range or the kind is unknown, or for what `changed_place` refuses in the other options.
+        If the seed or the level is out of range or the kind is unknown, or for what `changed_place` refuses in the other options.
     """
     seed = whole("generated: seed", seed, SEEDS)
     rng = np.random.default_rng((VERSION, seed))
     drawn = list(KINDS)[int(rng.integers(len(KINDS)))]
     drawn = drawn if kind is None else known("kind of place", kind, KINDS)
-    crowd = _draw_people(rng)
+    crowd = _draw_people(rng, number("generated: level", level, Range(0.0, 1.0)))
     plan = KINDS[drawn](rng, crowd)
     turn = _turn(rng)
     # In whole millimeters, and before it is turned: what touches then still does.
@@ -113,14 +131,16 @@ def generated(
     return changed_place(place, {**given, "blocked_after": blocked_after, "target": target})
 
 
-def law_of(seed: int) -> str:
-    """Return the name of the contact law that goes with the place of a seed."""
-    return LAWS[int(np.random.default_rng((VERSION, seed, 1)).integers(len(LAWS)))]
+def conditions_of(seed: int) -> Conditions:
+    """Return what goes with the place of a seed: each law as often, one crowd in five that keeps a distance, noise in four."""
+    rng = np.random.default_rng((VERSION, seed, 1))
+    law, manner = LAWS[int(rng.integers(len(LAWS)))], MANNERS[int(rng.random() < 0.2)]
+    return Conditions(law, manner, float(rng.uniform(0.0, 0.1) * (rng.random() < 0.25)))
 
 
-def _draw_people(rng: np.random.Generator) -> _People:
+def _draw_people(rng: np.random.Generator, level: float) -> _People:
     """Draw who is there: adults of one size or several, all in one hurry or each in their own."""
-    number = round(np.exp(rng.uniform(np.log(_FEWEST), np.log(_MOST))))
+    people = round(_FEWEST * (_MOST / _FEWEST) ** (level * rng.random()))
     radius = rng.uniform(0.15, 0.25)
     bodies = Uniform(radius, radius + rng.choice([0.0, 0.05]))
     speed = rng.uniform(0.8, 2.5)
@@ -132,7 +152,7 @@ def _draw_people(rng: np.random.Generator) -> _People:
         "response_time": LogNormal(3.0, 0.5, 12.0) if rng.random() < 0.25 else Uniform(0.0, 0.0),
     }
     density = min(np.exp(rng.uniform(np.log(0.2), np.log(2.0))), _COVER / (np.pi * bodies.high**2))
-    return _People(number, float(density), fields, 2.0 * bodies.high)
+    return _People(people, float(density), fields, 2.0 * bodies.high, _NARROWEST * (2.0 - level))
 
 
 def _turn(rng: np.random.Generator) -> Callable[[Floats], Floats]:
@@ -148,7 +168,7 @@ def _box(left: float, low: float, right: float, high: float) -> Floats:
 
 def _width(rng: np.random.Generator, people: _People, most: float = 2.4) -> float:
     """Draw the width of a door: the largest bodies fit through."""
-    least = max(0.6, people.body + 0.05)
+    least = max(people.door, people.body + 0.05)
     return float(np.exp(rng.uniform(np.log(least), np.log(max(most, least)))))
 
 
@@ -196,7 +216,7 @@ def _bottleneck(rng: np.random.Generator, people: _People) -> _Plan:
 
 def _corner(rng: np.random.Generator, people: _People) -> _Plan:
     """A corridor with a corner."""
-    width = max(rng.uniform(1.2, 4.0), people.area / 30.0)
+    width = max(rng.uniform(1.2, 4.0), people.area / _LONGEST)
     arm, out = people.area / width, width + rng.uniform(3.0, 10.0)
     first, second = _box(0.0, 0.0, arm + width + 1.0, width), _box(arm + 1.0, 0.0, arm + 1.0 + width, out)
     exits = {"end": np.array([(arm + 1.0, out), (arm + 1.0 + width, out)])}
@@ -267,9 +287,9 @@ def _rooms_on_a_corridor(rng: np.random.Generator, people: _People) -> _Plan:
 
 
 def _streams(rng: np.random.Generator, people: _People) -> tuple[float, float]:
-    """Return width [m] and length [m] of where each of two streams starts: at 1.2 /m2 at most, and 15 m long."""
-    area = people.number / min(people.density, 1.2) / 2.0
-    width = max(rng.uniform(2.0, 5.0), area / 15.0)
+    """Return width [m] and length [m] of where each of two streams starts: at 0.6 to 1.2 /m2, and 30 m long at most."""
+    area = people.number / min(max(people.density, _SPARSEST), 1.2) / 2.0
+    width = max(rng.uniform(2.0, 5.0), area / _LONGEST)
     return width, area / width
 
 

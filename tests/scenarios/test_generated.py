@@ -9,7 +9,7 @@ from cases import looped
 from evacuations import evacuated
 
 from crowd_env import SCHEMES, CrowdEnv, make_scenario
-from crowd_env.scenarios.generated import KINDS, LAWS, SEEDS, VERSION, law_of
+from crowd_env.scenarios.generated import KINDS, LAWS, SEEDS, VERSION, conditions_of
 
 MANY = range(200)
 
@@ -48,7 +48,7 @@ def test_places_are_of_all_kinds_and_sizes(places):
     assert speed.min() < 1.0 and speed.max() > 2.3
     exits = np.array([len(place.exits) for place in places])
     assert set(exits) == {1, 2, 3, 4}
-    laws = collections.Counter(law_of(seed) for seed in MANY)
+    laws = collections.Counter(conditions_of(seed).law for seed in MANY)
     assert set(laws) == set(LAWS) <= set(SCHEMES) and min(laws.values()) > 0.15 * len(MANY)
 
 
@@ -86,3 +86,20 @@ def test_several_make_a_batch():
     )
     env.reset(seed=0)
     assert env.step(None).observation.shape == (80, env.layout.size)
+
+
+def test_levels_go_from_easy_to_hard():
+    easy, mid, hard = ([make_scenario("generated-v0", seed=k, level=x) for k in range(40)] for x in (0.0, 0.5, 1.0))
+    assert {place.population.people for place in easy} == {10}
+    assert 10 < max(place.population.people for place in mid) <= 63 < max(place.population.people for place in hard)
+    narrow = [min(min(place.geometry.exit_widths.values()) for place in places) for places in (easy, mid, hard)]
+    assert narrow[0] > 1.19 and 0.89 < narrow[1] < 1.2 and narrow[2] < 0.8
+    with pytest.raises(ValueError, match="level is 2"):
+        make_scenario("generated-v0", level=2.0)
+
+
+def test_conditions_are_drawn_apart_from_the_place():
+    drawn = [conditions_of(seed) for seed in range(1000)]
+    assert 150 < sum(one.manner == "hurried" for one in drawn) < 250
+    noise = np.array([one.noise for one in drawn])
+    assert 200 < (noise > 0.0).sum() < 300 and noise.max() < 0.1
