@@ -14,7 +14,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.kernels.jit import kernel
 from crowd_env.routing.fields import grid
 from crowd_env.routing.fields.directions import regions_on_the_way
 from crowd_env.routing.fields.field import NavigationField
@@ -28,6 +29,7 @@ _WIDE = 1.0  # m that the middle of a body has of an opening over which people s
 _PARTING = 0.3  # ways part where the unit vectors of two nodes differ by more, along the line from one to the other
 _ALIKE = 0.5  # cosine between two directions that lead the same way
 _ENOUGH = 1e-4  # share of the sources that may be left unbalanced
+_MOST = 4000  # steps of conjugate gradients
 
 
 def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> NavigationField:
@@ -78,33 +80,49 @@ def _drain(ends: Bools, floor: Bools, right: Bools, up: Bools) -> Floats:
     ``ends`` (rows, cols) lie next to the way out, one at least in every part; ``right`` (rows, cols - 1) and ``up``
     (rows - 1, cols) say between which neighbors one can walk.
     """
-
-    def flows(phi: Floats) -> tuple[Floats, Floats]:
-        return right * (phi[:, :-1] - phi[:, 1:]), up * (phi[:-1] - phi[1:])
-
-    phi, left = np.zeros(floor.shape), floor.astype(np.float64)
-    step, square = left.copy(), float(left.sum())
-    enough = _ENOUGH**2 * square
-    for _ in range(4 * sum(floor.shape)):  # conjugate gradients
-        if square <= enough:
-            break
-        out, (x, y) = ends * step, flows(step)
-        out[:, :-1] += x
-        out[:, 1:] -= x
-        out[:-1] += y
-        out[1:] -= y
-        share = square / float((step * out).sum())
-        phi += share * step
-        left -= share * out
-        before, square = square, float((left * left).sum())
-        step = left + square / before * step
+    number, phi = np.zeros(floor.shape, dtype=np.int64), np.zeros(floor.shape)
+    number[floor] = np.arange(floor.sum())
+    beside = np.tile(number[floor][:, None], 4)
+    for k, (link, here, there) in enumerate(
+        ((right, number[:, :-1], number[:, 1:]), (up, number[:-1], number[1:])),
+    ):
+        beside[here[link], 2 * k], beside[there[link], 2 * k + 1] = there[link], here[link]
+    found, scratch = np.zeros(len(beside)), np.ones((3, len(beside)))
+    drain(beside, ends[floor], found, scratch)
+    phi[floor] = found
+    x, y = right * (phi[:, :-1] - phi[:, 1:]), up * (phi[:-1] - phi[1:])
     flow = np.zeros((*floor.shape, 2))
-    x, y = flows(phi)
     flow[:, :-1, 0] += x
     flow[:, 1:, 0] += x
     flow[:-1, :, 1] += y
     flow[1:, :, 1] += y
     return _unit(flow)
+
+
+@kernel
+def drain(beside: Ints, ends: Bools, phi: Floats, scratch: Floats) -> None:
+    """Write ``phi`` (K,) of the nodes of a floor by conjugate gradients; ``scratch`` (3, K) is 1 at first.
+
+    ``beside`` (K, 4) are the neighbors of each node, itself in place of those to which one cannot walk.
+    """
+    left, step, out = scratch
+    square = float(len(phi))
+    enough = _ENOUGH * _ENOUGH * square
+    for _ in range(_MOST):
+        if square <= enough:
+            break
+        along = 0.0
+        for k in range(len(phi)):
+            others = step[beside[k, 0]] + step[beside[k, 1]] + step[beside[k, 2]] + step[beside[k, 3]]
+            out[k] = (5.0 if ends[k] else 4.0) * step[k] - others
+            along += step[k] * out[k]
+        share, before, square = square / along, square, 0.0
+        for k in range(len(phi)):
+            phi[k] += share * step[k]
+            left[k] -= share * out[k]
+            square += left[k] * left[k]
+        for k in range(len(phi)):
+            step[k] = left[k] + square / before * step[k]
 
 
 def _between(vectors: Floats, stride: int, shape: tuple[int, ...]) -> Floats:
