@@ -91,7 +91,7 @@ def draw_place(
     Raises
     ------
     ValueError
-        If the seed or the level is out of range or the kind is unknown, or for what `changed_place` refuses in the other options.
+        If the seed or the level is out of range or the kind is unknown, or for what `changed_place` refuses in other options.
     """
     seed = whole("generated: seed", seed, SEEDS)
     rng = np.random.default_rng((VERSION, seed))

@@ -1,0 +1,134 @@
+"""Evacuations side by side, each in a generated place of its own: when one is over, another place takes its turn."""
+
+from typing import Any
+
+import numpy as np
+
+from crowd_env.core.arrays.state import Bools
+from crowd_env.core.checks import COUNT, Range, whole
+from crowd_env.envs.crowd import CrowdEnv, Step
+from crowd_env.envs.metrics import EpisodeMetrics
+from crowd_env.scenarios.generated import conditions_of, draw_place
+
+TRIES = 1000  # places drawn until one has few enough people
+
+
+class GeneratedCrowds:
+    """A batch of places that `crowd_env.scenarios.generated` draws, to train in: a `CrowdEnv` with ``autoreset`` to a learner.
+
+    Each environment has ``people`` slots; those that a place leaves empty are never inside.  An environment that is over goes
+    on in another place, under the law and manner of its seed, and with the noise of its seed on everything that is seen.
+
+    Parameters
+    ----------
+    num_envs : places side by side, E.
+    people : slots of each; places of more people are passed over.
+    seeds : of the places that are drawn from, 0 to ``seeds`` - 1.
+    level : 0 to 1, see `draw_place`; what is written into the attribute counts from the next place on: a curriculum.
+    options : of `CrowdEnv`: routing, action, observation, reward, decision_dt.
+
+    Attributes
+    ----------
+    layout, action_kind, reward_weights, single_observation_space, single_action_space : as those of a `CrowdEnv`.
+    env_of_person : (P,) environment of each slot.
+    finished : (E,) which ended in the last step.
+
+    Examples
+    --------
+    >>> env = GeneratedCrowds(4, people=40, seeds=1000, routing="fastest")
+    >>> observation, info = env.reset(seed=0)
+    >>> env.step(env.active).reward.shape   # full speed ahead of those inside
+    (160,)
+    """
+
+    autoreset = True
+
+    def __init__(
+        self, num_envs: int, *, people: int = 200, seeds: int = 1_000_000, level: float = 1.0, **options: Any
+    ) -> None:
+        self.num_envs, self.slots = whole("num_envs", num_envs, COUNT), whole("people", people, Range(10, 400))
+        self.seeds, self.level, self._options = whole("seeds", seeds, COUNT), level, options
+        self.env_of_person = np.repeat(np.arange(self.num_envs), self.slots)
+        self.finished = np.ones(self.num_envs, dtype=np.bool_)
+        self._rng = np.random.default_rng()
+        self._rooms: list[CrowdEnv] = []
+        self._noise = np.zeros(self.num_envs)
+        first = self._next(np.random.default_rng(0))[0]
+        self.layout, self.action_kind, self.reward_weights = first.layout, first.action_kind, first.reward_weights
+        self.single_observation_space = first.single_observation_space
+        self.single_action_space = first.single_action_space
+        self.decision_dt = first.decision_dt
+
+    @property
+    def num_people(self) -> int:
+        """Number of slots P."""
+        return self.num_envs * self.slots
+
+    @property
+    def active(self) -> Bools:
+        """Who is still inside (P,)."""
+        found = np.zeros((self.num_envs, self.slots), dtype=np.bool_)
+        for row, room in zip(found, self._rooms, strict=True):
+            row[: room.num_people] = room.active
+        return found.ravel()
+
+    def people(self, e: int) -> slice:
+        """Return the slots of environment ``e``, those that its place leaves empty among them."""
+        return slice(e * self.slots, (e + 1) * self.slots)
+
+    def metrics(self, e: int) -> EpisodeMetrics:
+        """Return the metrics of the episode of environment ``e`` so far."""
+        return self._rooms[e].metrics(0)
+
+    def reset(self, seed: int | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+        """Draw new places everywhere; a seed says which."""
+        if seed is not None:
+            self._rng = np.random.default_rng(seed)
+        self._rooms = []
+        observation = np.zeros((self.num_envs, self.slots, self.layout.size), dtype=np.float32)
+        for e in range(self.num_envs):
+            room, self._noise[e] = self._next(self._rng)
+            self._rooms.append(room)
+            self._look(observation[e], e, room.reset(int(self._rng.integers(2**62)))[0])
+        self.finished[:] = False
+        return observation.reshape(self.num_people, -1), {}
+
+    def step(self, action: np.ndarray) -> Step:
+        """Advance every place by one decision step; see `CrowdEnv.step`."""
+        rows = (self.num_envs, self.slots)
+        observation = np.zeros((*rows, self.layout.size), dtype=np.float32)
+        reward, flags = np.zeros(rows), np.zeros((2, *rows), dtype=np.bool_)
+        info: dict[str, Any] = {"metrics": {}}
+        for e, room in enumerate(self._rooms):
+            people, action_of = slice(0, room.num_people), action[self.people(e)]
+            step = room.step(action_of[people])
+            reward[e, people], flags[0, e, people], flags[1, e, people] = step.reward, step.terminated, step.truncated
+            self._look(observation[e], e, step.observation)
+            self.finished[e] = room.finished[0]
+        info["finished"] = self.finished.copy()
+        if self.finished.any():
+            info["final_observation"] = observation.reshape(self.num_people, -1).copy()
+            for e in np.flatnonzero(self.finished):
+                info["metrics"][int(e)] = self.metrics(e)
+                self._rooms[e], self._noise[e] = self._next(self._rng)
+                observation[e] = 0.0
+                self._look(observation[e], e, self._rooms[e].reset(int(self._rng.integers(2**62)))[0])
+        seen = observation.reshape(self.num_people, -1)
+        return Step(seen, reward.ravel(), flags[0].ravel(), flags[1].ravel(), info)
+
+    def _next(self, rng: np.random.Generator) -> tuple[CrowdEnv, float]:
+        """Return another place, and the noise on what is seen there."""
+        for _ in range(TRIES):
+            seed = int(rng.integers(self.seeds))
+            place = draw_place(seed=seed, level=self.level)
+            if place.population.people <= self.slots:
+                law, manner, noise = conditions_of(seed)
+                return CrowdEnv(place, physics=law, walking=manner, **self._options), noise
+        raise ValueError(f"of {TRIES} generated places none has at most {self.slots} people; give more of them")
+
+    def _look(self, rows: np.ndarray, e: int, observation: np.ndarray) -> None:
+        """Write what the people of environment ``e`` see into its rows (slots, D)."""
+        rows[: len(observation)] = observation
+        if self._noise[e] > 0.0:
+            rows += (rows != 0.0) * self._rng.normal(0.0, self._noise[e], rows.shape)
+            np.clip(rows, -1.0, 1.0, out=rows)
