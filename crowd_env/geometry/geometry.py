@@ -216,6 +216,27 @@ class Geometry:
         """
         return replace(self, regions=_regions(self.walkable, self.left_out, regions, self.exit_names))
 
+    def turned(self, angle: float, mirrored: bool = False) -> "Geometry":
+        """Return the place as `turning` moves it; walls, exits and doors keep what is to their left."""
+        turn, ends = turning(angle, mirrored), self.arcs.ends
+        if mirrored:
+            on_post = ends[:, 1:] < 0
+            ends = np.where(on_post, ends, ends[:, ::-1])
+            ends = np.where(ends < 0, -1, ends ^ 1)
+
+        def lines(rows: Floats) -> Floats:
+            return np.ascontiguousarray(turn(rows)[:, :: -1 if mirrored else 1])
+
+        return replace(
+            self,
+            walkable=shapely.transform(self.walkable, turn),
+            walls=lines(self.walls),
+            exits=lines(self.exits),
+            regions={name: shapely.transform(shape, turn) for name, shape in self.regions.items()},
+            left_out=tuple(shapely.transform(shape, turn) for shape in self.left_out),
+            arcs=self.arcs._replace(center=turn(self.arcs.center), ends=ends),
+        )
+
     def walls_when(self, closed: Collection[str] = ()) -> tuple[Floats, Bools]:
         """Return the walls (W, 2, 2) and which are two-sided (W,) while these doors are closed and all others open."""
         numbers = [-1, *(k for k, name in enumerate(self.doors) if name in closed)]
@@ -348,6 +369,16 @@ def _sides(corners: Floats) -> tuple[float, float]:
     """Return the shorter and the longer side of a rectangle, which may be a line."""
     lengths = np.hypot(*np.diff(corners, axis=0).T)
     return (0.0 if len(lengths) < 2 else float(lengths.min())), float(lengths.max())
+
+
+def turning(angle: float, mirrored: bool = False) -> Callable[[Floats], Floats]:
+    """Return what turns points (..., 2) [m] by an ``angle`` [rad] to the left, about (0, 0).
+
+    Where ``mirrored``, it first mirrors them at the axis of x.
+    """
+    side = -1.0 if mirrored else 1.0
+    axes = np.array([[np.cos(angle), np.sin(angle)], [-side * np.sin(angle), side * np.cos(angle)]])
+    return lambda points: points @ axes
 
 
 def nearest_among(segments: Floats) -> Callable[[Floats], Ints]:

@@ -16,7 +16,7 @@ import shapely
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import Range, known, number, whole
-from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
 from crowd_env.scenarios.groups import Groups, People
@@ -158,8 +158,8 @@ def _draw_people(rng: np.random.Generator, level: float) -> _People:
 def _turn(rng: np.random.Generator) -> Callable[[Floats], Floats]:
     """Return what turns shapes by any angle, mirrors half of all places, and moves them."""
     angle, mirror, shift = rng.uniform(0.0, 2.0 * np.pi), rng.choice([-1.0, 1.0]), rng.uniform(-20.0, 20.0, 2)
-    axes = np.array([[np.cos(angle), np.sin(angle)], [-mirror * np.sin(angle), mirror * np.cos(angle)]])
-    return lambda shape: np.round(shape, 3) @ axes + shift
+    turn = turning(angle, mirror < 0.0)
+    return lambda shape: turn(np.round(shape, 3)) + shift
 
 
 def _box(left: float, low: float, right: float, high: float) -> Floats:

@@ -10,14 +10,14 @@ from crowd_env.core.arrays.headway import Headway, Manner, make_manner
 from crowd_env.core.arrays.outline import BodyShape, Outline, make_outline, room_of
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import POSITIVE, Range, check_fields, flag, shown
-from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.fields.domain import require_grid
 from crowd_env.routing.fields.field import NavigationField, OneWay
 from crowd_env.routing.route_set import RoutePlan, RouteSet, Target
 from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.routing.strategies import STRATEGIES
-from crowd_env.scenarios.groups import People, as_people
+from crowd_env.scenarios.groups import Groups, People, as_people
 from crowd_env.scenarios.population import Population, require_names, require_room
 
 # What callers can set of every place: people, and fields of the scenario.
@@ -193,6 +193,13 @@ class Scenario:
         queue = self.population.people / (_QUEUE_FLOW * sum(self.geometry.exit_widths.values()))
         limit = _ROUND * np.ceil((_DETOUR * walk + queue) / _ROUND)
         return replace(self, time_limit=max(_SHORTEST_LIMIT, float(limit)))
+
+    def turned(self, angle: float, mirrored: bool = False) -> "Scenario":
+        """Return the place as `crowd_env.geometry.geometry.turning` moves it; recorded starts are moved too."""
+        turn = turning(angle, mirrored)
+        moved = [p if p.starts is None else p.changed(starts=turn(p.starts)) for p in self.population.parts]
+        crowd = Groups(tuple(moved)) if len(moved) > 1 else moved[0]
+        return replace(self, geometry=self.geometry.turned(angle, mirrored), population=crowd)
 
     def route_set(self, strategy: str = "shortest", *, rules: bool = True, ways: bool = False) -> RouteSet:
         """Return all routes that people of this strategy, groups, rules and controllers may take; route 0 leads to any exit.
