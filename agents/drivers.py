@@ -8,8 +8,8 @@ from typing import Any, cast
 import numpy as np
 
 from crowd_env import CrowdEnv, Scenario, Step
-from crowd_env.core.arrays.state import Bools, Floats
-from crowd_env.envs.rollout import Driver, Episode, run_episodes
+from crowd_env.core.arrays.state import Bools
+from crowd_env.envs.rollout import Driver, run_episodes
 from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.envs.settings import arguments_of
 
@@ -29,7 +29,7 @@ REST, AT_REST = 1e-4, 3.0  # m/s, s: a crowd of which nobody has been faster for
 # What these ask for follows from what is seen alone: who has come to rest is asked for the same, again and again.
 _STEADY = (ShortestPath, StrategyPolicy, StandStill, RuleAtShare, DensityCap, Follow, Zipper, Evolved, LearnedPolicy)
 
-_MIXED = 7  # beside its seed: what draws who has learned in a run
+_MIXED, _NOISE = 7, 8  # beside its seed: what draws who has learned in a run, and what disturbs their senses there
 
 
 def learned_people(seeds: Sequence[int], people: int, share: float) -> Bools:
@@ -51,19 +51,34 @@ class PolicyDriver(Driver):
     ----------
     learned_share : of the people whom the policy moves, see `learned_people`; the others follow the rule of the environment.
     passes_rest : where people have come to rest for good, pass over the wait until the exits count as blocked.
+    noise : standard deviation of what is added to every number that the policy sees and that is not 0, which stays within
+        [-1, 1]; a run's seed alone draws it.
+    delay : s, after which a decision takes effect; until the first does, people follow the rule of the environment.  That rule
+        itself, and what a manner makes of a policy's wish, is neither disturbed nor late.
     """
 
-    def __init__(self, policy: Policy, env: CrowdEnv, learned_share: float = 1.0, passes_rest: bool = False) -> None:
+    def __init__(
+        self,
+        policy: Policy,
+        env: CrowdEnv,
+        learned_share: float = 1.0,
+        passes_rest: bool = False,
+        noise: float = 0.0,
+        delay: float = 0.0,
+    ) -> None:
         super().__init__(env)
-        self.policy, self.learned_share = policy, learned_share
+        self.policy, self.learned_share, self.noise = policy, learned_share, noise
+        self._late = round(delay / env.decision_dt)  # decisions
         self._ruled: Bools | None = None
-        self._rests = passes_rest and rests_for_good(policy, env)
+        self._rests = passes_rest and rests_for_good(policy, env) and (not noise or isinstance(policy, ShortestPath))
 
     def reset(self, seeds: list[int]) -> None:
         """Start new evacuations, each from its seed."""
         self._observation, _ = self.env.reset(seeds)
         self.policy.reset(np.ones(len(seeds), dtype=np.bool_))
         self._rng = np.random.default_rng(seeds[0])
+        self._noises = [np.random.default_rng((seed, _NOISE)) for seed in seeds]
+        self._decided: list[np.ndarray | None] = [None] * self._late  # what is yet to take effect
         self._moved = np.zeros(len(seeds))  # s  when someone was last faster than `REST`
         if self.learned_share < 1.0:
             counts = np.diff(self.env.env_start).tolist()
@@ -72,11 +87,24 @@ class PolicyDriver(Driver):
 
     def step(self) -> Step:
         """Let the policy act on those whom it moves."""
-        step = self.env.step(self.policy.act(self._observation, self.env.layout, self._rng), self._ruled)
+        self._decided.append(self.policy.act(self._seen(), self.env.layout, self._rng))
+        step = self.env.step(self._decided.pop(0), self._ruled)
         self._observation = step.observation
         if self._rests:
             self._pass_rest()
         return step
+
+    def _seen(self) -> np.ndarray:
+        """Return the observation that the policy is given."""
+        if not self.noise:
+            return self._observation
+        start, width = self.env.env_start, self._observation.shape[1]
+        drawn = [
+            rng.standard_normal((n, width), np.float32)
+            for rng, n in zip(self._noises, np.diff(start).tolist(), strict=True)
+        ]
+        seen = self._observation + np.float32(self.noise) * np.concatenate(drawn)
+        return np.where(self._observation != 0.0, np.clip(seen, -1.0, 1.0), 0.0)
 
     def _pass_rest(self) -> None:
         """Let the wait be over where people are at rest for good, and have all begun to walk."""
@@ -106,6 +134,7 @@ class PolicyBatches:
     learned_share : of the people whom the policy moves; the others follow the rule, and the manner of the run is theirs alone.
         None: all, and a manner is everyone's.
     passes_rest : see `PolicyDriver`: the figures are those of the whole wait, but nobody can look on.
+    noise, delay : see `PolicyDriver`.
     """
 
     policy: Policy
@@ -113,6 +142,8 @@ class PolicyBatches:
     options: dict[str, Any]
     learned_share: float | None = None
     passes_rest: bool = False
+    noise: float = 0.0
+    delay: float = 0.0
 
     @property
     def constants(self) -> dict[str, Any]:
@@ -125,11 +156,17 @@ class PolicyBatches:
         arguments = arguments_of({**self.options, **mixed, **self.policy.env_options})
         env = CrowdEnv(self.scenario, num_envs=num_envs, **arguments)
         share = 1.0 if self.learned_share is None else self.learned_share
-        return PolicyDriver(self.policy, env, share, self.passes_rest)
+        return PolicyDriver(self.policy, env, share, self.passes_rest, self.noise, self.delay)
 
 
 def policy_driver(
-    policy: Policy, scenario: Scenario, *, learned_share: float | None = None, **options: Any
+    policy: Policy,
+    scenario: Scenario,
+    *,
+    learned_share: float | None = None,
+    noise: float = 0.0,
+    delay: float = 0.0,
+    **options: Any,
 ) -> PolicyBatches:
     """Return a maker of batches of a scenario under a policy, whose own options of `CrowdEnv` override ``options``.
 
@@ -137,33 +174,29 @@ def policy_driver(
     """
     if isinstance(policy, RuleAtShare) and policy.share is None:
         policy = RuleAtShare(best_share(scenario, learned_share=learned_share, **options))
-    return PolicyBatches(policy, scenario, options, learned_share)
+    return PolicyBatches(policy, scenario, options, learned_share, noise=noise, delay=delay)
 
 
 def best_share(scenario: Scenario, **options: Any) -> float:
     """Return the share of the desired speed at which the rule "walk the shortest path" empties a scenario soonest.
 
     Every share in `SHARES` is tried, from full speed downwards, on the same `SEARCH_RUNS` draws, which are neither those that
-    policies are judged on nor those of training.  What counts is the mean time of the last person out; a run in which somebody
-    is left counts until the time limit.  The search ends at the first share that takes longer than the best although everyone
-    gets out: whoever walks slower still takes longer still.
+    policies are judged on nor those of training.  What counts is how many people are left inside in all of them, and only then
+    the mean time of the last person, over the runs that cleared: no time limit stands for a time.  The search ends at the
+    first share under which everyone gets out, but later than under the best: whoever walks slower still takes longer still.
     """
-    found, soonest = 1.0, np.inf
+    found, best = 1.0, (np.inf, np.inf)
     for share in SHARES:
         driver = replace(policy_driver(RuleAtShare(share), scenario, **options), passes_rest=True)
         episodes = run_episodes(scenario, SEARCH_RUNS, seed=SEARCH_SEED, driver=driver)
-        time = float(clearing_times(episodes).mean())
-        if time < soonest:
-            found, soonest = share, time
-        elif not any(episode.metrics.unfinished for episode in episodes):
+        left = sum(episode.metrics.unfinished for episode in episodes)
+        cleared = [episode.metrics.evacuation_time for episode in episodes if not episode.metrics.unfinished]
+        outcome = left, float(np.mean(cleared)) if cleared else np.inf
+        if outcome < best:
+            found, best = share, outcome
+        elif not left:
             break
     return found
-
-
-def clearing_times(episodes: Sequence[Episode]) -> Floats:
-    """Return when the last person was out (R,) [s]; the time limit, or the end if later, where somebody was left inside."""
-    last = np.array([episode.metrics.evacuation_time for episode in episodes])
-    return np.where(np.isfinite(last), last, [max(episode.end, episode.time_limit) for episode in episodes])
 
 
 class ControllerDriver(Driver):
@@ -223,6 +256,7 @@ def driver_of(
     options : of `CrowdEnv`; a controller chooses routes, and decides at its own interval.
     """
     if not isinstance(who, Policy):
-        own = {name: value for name, value in options.items() if name not in ("strategy", "decision_dt", "rules")}
+        not_own = ("strategy", "decision_dt", "rules", "noise", "delay")
+        own = {name: value for name, value in options.items() if name not in not_own}
         return partial(_controlled, who, scenario, own)
     return policy_driver(who, scenario, learned_share=learned_share, **options)

@@ -210,20 +210,40 @@ def test_the_best_share_is_full_speed_where_nothing_is_in_the_way(monkeypatch):
     assert best_share(hall(1)) == 1.0
 
 
-def test_the_best_share_is_the_one_after_which_slower_takes_longer(monkeypatch):
-    """People who all get out, sooner the nearer the share is to 0.7; at full speed some are left inside."""
+@looped(
+    ("outcomes", "best", "tries"),
+    [
+        # Share -> people left inside in a run of two, and when the other run cleared; all else as 0.5 says.
+        ({1.0: (3, 5.0), 0.9: (0, 12.0), 0.8: (0, 11.0), 0.7: (0, 10.0), 0.5: (0, 13.0)}, 0.7, 5),
+        (
+            {1.0: (1, 5.0), 0.5: (0, 299.0)},
+            0.9,
+            3,
+        ),  # far later than the mean of 5 s and the time limit, but nobody is left
+        ({1.0: (9, 5.0), 0.9: (2, 8.0), 0.8: (4, 6.0), 0.5: (2, 9.0)}, 0.9, 9),  # some are always left: the fewest
+        (
+            {1.0: (1, 5.0), 0.9: (0, 8.0), 0.8: (1, 6.0), 0.5: (0, 9.0)},
+            0.9,
+            4,
+        ),  # a block says nothing of who walks slower
+        ({1.0: (9, np.nan), 0.9: (9, 50.0), 0.5: (9, np.nan)}, 0.9, 9),
+    ],
+)
+def test_the_best_share_leaves_the_fewest_inside_and_then_is_the_soonest(monkeypatch, outcomes, best, tries):
     tried = []
 
     def made_up(scenario, runs, *, seed, driver):
         share = driver.policy.share
         tried.append(share)
+        left, last = outcomes.get(share, outcomes[0.5])
         (episode,) = run_episodes(hall(1), 1)
-        last = np.nan if share == 1.0 else 10.0 + abs(share - 0.7)
-        return [episode._replace(metrics=episode.metrics._replace(evacuation_time=last))]
+        stuck = episode.metrics._replace(evacuation_time=np.nan, unfinished=max(left, 1))
+        clear = episode.metrics._replace(evacuation_time=last)
+        two = (stuck if left else clear, stuck if np.isnan(last) else clear)
+        return [episode._replace(metrics=one, time_limit=300.0) for one in two]
 
     monkeypatch.setattr("crowd_env.agents.drivers.run_episodes", made_up)
-    assert best_share(hall(1)) == 0.7
-    assert tried == [1.0, 0.9, 0.8, 0.7, 0.6]
+    assert best_share(hall(1)) == best and len(tried) == tries
 
 
 @pytest.mark.more
