@@ -76,7 +76,7 @@ def make_entries(
     for name in names:
         try:
             found.append(_make(name, crowd))
-        except NotMixed as error:
+        except Unsuited as error:
             error.policy = name
             raise
     labels = [entry.name for entry in found]
@@ -114,8 +114,8 @@ def _made_driver(
     return entry.driver(scenario, scheme, threads)
 
 
-class NotMixed(ValueError):
-    """A policy that cannot move some of the people while the others follow the rule.
+class Unsuited(ValueError):
+    """A policy that cannot move some of the people while the others follow the rule, or a controller of another place.
 
     Attributes
     ----------
@@ -187,7 +187,7 @@ def _driver(
 
 
 def _check_mixed(policy: Policy, rule: str) -> None:
-    """Raise NotMixed if a policy cannot move some of the people while the others follow the rule."""
+    """Raise Unsuited if a policy cannot move some of the people while the others follow the rule."""
     options = policy.env_options
     if isinstance(policy, StrategyPolicy) and (options["strategy"], options["rules"]) != (rule, False):
         why = f"it chooses everyone's way, and the others of a mixed crowd follow the rule, which is {rule}"
@@ -196,7 +196,7 @@ def _check_mixed(policy: Policy, rule: str) -> None:
     else:
         return
     why = f"policy {policy.name!r} cannot move a part of the people: {why}; leave out --learned-share, or it"
-    raise NotMixed(why)
+    raise Unsuited(why)
 
 
 def _of_task(task: Task | None, scheme: str | ContactScheme) -> dict[str, Any]:
@@ -225,13 +225,13 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
     if sampled:
         raise ValueError(f"{path}{SAMPLED}: a controller takes the most likely choices alone")
     if crowd.learned_share is not None:
-        raise NotMixed(f"{path} sends everyone of a region to an exit; leave out --learned-share, or it")
+        raise Unsuited(f"{path} sends everyone of a region to an exit; leave out --learned-share, or it")
     try:
         batch = RoutingBatch(**routing_arguments(scenario, **found.options))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path} does not fit {scenario.name}: {error}") from None
     if found.network.inputs != batch.layout.size or found.choices.tolist() != batch.choices.tolist():
-        raise ValueError(
+        raise Unsuited(
             f"{path} was trained for {found.trained.get('scenario', 'another place')} and observes "
             f"{found.network.inputs} numbers; {scenario.name} has {batch.layout.size}"
         )

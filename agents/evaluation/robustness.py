@@ -1,6 +1,8 @@
 """Policies on the variations of a task: what they gain in the task as it stands, and whether they lose it elsewhere."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,8 +13,8 @@ from crowd_env.core.console import say
 
 from ..runs import versions
 from ..tasks.task import Task, place_digest
-from ..tasks.variations import Variation, variations
-from .entries import Entry, NotMixed, make_entries
+from ..tasks.variations import AS_IT_STANDS, Variation, variations
+from .entries import Entry, Unsuited, make_entries
 from .evaluation import Evaluation
 from .folder import EvaluationFolder, settings_of
 from .protocol import credible_lines, task_row, task_table
@@ -27,7 +29,7 @@ class Trial(NamedTuple):
     place: Scenario
     scheme: str
     entries: list[Entry]
-    left_out: list[str]  # policies that cannot move a part of the people
+    left_out: list[str]  # policies that cannot move a part of the people, or not in that place
 
 
 def facts_of_variation(task: Task, one: Variation, place: Scenario) -> dict[str, Any]:
@@ -67,8 +69,11 @@ def _trial(task: Task, one: Variation, policies: Sequence[str]) -> Trial:
     while True:
         try:
             entries = make_entries(named, place, task, learned_share=one.learned_share)
-            return Trial(one, place, one.scheme or task.scheme, entries, left_out)
-        except NotMixed as error:
+            hindered = [replace(e, driver=partial(e.driver, noise=one.noise, delay=one.delay)) for e in entries]
+            return Trial(one, place, one.scheme or task.scheme, hindered, left_out)
+        except Unsuited as error:
+            if one is AS_IT_STANDS:
+                raise
             if len(named) == 1:
                 return Trial(one, place, one.scheme or task.scheme, [], [*left_out, error.policy])
             named.remove(error.policy)
@@ -126,7 +131,7 @@ def lines_of_trials(found: Found) -> list[str]:
         name = trial.variation.name
         lines += [f"{name}: {one}" for one in credible_lines(results, trial.place) if one.startswith("NOT")]
         if trial.left_out:
-            lines.append(f"{name}: left out, since they cannot move a part of the people: {', '.join(trial.left_out)}.")
+            lines.append(f"{name}: left out, since they cannot move these people there: {', '.join(trial.left_out)}.")
     return lines
 
 

@@ -1,4 +1,5 @@
-"""Variations of the tasks, held out from training: other numbers of people, doors, contact laws, people, and mixed crowds.
+"""Variations of the tasks, held out from training: other numbers of people, doors, contact laws and people, mixed crowds, the
+place seen from another side, and policies that see less well or are late.
 
 They stand beside the tasks, whose digests do not depend on them.  What a policy gains in a task it should not lose here.
 """
@@ -8,9 +9,10 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomllib
 
-from crowd_env import MANNERS, Headway, Scenario
+from crowd_env import Scenario
 
 from .task import TASKS, Task
 
@@ -29,8 +31,10 @@ class Variation:
     options : of the scenario.
     population : distributions of everyone.
     scheme : contact law, at its own step.
-    manner : of the people who follow the rule.
     learned_share : of the people who follow the policy; None: all.
+    angle : rad, by which the whole place is turned to the left.
+    mirrored : the place is, before it is turned.
+    noise, delay : of what a policy sees and decides, see `crowd_env.agents.drivers.PolicyDriver`.
     """
 
     name: str
@@ -40,8 +44,11 @@ class Variation:
     options: Mapping[str, Any] = field(default_factory=dict)
     population: Mapping[str, Any] = field(default_factory=dict)
     scheme: str | None = None
-    manner: Headway | None = None
     learned_share: float | None = None
+    angle: float = 0.0
+    mirrored: bool = False
+    noise: float = 0.0
+    delay: float = 0.0
 
     def place(self, task: Task) -> Scenario:
         """Return the scenario of the task, varied.
@@ -51,22 +58,23 @@ class Variation:
         ValueError
             If so many people do not fit.
         """
-        other = replace(task, options={**task.options, **self.options}, manner=self.manner or task.manner)
-        place = other.place(round(self.people * task.people))
+        place = replace(task, options={**task.options, **self.options}).place(round(self.people * task.people))
+        if self.angle or self.mirrored:
+            place = place.turned(self.angle, self.mirrored)
         return replace(place, population=place.population.changed(**self.population)) if self.population else place
 
 
 AS_IT_STANDS = Variation("task", "the task as it stands")
 
-_SLOWER = Variation("slow", "slow people: 1.0 ± 0.2 m/s", population={"desired_speed": _SLOW})
-_MIXED = Variation("half-learned", "half of the people follow the rule", learned_share=0.5)
-_HURRIED = Variation(
-    "half-hurried",
-    "half of the people follow the rule, and keep a distance (hurried)",
-    learned_share=0.5,
-    manner=MANNERS["hurried"],
+# What every task is varied by.
+_ALWAYS = (
+    Variation("slow", "slow people: 1.0 ± 0.2 m/s", population={"desired_speed": _SLOW}),
+    Variation("unfollowing", "30 % of the people follow the rule", learned_share=0.7),
+    Variation("turned", "the place turned by 137 degrees", angle=np.radians(137.0)),
+    Variation("mirrored", "the place mirrored", mirrored=True),
+    Variation("noise", "all that a policy sees disturbed by 0.05", noise=0.05),
+    Variation("delay", "decisions take effect after 0.3 s", delay=0.3),
 )
-_PEOPLE = (_SLOWER, _MIXED, _HURRIED)
 # Times the people of the task.
 _CROWDS = {
     2.0: Variation("twice", "twice the people", people=2.0),
@@ -80,13 +88,12 @@ _OPTIONS = {"door_width": "a door of", "exit_width": "exits of", "width": "a wid
 def _read(facts: Mapping[str, Any]) -> Iterator[Variation]:
     """Yield the variations of a task in ``variations.toml``, in the order of tables."""
     yield _CROWDS[facts["people"]]
-    for name, about in _OPTIONS.items():
-        for value in facts.get(name, ()):
-            short = name.removesuffix("_width")
-            yield Variation(f"{short}-{value:g}", f"{about} {value:g} m", options={name: value})
+    for name in (one for one in _OPTIONS if one in facts):
+        value, short = facts[name], name.removesuffix("_width")
+        yield Variation(f"{short}-{value:g}", f"{_OPTIONS[name]} {value:g} m", options={name: value})
     for scheme in facts["physics"]:
         yield Variation(scheme, f"under {scheme}", scheme=scheme)
-    yield from _PEOPLE
+    yield from _ALWAYS
 
 
 _FILE = Path(__file__).with_name("variations.toml")
@@ -97,6 +104,6 @@ VARIATIONS: dict[str, tuple[Variation, ...]] = {
 
 
 def variations(task: Task) -> tuple[Variation, ...]:
-    """Return a task as it stands and its variations; of a task that is not registered, those of people alone."""
-    held_out = VARIATIONS[task.name] if task.name in TASKS and task.name in VARIATIONS else (_CROWDS[2.0], *_PEOPLE)
+    """Return a task as it stands and its variations: of one that is not registered, those of all tasks and twice the people."""
+    held_out = VARIATIONS[task.name] if task.name in TASKS and task.name in VARIATIONS else (_CROWDS[2.0], *_ALWAYS)
     return AS_IT_STANDS, *held_out

@@ -44,8 +44,8 @@ _PHYSICS = f"Contact schemes: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw
 _USUAL = f"{_SCHEME}; of a task its own"
 _RAY = "Spread the draws over a Ray cluster; results do not depend on it."
 _ROBUSTNESS = (
-    "Also judge on the held-out variations of the task (twice the people, other doors, other schemes, other people, half of "
-    "them learned), by default on a fifth of its draws."
+    "Also judge on the held-out variations of the task (other people, doors and schemes, a turned place, noise, delay, some "
+    "who follow the rule), by default on a fifth of its draws."
 )
 _OUT = "Folder for tables, curves and maps; an interrupted one goes on there."
 
