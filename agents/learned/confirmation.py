@@ -13,6 +13,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.console import say
 from crowd_env.core.files.atomic import written
+from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import read_json, write_json
 
 from ..evaluation.comparison import last_times
@@ -29,16 +30,18 @@ LOOKS, DRAWS = 4, 25  # at most so many looks, so many further draws for each
 # Group-sequential test of O'Brien and Fleming (1979) at 5 %, two-sided, four looks: after look k the difference over its
 # standard error must be beyond 2.024 √(4 / k) (Jennison and Turnbull 2000, table 2.3).
 _BOUND = 2.024
+_BLOCKS = 60_000  # of draws, of which a training gets one: they end below those of submissions
 MARGIN = 0.5  # s: who is less than this later is as soon
 
 
 def confirm(folder: Path, config: Mapping[str, Any], threads: int = 1) -> None:
     """Keep the start of a finished training on a task unless the network that did best on validation draws is better.
 
-    Both lead the crowd of the task as it stands, with its own number of people and physics step, on the same fresh draws, and
-    are compared by the time of the last person, who counts until the time limit where somebody is left inside.  A difference
-    that is plain ends the test early.  So does that the network is less than `MARGIN` later and touches less: it is kept then
-    too, as where all draws leave the time open and it is not later on average, but touches less.
+    Both lead the crowd of the task as it stands, with its own number of people and physics step, on the same fresh draws, which
+    are those of this task and seed alone (`first_draw`).  They are compared by the time of the last person, who counts until
+    the time limit where somebody is left inside.  A difference that is plain ends the test early.  So does that the network is
+    less than `MARGIN` later and touches less: it is kept then too, as where all draws leave the time open and it is not later
+    on average, but touches less.
 
     A network that is no sooner is kept for its time in 2.5 % of trainings, and so is one that is `MARGIN` later, however softly
     it walks: both are held against the same bounds, after each look.  That it touches less is a further question to the same
@@ -113,12 +116,18 @@ def _reopen(folder: Path, best: Mapping[str, float]) -> None:
 def _minus_start(folder: Path, config: Mapping[str, Any], look: int, threads: int) -> tuple[Floats, Floats]:
     """Return what a network has more than the start in each draw of a look: time of the last person [s], impulse [N s]."""
     place, task = judged_place(config), task_of(config)
-    seed = FINAL_SEED - HELD_OUT_SEED + look * DRAWS
+    seed = first_draw(config) - HELD_OUT_SEED + look * DRAWS
     kept = EvaluationFolder(folder / f"confirmation-{look + 1}", settings_of(place, DRAWS, seed, task))
     entries = make_entries([str(folder / name) for name in (START, NETWORK)], place, task)
     start, best = compare(entries, place, [law_of(config)], runs=DRAWS, seed=seed, threads=threads, folder=kept)
     impulse = best.column("contact_impulse") - start.column("contact_impulse")
     return last_times(best) - last_times(start), impulse
+
+
+def first_draw(config: Mapping[str, Any]) -> int:
+    """Return the seed of the first draw, which follows from what was trained for and the seed of the training."""
+    number = int(fingerprint(config["task"] or config["scenario"], config["seed"]), 16)
+    return FINAL_SEED + LOOKS * DRAWS * (number % _BLOCKS)
 
 
 def _error(difference: Floats) -> float:

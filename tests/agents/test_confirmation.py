@@ -8,6 +8,7 @@ from cases import looped
 from late import late
 from training_runs import curve
 
+from crowd_env.agents.evaluation.evaluation import FINAL_SEED, OWN_SEED
 from crowd_env.cli.agents import learn
 
 confirmation, training = late("crowd_env.agents.learned.confirmation"), late("crowd_env.agents.learned.training")
@@ -144,9 +145,21 @@ def test_a_run_whose_start_did_best_is_asked_nothing(run, monkeypatch):
     assert held(run)["best.safetensors"] == b"trained" and not (run / "confirmation.json").exists()
 
 
+def test_the_draws_follow_from_what_is_learned_and_its_seed_and_overlap_with_no_others():
+    asked = [
+        {"task": task, "scenario": "room-v0", "seed": seed} for task in ("room", "pillar", None) for seed in range(9)
+    ]
+    asked.append({"task": None, "scenario": "pillar-v0", "seed": 0})
+    first = [confirmation.first_draw(config) for config in asked]
+    most = confirmation.LOOKS * confirmation.DRAWS
+    assert first == [confirmation.first_draw(dict(config)) for config in asked]
+    assert min(first) >= FINAL_SEED and max(first) + most <= OWN_SEED
+    assert (np.diff(sorted(first)) >= most).all()
+
+
 @pytest.mark.more
 def test_both_lead_the_crowd_of_the_task_on_draws_that_nobody_has_seen(tmp_path, monkeypatch):
-    """A start that stands still loses against walking; the draws begin at 3,000,000, not at those of validation."""
+    """A start that stands still loses against walking; the draws are neither those of validation nor of another training."""
     from crowd_env.agents.evaluation import evaluation
     from crowd_env.agents.networks import network_digest
     from crowd_env.agents.training_config import task_config
@@ -164,6 +177,8 @@ def test_both_lead_the_crowd_of_the_task_on_draws_that_nobody_has_seen(tmp_path,
     training.write_curve(tmp_path / "learning_curve.csv", [rows[0] | {"evacuation_time": 99.0}, rows[-1]])
     confirm(tmp_path, config)
     told = json.loads((tmp_path / "confirmation.json").read_text())
-    assert seeds == [(3_000_000 + 2 * look, 2) for look in range(told["draws"] // 2)]
+    first = seeds[0][0]
+    assert seeds == [(first + 2 * look, 2) for look in range(told["draws"] // 2)]
+    assert first == confirmation.first_draw(config) >= FINAL_SEED
     same = network_digest(tmp_path / "best.safetensors") == network_digest(tmp_path / "start.safetensors")
     assert same == (told["kept"] == "start")
