@@ -249,7 +249,7 @@ def summarize(results: Results) -> dict[str, Any]:
             },
             "of_seeds": [json_number(value) for value in of_seed],
             "unfinished": {"runs": unfinished, "of": runs, "ci95": list(share_interval(unfinished, runs))},
-            "mean_exit": float(np.mean([result["final"]["mean_exit"]["mean"] for result in found])),
+            "mean_exit": json_number(np.mean([result["final"]["mean_exit"]["mean"] or np.nan for result in found])),
             "flow": json_number(np.mean([result["final"]["flow"] or np.nan for result in found])),
             "steps": int(np.mean([row["steps"] for row in curves])) if curves else None,
             "seconds": float(np.mean([row["seconds"] for row in curves])) if curves else None,

@@ -66,10 +66,13 @@ def recorded(scenario, steps=0, scheme="nsm2"):
 
 
 def made_up(policy, scheme, last, *, unfinished=False):
-    """Return an evaluation of runs of two people, of whom the second gets out at ``last``."""
+    """Return an evaluation of runs of two people, of whom the second gets out at ``last``; nan, or unfinished: never."""
     times = [np.array([1.0, np.nan if unfinished else time]) for time in last]
     result = run("stand-still", hall(time_limit=0.2), runs=len(last), measure=False)
-    episodes = [episode._replace(unfinished=int(unfinished)) for episode in result.episodes]
+    episodes = [
+        episode._replace(unfinished=int(np.isnan(time[1])), evacuation_time=time[1])
+        for episode, time in zip(result.episodes, times, strict=True)
+    ]
     ended = np.full(len(last), 100.0)
     changes = {"policy": policy, "scheme": scheme, "episodes": episodes, "exit_times": times, "ended": ended}
     return replace(result, **changes, time_limit=100.0)

@@ -131,7 +131,7 @@ def strategies(source: Source) -> Grid:
     found = source(f"crowd_env evaluate {line} --physics dem nsm1 nsm2 nsm2-printed hertz --runs 20")["rows"]
     by = "minus_first[evacuation_time][ci95]"
     return grid(map(_left, found), **{
-        "route": "{policy}", "scheme": "`{scheme}`", "last person out, s": "{bound}{unfinished_at_limit[last]:.1f}",
+        "route": "{policy}", "scheme": "`{scheme}`", "last person out, s": "{median_time:.1f}",
         "beside the shortest, s": f"{{{by}[0]:+.1f}} to {{{by}[1]:+.1f}}", "left inside": "{left}",
     })  # fmt: skip
 
@@ -140,9 +140,9 @@ def controller(source: Source) -> Grid:
     """One row a controller of Routing-v0, the learned one last."""
     by = "learned_minus_this[last]"
     return grid(map(_left, source.read("results.json")["rows"]), **{
-        "": "{policy}", "last person, s": "{bound}{last[mean]:.1f}",
+        "": "{policy}", "last person, s": "{last[mean]:.1f}",
         "learned minus this": f"{{{by}[mean]:+.1f}} ({{{by}[ci95][0]:+.1f}} to {{{by}[ci95][1]:+.1f}})",
-        "mean, s": "{bound}{mean[mean]:.1f}", "left inside": "{left}",
+        "mean, s": "{mean[mean]:.1f}", "left inside": "{left}",
     })  # fmt: skip
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.agents.evaluation.comparison import paired
+from crowd_env.agents.evaluation.comparison import order_of, paired
 from crowd_env.agents.evaluation.submission import REFERENCES, read_submission
 from crowd_env.agents.tasks import PRESETS, TASKS
 from crowd_env.agents.tasks.floors import RECORDED_FLOW, exit_widths, free_walk_time, touching_flow
@@ -97,7 +97,9 @@ def floors() -> Grid:
 
 
 def read_submissions(folder: Path = SUBMISSIONS) -> dict[str, list[dict[str, Any]]]:
-    """Return the submissions in a folder by task, the soonest first and doubtful ones last, every one held against its task.
+    """Return the submissions in a folder by task, every one held against its task.
+
+    Doubtful ones stand last, the others in the order of `crowd_env.agents.evaluation.comparison.order_of`.
 
     Raises
     ------
@@ -112,12 +114,12 @@ def read_submissions(folder: Path = SUBMISSIONS) -> dict[str, list[dict[str, Any
             raise ValueError(f"{path}: {mine} has been submitted twice")
         those.append(one)
     for those in found.values():
-        those.sort(key=lambda one: (_row(one)["credible"]["ok"] is False, float(np.mean(_times(one)))))
+        those.sort(key=lambda one: (_row(one)["credible"]["ok"] is False, order_of(_times(one))))
     return {name: those for name, those in found.items() if those}
 
 
 def _times(content: dict[str, Any], policy: str = "") -> np.ndarray:
-    """Return when the last person of each run was out [s]; whoever is left inside counts until the limit."""
+    """Return when the last person of each run was out [s]; nan where somebody was left inside."""
     named = (policy or content["policy"]["name"], "task")
     found = next(one for one in content["runs"] if (one["policy"], one["variation"]) == named)
     return np.array(found["last_time"], dtype=np.float64)
@@ -128,7 +130,7 @@ def _row(content: dict[str, Any], policy: str = "") -> dict[str, Any]:
 
 
 def submissions(folder: Path = SUBMISSIONS) -> Grid:
-    """One row a policy, task by task: the rule at full and at its best speed, then what was submitted, the soonest first."""
+    """One row a policy, task by task: the rule at full and at its best speed, then what was submitted, the best first."""
     rows = []
     for name, those in read_submissions(folder).items():
         ours = [(those[0], policy) for policy in REFERENCES]
@@ -138,7 +140,7 @@ def submissions(folder: Path = SUBMISSIONS) -> Grid:
 
 
 def _judged(content: dict[str, Any], policy: str) -> dict[str, str]:
-    row, best = _row(content, policy), REFERENCES[1]
+    row, own, best = _row(content, policy), content["own"][-1], REFERENCES[1]
     later = paired(_times(content, policy), _times(content, best))
     row["star"] = "" if row["pressure_is_force"] else " (no forces)"
     crushed = "{crushed_share[mean]:%} %{star}"
@@ -151,14 +153,17 @@ def _judged(content: dict[str, Any], policy: str) -> dict[str, str]:
         "network": f"`{network[:12]}`" if network else "" if policy in REFERENCES else "–",
         "exits blocked": cell("{blocked} of {runs} ({blocked_share[ci95][0]:%} to {blocked_share[ci95][1]:%} %)", row),
         "left inside": str(row["left"] or "nobody"),
+        "half of all draws, s": _half(row),
         "last person, s": _spread(row["clearing_time"]),
+        "on its own draws": "" if policy in REFERENCES else cell("{clearing_time[mean]:.1f}", own) + _lost(own),
         f"beside `{best}`, s": "" if policy == best else _spread(later, "+"),
+        "more draws with people left": "" if policy == best else f"{later['more_left']:+d}".replace("-", "−"),
         "mean exit, s": _spread(row["mean_exit"]),
         "flow, 1/s": cell("{flow:.2f}", row),
         "impulse, N s": cell("{contact_impulse[mean]:.0f}", row),
         "greatest pressure, kN/m": cell("{max_pressure[mean]:k}{star}", row),
         "above 1.6 kN/m": cell(crushed, row),
-        "blocks more than the rule on": "" if policy in REFERENCES else _worse(content),
+        "leaves people in more draws than the rule on": "" if policy in REFERENCES else _worse(content),
         "credible": credible[row["credible"]["ok"]],
     }
 
@@ -171,26 +176,33 @@ def _spread(found: dict[str, Any], sign: str = "") -> str:
     return text.replace("-", "−")
 
 
+def _half(row: dict[str, Any]) -> str:
+    return "never" if row["median_time"] is None else f"{row['median_time']:.1f}"
+
+
+def _lost(row: dict[str, Any]) -> str:
+    return f", left in {row['unfinished']} of {row['runs']}" if row["unfinished"] else ""
+
+
 def _worse(content: dict[str, Any]) -> str:
-    """Return the variations on which a policy blocks more runs than the rule does."""
+    """Return the variations on which a policy leaves somebody inside in more draws than the rule does."""
     if content["robustness"] is None:
         return "not tried"
-    blocked = {(row["variation"], row["policy"]): row["blocked"] for row in content["robustness"]["rows"]}
+    left = {(row["variation"], row["policy"]): row["unfinished"] for row in content["robustness"]["rows"]}
     mine = content["policy"]["name"]
-    tried = [name for name, policy in blocked if policy == mine]
-    return ", ".join(name for name in tried if blocked[name, mine] > blocked[name, REFERENCES[0]]) or "none"
+    tried = [name for name, policy in left if policy == mine]
+    return ", ".join(name for name in tried if left[name, mine] > left[name, REFERENCES[0]]) or "none"
 
 
 def varied(folder: Path = SUBMISSIONS) -> Grid:
-    """One row a task and variation, one column a policy: the last person of the runs that cleared, and blocked runs."""
+    """One row a task and variation, one column a policy: when half of all draws were over, and those with people left."""
     found: dict[tuple[str, str], dict[str, str]] = {}
     for name, those in read_submissions(folder).items():
         about = {one.name: one.about for one in variations(TASKS[name])}
         tried = [one for one in those if one["robustness"] is not None]
         for row in (row for one in tried for row in one["robustness"]["rows"]):
-            lost = ", {blocked} of {runs} blocked" if row["blocked"] else ""
             cells = found.setdefault((name, about[row["variation"]]), {})
-            cells[f"`{row['policy']}`"] = cell("{clearing_time[mean]:.1f}", row) + cell(lost, row)
+            cells[f"`{row['policy']}`"] = _half(row) + _lost(row)
     policies = list(dict.fromkeys(policy for cells in found.values() for policy in cells))
     lines = ([*names, *(cells.get(policy, "") for policy in policies)] for names, cells in found.items())
     return [["task", "variation", *policies], *lines]

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.analysis.figures import median_time
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.json_file import json_number
 from crowd_env.envs.metrics import summarise
@@ -23,11 +24,22 @@ def mean_times(result: Evaluation) -> Floats:
     return np.asarray(result.times_of_all().mean(axis=1))
 
 
-def paired(one: Floats, other: Floats) -> dict[str, Any]:
-    """Return how much longer ``one`` took than ``other``, run by run on the same draws.
+def clearing_times(result: Evaluation) -> Floats:
+    """Return when the last person of each run was out (runs,) [s]; nan where somebody was left inside."""
+    return np.asarray(np.array(result.exit_times).max(axis=1))
 
-    ``mean`` and ``ci95`` are of the difference (t interval over runs); ``faster`` is the share of runs in which ``one`` took
-    less, where a tie counts half.
+
+def clearing_means(result: Evaluation) -> Floats:
+    """Return the mean exit time of each run (runs,) [s]; nan where somebody was left inside."""
+    return np.asarray(np.array(result.exit_times).mean(axis=1))
+
+
+def paired(one: Floats, other: Floats) -> dict[str, Any]:
+    """Return how much longer ``one`` took than ``other``, run by run on the same draws; nan: somebody was left inside.
+
+    ``mean`` and ``ci95`` are of the difference in the ``draws`` that both cleared (t interval over them); ``faster`` is the
+    share of these in which ``one`` took less, where a tie counts half.  In ``more_left`` more draws of ``one`` than of the
+    other somebody was left inside: no time limit stands for a time.
 
     Raises
     ------
@@ -37,11 +49,14 @@ def paired(one: Floats, other: Floats) -> dict[str, Any]:
     if len(one) != len(other) or not len(one):
         raise ValueError(f"{len(one)} and {len(other)} runs cannot be paired")
     difference = np.asarray(one, dtype=np.float64) - other
+    difference = difference[np.isfinite(difference)]
     summary = summarise(difference)
     return {
-        "mean": summary.mean,
+        "mean": json_number(summary.mean),
         "ci95": [json_number(bound) for bound in summary.ci95],
-        "faster": float(((difference < 0) + 0.5 * (difference == 0)).mean()),
+        "faster": float(((difference < 0) + 0.5 * (difference == 0)).mean()) if len(difference) else None,
+        "draws": len(difference),
+        "more_left": int(np.isnan(one).sum() - np.isnan(other).sum()),
     }
 
 
@@ -49,9 +64,8 @@ def minus_first(result: Evaluation, first: Evaluation) -> dict[str, Any]:
     """Return the paired differences of a policy to the first one under the same scheme."""
     return {
         "policy": first.policy,
-        "evacuation_time": paired(last_times(result), last_times(first)),
-        "mean_exit_time": paired(mean_times(result), mean_times(first)),
-        "runs_at_time_limit": int(((result.column("unfinished") > 0) | (first.column("unfinished") > 0)).sum()),
+        "evacuation_time": paired(clearing_times(result), clearing_times(first)),
+        "mean_exit_time": paired(clearing_means(result), clearing_means(first)),
     }
 
 
@@ -71,30 +85,35 @@ def kendall_tau(one: Sequence[float], other: Sequence[float]) -> float | None:
     return float((a * b).sum()) / norm if norm > 0 else None
 
 
-def ranking(results: Sequence[Evaluation], *, of: Any = last_times) -> dict[str, Any]:
-    """Return the order of the policies under every scheme, fastest first, and how far the schemes agree.
+def order_of(times: Floats) -> tuple[int, float]:
+    """Return by what policies stand in order, from times (runs,) [s]: fewer runs with somebody left (nan), the lower median."""
+    half = median_time(times)
+    return int(np.isnan(times).sum()), np.inf if half is None else half
 
-    ``schemes`` holds the ``order`` with the mean ``times`` [s], ``tau`` Kendall's tau-b of each pair of schemes, ``same``
-    whether the order is the same under all.  ``contradictions`` lists the pairs of policies of which one is clearly faster
-    under one scheme and clearly slower under another: the paired 95 % intervals are on opposite sides of zero.
+
+def ranking(results: Sequence[Evaluation], *, of: Any = clearing_times) -> dict[str, Any]:
+    """Return the order of the policies under every scheme, that of `order_of`, and how far the schemes agree.
+
+    ``schemes`` holds the ``order`` with the median ``times`` [s] of all runs, ``tau`` Kendall's tau-b of each pair of schemes,
+    ``same`` whether the order is the same under all.  ``contradictions`` lists the pairs of policies of which one is clearly
+    faster under one scheme and clearly slower under another: the paired 95 % intervals are on opposite sides of zero.
 
     Parameters
     ----------
     results : every policy under every scheme.
-    of : the times (runs,) [s] of an evaluation that are compared.
+    of : the times (runs,) [s] of an evaluation that are compared, nan where somebody was left inside.
     """
     table: dict[str, dict[str, Floats]] = {}
     for result in results:
         table.setdefault(result.scheme, {})[result.policy] = of(result)
-    means = {scheme: {name: float(times.mean()) for name, times in row.items()} for scheme, row in table.items()}
-    orders = {scheme: sorted(row, key=lambda name, row=row: row[name]) for scheme, row in means.items()}  # type: ignore[misc]
-    names = list(next(iter(means.values()), {}))
-    taus = {
-        f"{a} {b}": kendall_tau([means[a][name] for name in names], [means[b][name] for name in names])
-        for a, b in combinations(means, 2)
-    }
+    keys = {scheme: {name: order_of(times) for name, times in row.items()} for scheme, row in table.items()}
+    orders = {scheme: sorted(row, key=lambda name, row=row: row[name]) for scheme, row in keys.items()}  # type: ignore[misc]
+    names = list(next(iter(keys.values()), {}))
+    ranks = {scheme: [sorted(row.values()).index(row[name]) for name in names] for scheme, row in keys.items()}
+    taus = {f"{a} {b}": kendall_tau(ranks[a], ranks[b]) for a, b in combinations(keys, 2)}
+    halves = {scheme: {name: json_number(half) for name, (_, half) in row.items()} for scheme, row in keys.items()}
     return {
-        "schemes": {scheme: {"order": orders[scheme], "times": means[scheme]} for scheme in means},
+        "schemes": {scheme: {"order": orders[scheme], "times": halves[scheme]} for scheme in keys},
         "tau": taus,
         "same": all(tau is None or tau == 1.0 for tau in taus.values())
         and len({tuple(o) for o in orders.values()}) == 1,

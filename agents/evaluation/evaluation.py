@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env import CrowdEnv, EpisodeMetrics, Physics, Scenario, make_scenario
-from crowd_env.analysis.figures import column, figures_of, named
+from crowd_env.analysis.figures import column, figures_of, median_time, named
 from crowd_env.analysis.results.measurements import Measured, MeasurementRecorder
 from crowd_env.core.arrays.headway import Manner
 from crowd_env.core.arrays.state import Bools, Floats
@@ -25,8 +25,9 @@ from ..policy import Policy
 HELD_OUT_SEED = 1_000_000
 # Draws on which the best network of a training is chosen: neither trained on nor used for the final table.
 VALIDATION_SEED = 2_000_000
-# Of draws on which what did best on those is tried again.
-FINAL_SEED = 3_000_000
+# From here on are draws on which what did best on those is tried again, and from 10 million on those that belong to one
+# policy alone: see `crowd_env.agents.learned.confirmation` and `crowd_env.agents.evaluation.submission`.
+FINAL_SEED, OWN_SEED = 3_000_000, 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +69,12 @@ class Evaluation:
         return 1.0 if self.learned is None else float(self.learned.mean())
 
     def mean_exit_of(self, those: Bools) -> Floats:
-        """Return the mean exit time (runs,) [s] of ``those`` (R, N), counted as in `times_of_all`; nan where there are none."""
-        return _mean_of(self.times_of_all(), those)
+        """Return the mean exit time (runs,) [s] of ``those`` (R, N); nan where there are none, or one is left inside."""
+        return _mean_of(np.array(self.exit_times), those)
 
-    def exit_time_95(self, *, counted: bool = False) -> Floats:
-        """Return when 95 % of the people were out (runs,) [s]; nan where fewer got out, unless all are ``counted``."""
-        times = np.sort(self.times_of_all() if counted else np.array(self.exit_times), axis=1)  # nan go last
+    def exit_time_95(self) -> Floats:
+        """Return when 95 % of the people were out (runs,) [s]; nan where fewer got out."""
+        times = np.sort(np.array(self.exit_times), axis=1)  # nan go last
         return np.asarray(times[:, int(np.ceil(0.95 * times.shape[1] - 1e-9)) - 1])
 
     def row(self) -> dict[str, Any]:
@@ -83,8 +84,8 @@ class Evaluation:
         `crowd_env.analysis.results.measurements.INJURY`; ``hurry`` is the largest of anyone's mean speed over the
         own desired speed.
 
-        ``evacuation_time`` is over the runs in which everyone got out, ``mean_exit_time`` over the people who did.  Policies
-        are compared by `crowd_env.agents.evaluation.comparison`, which counts everybody.
+        ``evacuation_time`` and ``mean_exit`` are over the runs in which everyone got out, ``median_time`` says when the last
+        person was out in half of all runs, ``mean_exit_time`` is over the people who got out.
         """
         out = np.concatenate(self.exit_times)
         out = out[np.isfinite(out)]
@@ -94,9 +95,11 @@ class Evaluation:
             "learned_share": self.learned_share,
             "constants": self.constants,
             **figures_of(self.episodes),
+            "median_time": median_time(self.column("evacuation_time")),
             "exit_time_95": named(self.exit_time_95()),
             "last_exit": float(out.max()) if len(out) else None,
             "mean_exit_time": named(self.column("mean_exit_time")),
+            "mean_exit": named(np.array(self.exit_times).mean(axis=1)),
             "contact_impulse": named(self.column("contact_impulse")),
             "max_overlap": float(self.column("max_overlap").max()),
         }

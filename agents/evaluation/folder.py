@@ -23,7 +23,7 @@ from crowd_env.physics import ContactScheme
 from ..networks import network_digest
 from ..runs import versions
 from ..tasks.task import Task
-from .comparison import last_times
+from .comparison import clearing_times
 from .entries import Entry
 from .evaluation import Evaluation
 
@@ -124,7 +124,7 @@ class EvaluationFolder(Store):
             measured = result.measured
             assert measured is not None
             names = np.array([*result.exit_names, ""])[measured.exit_index]
-            columns = (last_times(result), result.exit_time_95(), measured.walked.mean(axis=1))
+            columns = (clearing_times(result), result.exit_time_95(), measured.walked.mean(axis=1))
             for k, (episode, last, most, way) in enumerate(zip(result.episodes, *columns, strict=True)):
                 crushed = measured.crushed[k]
                 peaks = (measured.max_density[k], measured.max_pressure[k], (crushed > 0.0).sum(), crushed.sum())

@@ -6,13 +6,13 @@ from typing import Any
 from rich.table import Table
 
 from crowd_env import Scenario
-from crowd_env.analysis.figures import named, number, percent
+from crowd_env.analysis.figures import number, percent
 
 from ..tasks.task import Task
-from .comparison import mean_times, minus_first
+from .comparison import minus_first
 from .credible import credibility
 from .evaluation import Evaluation
-from .report import table_of, with_interval
+from .report import half, table_of, with_interval
 
 _MEANS = ("contact_impulse", "mean_exit_learned", "mean_exit_others")  # the last two of mixed crowds
 _FIGURES = (
@@ -24,9 +24,8 @@ _FIGURES = (
 def task_row(task: Task, place: Scenario, result: Evaluation, results: Sequence[Evaluation]) -> dict[str, Any]:
     """Return the `task_figures` of one of the ``results`` on a task, beside the first of them."""
     first = next(one for one in results if one.scheme == result.scheme)
-    row = result.row() | {"mean_exit": named(mean_times(result))}
     return {
-        **task_figures(task.name, place, row, [one.row() for one in results]),
+        **task_figures(task.name, place, result.row(), [one.row() for one in results]),
         "minus_first": minus_first(result, first),
     }
 
@@ -37,9 +36,10 @@ def task_figures(
     """Return the figures of a policy on a task, ready for JSON, in SI units.
 
     ``blocked`` counts the runs that ended because nobody had got out for ``blocked_after`` of the task, ``unfinished`` all runs
-    in which somebody was left inside, blocked ones included.  ``clearing_time``, of the last person, is over the runs that
-    cleared.  ``mean_exit`` is over all people of all runs: whoever is left inside counts until the time limit.  ``flow`` is the
-    mean over runs of the slope of people out against time.  ``max_speed`` is of anyone, and ``escaped`` counts people who were
+    in which somebody was left inside, blocked ones included.  ``median_time`` is when the last person was out in half of all
+    runs, None if more never cleared.  ``clearing_time``, of the last person, and ``mean_exit``, of everybody, are over the runs
+    that cleared: no time limit counts as a time.  ``flow`` is the mean over runs of the slope of people out against time.
+    ``max_speed`` is of anyone, and ``escaped`` counts people who were
     found outside of the walls.  Means are over runs, with 95 % t intervals; shares of runs have Wilson's.
 
     ``max_pressure`` [N/m] is the greatest contact force on someone over circumference, mean of a decision step;
@@ -49,7 +49,7 @@ def task_figures(
 
     Parameters
     ----------
-    row, rows : of `Evaluation.row`, of the policy and of all beside it; the first with ``mean_exit`` too.
+    row, rows : of `Evaluation.row`, of the policy and of all beside it.
     """
     return {
         "task": task,
@@ -59,6 +59,7 @@ def task_figures(
         "runs": row["runs"],
         "blocked": row["blocked_runs"],
         "unfinished": row["unfinished_runs"],
+        "median_time": row["median_time"],
         "clearing_time": _mean(row["evacuation_time"]),
         "mean_exit": _mean(row["mean_exit"]),
         "flow": row["flow"]["mean"],
@@ -73,8 +74,8 @@ def task_table(groups: Mapping[str, Sequence[Evaluation]], title: str, note: str
     """Return a table of the figures by which policies are judged on a task, with a section for each group."""
     caption = (
         "Runs of all in which the exits blocked, and in which someone was left inside, blocked ones included; %: with its "
-        "95 % interval (Wilson). clearing: s, of the last person, in the runs that cleared, with its 95 % interval; mean "
-        "exit: s, of all people; who is left inside counts until the time limit."
+        "95 % interval (Wilson). half: s, when the last person was out in half of all runs. clearing, of the last person, and "
+        "mean exit, of everybody: s, in the runs that cleared, with the 95 % interval."
     )
 
     def cells(result: Evaluation, first: Evaluation) -> dict[str, str]:
@@ -83,8 +84,9 @@ def task_table(groups: Mapping[str, Sequence[Evaluation]], title: str, note: str
             "blocked": f"{row['blocked_runs']} of {row['runs']}",
             "%": percent(row["blocked_share"]),
             "unfinished": str(row["unfinished_runs"]),
+            "half": half(row["median_time"]),
             "clearing": with_interval(row["evacuation_time"]),
-            "mean exit": with_interval(named(mean_times(result))),
+            "mean exit": with_interval(row["mean_exit"]),
             "flow\n1/s": number(row["flow"]["mean"]),
         }
 

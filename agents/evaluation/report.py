@@ -4,21 +4,25 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from crowd_env.analysis.figures import cell, number, percent, spread
-from crowd_env.core.arrays.state import Floats
+from crowd_env.analysis.figures import cell, median_time, number, percent, spread
 
-from .comparison import last_times, mean_times, minus_first, ranking
+from .comparison import minus_first, ranking
 from .evaluation import Evaluation
 
 Cells = Callable[[Evaluation, Evaluation], Mapping[str, str]]
 """From a result and that of the first policy beside it to the cells of its row, by the headings of their columns."""
 
+# What the columns of `_times` are.
+_WORDS = (
+    "Seconds. half: when the last person was out in half of all runs; last and mean: of the last person, ± sd, and of all, in "
+    "the runs that cleared; Δ: longer than the first policy on the draws that both cleared, and its 95 % interval; left: in so "
+    "many more runs someone was left inside;"
+)
 _EXITS = 4  # more do not fit side by side
 # Of `crowding_table`; a star is behind what nobody would feel.
 _CROWDING = {
@@ -70,16 +74,14 @@ def by_scheme(results: Sequence[Evaluation]) -> dict[str, list[Evaluation]]:
 def comparison_table(results: Sequence[Evaluation], title: str) -> Table:
     """Return a table of policies against what they are judged by; the others are compared with the first."""
     caption = (
-        f"± sd over runs; Δ: longer than {results[0].policy} on the same draws, and its 95 % interval; in: people left "
-        "inside, who count until the end (then ≥); runs left: % of runs in which someone was, and its 95 % interval; "
-        "N s: contact impulse per person"
+        f"{_WORDS} in: people left inside; runs left: % of runs in which someone was, and its 95 % interval; N s: contact "
+        "impulse per person."
     )
 
     def cells(result: Evaluation, first: Evaluation) -> dict[str, str]:
         row, times = result.row(), _times(result, first, digits=2)
         return {
-            **{f"{name} s": times[name] for name in ("last", "Δ last", "mean")},
-            "in": times["in"],
+            **{name: times[name] for name in ("half", "last", "Δ last", "left", "mean", "in")},
             "runs left %": percent(row["unfinished_share"]),
             "N s": number(row["contact_impulse"]["mean"], digits=0),
         }
@@ -92,26 +94,21 @@ def comparison_table(results: Sequence[Evaluation], title: str) -> Table:
 
 def times_table(results: Sequence[Evaluation], title: str) -> Table:
     """Return a table of how long policies took, and how much longer than the first one on the same draws."""
-    caption = (
-        f"Seconds. last: of the last person, ± sd over runs; Δ: longer than {results[0].policy} on the same draws, and its "
-        "95 % interval; faster: share of runs; 95 %: when 95 % were out; mean: of all people; in: people left inside, who "
-        "count until the time limit, or until the end if that was later (then ≥)."
-    )
+    caption = f"{_WORDS} 95 %: when 95 % were out in half of all runs; in: people left inside."
     return table_of(by_scheme(results), _times, caption, title)
 
 
 def _times(result: Evaluation, first: Evaluation, digits: int = 1) -> dict[str, str]:
-    row, longer, own, late = result.row(), minus_first(result, first), result is first, result.exit_time_95()
-    left, all_late = row["unfinished"], result.exit_time_95(counted=True)
-    mean, mean_late = row["mean_exit_time"]["mean"], row["exit_time_95"]["mean"]
+    row, longer, own = result.row(), minus_first(result, first), result is first
     return {
-        "last": _at_least(last_times(result), digits) if left else spread(row["evacuation_time"], digits=digits),
+        "half": half(row["median_time"], digits),
+        "last": spread(row["evacuation_time"], digits=digits),
         "Δ last": "" if own else with_interval(longer["evacuation_time"], digits, "+"),
-        "faster": "" if own else f"{100 * longer['evacuation_time']['faster']:.0f} %",
-        "95 %": number(mean_late, digits=digits) if np.isfinite(late).all() else _at_least(all_late, digits),
-        "mean": _at_least(mean_times(result), digits) if left else number(mean, digits=digits),
+        "left": "" if own else f"{longer['evacuation_time']['more_left']:+d}",
+        "95 %": half(median_time(result.exit_time_95()), digits),
+        "mean": number(row["mean_exit"]["mean"], digits=digits),
         "Δ mean": "" if own else with_interval(longer["mean_exit_time"], digits, "+"),
-        "in": str(left),
+        "in": str(row["unfinished"]),
     }
 
 
@@ -206,8 +203,9 @@ def _order(names: Sequence[str], times: dict[str, float]) -> str:
     return text
 
 
-def _at_least(times: Floats, digits: int) -> str:
-    return f"≥{times.mean():.{digits if times.mean() < 99.95 else 0}f}"
+def half(time: float | None, digits: int = 1) -> str:
+    """Return when half of all runs had cleared, in words if they never did."""
+    return "never" if time is None else f"{time:.{digits}f}"
 
 
 def with_interval(found: Mapping[str, Any], digits: int = 1, sign: str = "") -> str:

@@ -11,7 +11,7 @@ from crowd_env.physics import ContactScheme
 
 from ..runs import versions
 from ..tasks import Task
-from .comparison import last_times, mean_times, minus_first, ranking
+from .comparison import clearing_means, minus_first, ranking
 from .entries import Entry, made_drivers
 from .evaluation import HELD_OUT_SEED, Cell, Evaluation, evaluate_cells
 from .folder import EvaluationFolder
@@ -60,7 +60,7 @@ def compare(
             folder.keep_result(*pairs[k], result)
         if not notes.is_terminal:  # no bar there: say in lines how far it is
             title = f"{k + 1}/{len(pairs)} {result.policy}, {result.scheme}"
-            say(f"{title}: mean exit time {mean_times(result).mean():.2f} s")
+            say(f"{title}: {(result.column('unfinished') == 0).sum()} of {runs} runs cleared")
 
     with progress_bar("evaluating", all_runs) as progress:
         drivers = made_drivers([pairs[k] for k in todo], scenario, threads, executor)
@@ -83,13 +83,12 @@ def summary(
             rows.append(task_row(task, scenario, result, results))
             continue
         first = next(one for one in results if one.scheme == result.scheme)
-        all_counted = {"last": float(last_times(result).mean()), "mean": float(mean_times(result).mean())}
-        rows.append(result.row() | {"unfinished_at_limit": all_counted, "minus_first": minus_first(result, first)})
+        rows.append(result.row() | {"minus_first": minus_first(result, first)})
     return {
         **settings,
         "people": scenario.population.people,
         "time_limit": scenario.time_limit,
         "rows": rows,
-        "ranking": {"last": ranking(results), "mean": ranking(results, of=mean_times)},
+        "ranking": {"last": ranking(results), "mean": ranking(results, of=clearing_means)},
         "versions": versions(),
     }

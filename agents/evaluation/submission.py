@@ -2,8 +2,13 @@
 
 What every policy stands beside, the rule at full and at its best speed, lies once for each task in a file of its own:
 ``TASK.json`` beside the folder ``TASK`` with a file for each policy.  Figures are not kept: they are made of the runs.
+
+The draws of a task are known, so that a policy may be chosen by what it does on them.  So each is also judged, beside the rule,
+on draws of its own, whose seeds follow from the policy (`own_seed`): another policy has others.
 """
 
+import base64
+import hashlib
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -14,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env import EpisodeMetrics, Scenario
-from crowd_env.analysis.figures import figures_of, named
+from crowd_env.analysis.figures import figures_of, median_time, named
 from crowd_env.core.files.atomic import write_text
 from crowd_env.core.files.json_file import read_json
 from crowd_env.physics import SCHEMES
@@ -23,16 +28,18 @@ from .. import PRETRAINED
 from ..networks import network_digest
 from ..runs import versions
 from ..tasks import TASKS, Task
-from ..tasks.variations import variations
+from ..tasks.variations import AS_IT_STANDS, Variation, variations
 from ..walking import RuleAtShare
-from .comparison import last_times, mean_times
+from .comparison import clearing_means, clearing_times
 from .entries import RULE
-from .evaluation import Evaluation
+from .evaluation import OWN_SEED, Evaluation
 from .protocol import task_figures
 from .robustness import Found, facts_of_variation
 
 REFERENCES = (RULE, RuleAtShare.name)  # that every policy stands beside, on the same draws
-FORMAT = 2
+FORMAT = 3
+OWN_DRAWS = Variation("own-draws", "draws of its own")
+_PART = 4  # of the draws of a task: as many are a policy's own
 _MIXED = ("mean_exit_learned", "mean_exit_others")  # figures of mixed crowds
 # Column of a run -> its digits.  The first four are numbers of people; of ``blocked``, whether the run was.
 _DIGITS = {
@@ -44,12 +51,28 @@ _COLUMNS = tuple(_DIGITS)
 _OWN = _COLUMNS[12:]  # beside those of `EpisodeMetrics` and crushes
 _WITH_MAX = {"max_density", "max_pressure", "hurry"}  # beside their mean stands the largest of all runs
 _FIGURES = 6  # digits of other numbers
-_KEYS = {"format", "task", "policies", "columns", "trials", "versions"}
+_KEYS = {"format", "task", "policies", "networks", "columns", "trials", "versions"}
 _RUNS = dict[str, np.ndarray]  # column -> (R,)
 
 
+def own_seed(policy: str, network: str | None, constants: Mapping[str, Any]) -> int:
+    """Return the seed of a policy's own draws, of the digest of its network or, of a rule, of its name and constants."""
+    text = network or json.dumps([policy, _rounded(constants)], sort_keys=True)
+    return OWN_SEED + int(hashlib.sha256(text.encode()).hexdigest(), 16) % 2**40
+
+
+def own_runs(task: Task) -> int:
+    """Return how many draws of its own a policy is judged on: a quarter of those of the task."""
+    return max(1, task.runs // _PART)
+
+
 def write_submissions(
-    folder: Path, task: Task, policies: Mapping[str, Path | None], results: Sequence[Evaluation], found: Found
+    folder: Path,
+    task: Task,
+    policies: Mapping[str, Path | None],
+    results: Sequence[Evaluation],
+    own: Mapping[str, Sequence[Evaluation]],
+    found: Found,
 ) -> list[Path]:
     """Write the file of a task's references and one for each policy; return the paths of the latter.
 
@@ -57,6 +80,7 @@ def write_submissions(
     ----------
     policies : names in ``results``, with the file of the network if there is one.
     results : of the policies and of `REFERENCES` on the held-out draws of the task.
+    own : by policy, its results and those of the rule on its own draws.
     found : trials of at least the policies and the rule on the variations of the task, with their results; empty: none.
 
     Raises
@@ -64,8 +88,8 @@ def write_submissions(
     ValueError
         If the references that lie there did other things: they were made by other code.
     """
-    trials = [{"variation": "task", **facts_of_variation(task, variations(task)[0], task.place())}]
-    judged = [results]
+    as_it_stands, own_facts = (facts_of_variation(task, one, task.place()) for one in (AS_IT_STANDS, OWN_DRAWS))
+    trials, judged = [as_it_stands], [results]
     for trial, those in found:
         if trial.variation.name != "task":
             trials.append(facts_of_variation(task, trial.variation, trial.place))
@@ -77,14 +101,23 @@ def write_submissions(
             for facts, those in zip(trials, judged, strict=True)
         ]
         digests = {name: None if path is None else network_digest(path) for name, path in named.items()}
-        facts = {"format": FORMAT, "task": task.identity(), "policies": digests, "columns": list(_COLUMNS)}
-        return {**facts, "trials": of, "versions": versions()}
+        networks = {
+            name: base64.b64encode(path.read_bytes()).decode()
+            for name, path in named.items()
+            if path is not None and name not in PRETRAINED
+        }
+        for name in named.keys() & own.keys():
+            kept = {one.policy: _kept(one) for one in own[name]}
+            seed = own_seed(name, digests[name], kept[name].get("constants", {}))
+            of.insert(1, {**own_facts, "first_seed": seed, "of": kept})
+        facts = {"format": FORMAT, "task": task.identity(), "policies": digests, "networks": networks}
+        return {**facts, "columns": list(_COLUMNS), "trials": of, "versions": versions()}
 
     references, path = content(dict.fromkeys(REFERENCES)), folder / f"{task.name}.json"
     if path.exists():
         both = read_json(path), references
         before, now = (_runs_of(one["trials"][0]["of"][RULE], one["columns"])["last_time"] for one in both)
-        if len(before) != len(now) or not np.allclose(before, now, rtol=1e-4):
+        if len(before) != len(now) or not np.allclose(before, now, rtol=1e-4, equal_nan=True):
             raise ValueError(f"{path}: the rule does other things here, so the code is another; submit all of it again")
     write_content(path, references)
     paths = []
@@ -105,14 +138,14 @@ def read_submission(path: Path) -> dict[str, Any]:
     """Return a submission that has been held against its task as it stands, with the figures that its runs amount to.
 
     ``rows`` are those of the policy and of `REFERENCES` in the task (`crowd_env.agents.evaluation.protocol.task_figures`),
-    ``robustness`` has those of the policy and the rule in all variations, over as many draws of the task as of the others;
-    ``runs`` holds the columns of all runs.
+    ``own`` those of the policy and the rule on draws of its own.  ``robustness`` has those of both in all variations, over as
+    many draws of the task as of the others; ``runs`` holds the columns of all runs.
 
     Raises
     ------
     ValueError
-        If it cannot be read, is of an unknown task, of another version or variation of it or of other draws, or if it names a
-        shipped policy but holds the digest of another network.
+        If it cannot be read, is of an unknown task, of another version or variation of it or of other draws, or if its digest
+        is not that of the network that it holds or of the shipped policy that it names.
     """
     references = path.parent.with_suffix(".json")
     content, beside = _read(path), _read(references)
@@ -121,39 +154,47 @@ def read_submission(path: Path) -> dict[str, Any]:
         task = TASKS[content["task"]["name"]]
         if policy in PRETRAINED and network_digest(PRETRAINED[policy]) != digest:
             raise ValueError(f"{path} names the shipped policy {policy}, but holds the digest of another network")
+        if policy not in PRETRAINED and digest is not None:
+            network = base64.b64decode(content["networks"][policy], validate=True)
+            if hashlib.sha256(network).hexdigest() != digest:
+                raise ValueError(f"{path} holds another network than its digest says")
         named = dict.fromkeys((*REFERENCES, policy))
         rows: list[dict[str, Any]] = []
         few: list[dict[str, Any]] = []
         runs: list[dict[str, Any]] = []
-        least = min(len(one["runs"]) for trial in content["trials"] for one in trial["of"].values())
+        public = [trial for trial in content["trials"] if trial["variation"] != OWN_DRAWS.name]
+        least = min(len(one["runs"]) for trial in public for one in trial["of"].values())
         by_name = {one["variation"]: one for one in beside["trials"]}
+        constants = public[0]["of"].get(policy, {}).get("constants", {})
         for trial in content["trials"]:
-            place, rules = _now(task.name, repr(task)).places[trial["variation"]], by_name[trial["variation"]]["of"]
+            variation, mine = trial["variation"], trial["variation"] == OWN_DRAWS.name
+            if mine and trial["first_seed"] != own_seed(policy, digest, constants):
+                raise ValueError(f"{path}: the draws of its own are not those of {policy}; submit again")
+            place = _now(task.name, repr(task)).places[variation]
+            rules = trial["of"] if mine else by_name[variation]["of"]
             of = {name: (rules if name in REFERENCES else trial["of"]).get(name) for name in named}
-            for name in named if trial["variation"] == "task" else (RULE,):
+            for name in {"task": named, OWN_DRAWS.name: (RULE, policy)}.get(variation, (RULE,)):
                 if of[name] is None:
-                    raise ValueError(f"{path}: there are no runs of {name} in {trial['variation']}; submit again")
-            heads = {name: (beside if name in REFERENCES else content)["columns"] for name in named}
-            columns = {name: _runs_of(one, heads[name]) for name, one in of.items() if one is not None}
+                    raise ValueError(f"{path}: there are no runs of {name} in {variation}; submit again")
+            columns = {name: _runs_of(one, _COLUMNS) for name, one in of.items() if one is not None}
             if len({len(one["last_time"]) for one in columns.values()}) != 1:
-                raise ValueError(f"{path}: {trial['variation']} has other numbers of draws than {references.name}")
+                raise ValueError(f"{path}: {variation} has other numbers of draws than {references.name}")
             for found, count in ((rows, task.runs), (few, least)):
                 figures = [_figures(name, trial, of[name], columns[name], place, count) for name in columns]
-                found += [
-                    {**task_figures(task.name, place, one, figures), "variation": trial["variation"]} for one in figures
-                ]
+                found += [{**task_figures(task.name, place, one, figures), "variation": variation} for one in figures]
             runs += [{**trial, "policy": name, **one} for name, one in columns.items()]
     except (KeyError, TypeError, IndexError, AttributeError, ValueError) as error:
         if str(error).startswith(str(path)):
             raise
         raise ValueError(f"{path} is damaged: {type(error).__name__} {error}") from None
-    robust = [row for row in few if row["policy"] in (REFERENCES[0], policy)]
+    few = [row for row in few if row["policy"] in (RULE, policy) and row["variation"] != OWN_DRAWS.name]
     return {
         "task": content["task"],
         "policy": {"name": policy, "sha256": digest},
         "seeds": {"first": task.seeds.start, "runs": task.runs},
         "rows": [row for row in rows if row["variation"] == "task"],
-        "robustness": {"runs": least, "rows": robust} if len(content["trials"]) > 1 else None,
+        "own": [row for row in rows if row["variation"] == OWN_DRAWS.name],
+        "robustness": {"runs": least, "rows": few} if len(public) > 1 else None,
         "runs": runs,
         "versions": content["versions"],
     }
@@ -176,17 +217,18 @@ def _read(path: Path) -> dict[str, Any]:
         )
     if content["columns"] != list(_COLUMNS):
         raise ValueError(f"{path} has other columns than {', '.join(_COLUMNS)}")
-    names = [one["variation"] for one in content["trials"]]
-    if names[:1] != ["task"] or (len(names) > 1 and names != list(now.facts)):
-        raise ValueError(
-            f"{path} holds other variations than {task.name} has now: {', '.join(now.facts)}; submit again"
-        )
+    names, of_one = [one["variation"] for one in content["trials"]], len(content["policies"]) == 1
+    expected = [name for name in now.facts if of_one or name != OWN_DRAWS.name]
+    if names not in (expected, expected[: 1 + of_one]):
+        raise ValueError(f"{path} holds other variations than {task.name} has now: {', '.join(expected)}; submit again")
     for one in content["trials"]:
-        if {name: one[name] for name in one if name != "of"} != now.facts[one["variation"]]:
+        facts = {name: one[name] for name in one if name not in ("of", "first_seed")}
+        if facts != now.facts[one["variation"]]:
             raise ValueError(f"{path}: the variation {one['variation']!r} of {task.name} is another now; submit again")
-    draws = {len(one["runs"]) for one in content["trials"][0]["of"].values()}
-    if draws != {task.runs}:
-        raise ValueError(f"{path} holds {max(draws, default=0)} draws; the task has {task.runs}")
+    for one, count in zip(content["trials"], (task.runs, own_runs(task))[: 1 + of_one], strict=False):
+        draws = {len(kept["runs"]) for kept in one["of"].values()}
+        if draws != {count}:
+            raise ValueError(f"{path} holds {min(draws, default=0)} draws; {one['about']} has {count}")
     return content
 
 
@@ -202,8 +244,9 @@ class _Now(NamedTuple):
 def _now(name: str, described: str) -> _Now:
     """Return what a task is now; ``described`` tells two of one name apart."""
     task = TASKS[name]
-    places = {one.name: one.place(task) for one in variations(task)}
-    facts = {one.name: facts_of_variation(task, one, places[one.name]) for one in variations(task)}
+    trials = (AS_IT_STANDS, OWN_DRAWS, *variations(task)[1:])
+    places = {one.name: one.place(task) for one in trials}
+    facts = {one.name: facts_of_variation(task, one, places[one.name]) for one in trials}
     return _Now(task.identity(), facts, places)
 
 
@@ -216,8 +259,8 @@ def _kept(result: Evaluation) -> dict[str, Any]:
     columns = {
         "blocked": np.isfinite(result.column("blocked_since")),
         "crushed": (measured.crushed > 0.0).sum(axis=1),
-        "last_time": last_times(result),  # who is left counts until the limit, also below
-        "mean_exit": mean_times(result),
+        "last_time": clearing_times(result),  # not known where somebody is left inside, also below
+        "mean_exit": clearing_means(result),
         "max_pressure": measured.max_pressure,
         "crushed_time": measured.crushed.sum(axis=1),
         "walked": measured.walked.mean(axis=1),
@@ -244,6 +287,7 @@ def _figures(
     runs = {name: values[:count] for name, values in runs.items()}
     known = {name: values for name, values in runs.items() if name in EpisodeMetrics._fields}
     known["evacuation_time"] = np.where(runs["unfinished"] == 0, runs["last_time"], np.nan)
+    runs["mean_exit"] = np.where(runs["unfinished"] == 0, runs["mean_exit"], np.nan)
     known["blocked_since"] = np.where(runs["blocked"] > 0, 0.0, np.nan)
     unknown: dict[str, Any] = dict.fromkeys(EpisodeMetrics._fields, np.nan)
     of_runs = (dict(zip(known, values, strict=True)) for values in zip(*known.values(), strict=True))
@@ -263,6 +307,7 @@ def _figures(
         "learned_share": trial["learned_share"],
         "constants": kept.get("constants", {}),
         **figures_of(episodes),
+        "median_time": median_time(known["evacuation_time"]),
         **found,
         "max_overlap": float(runs["max_overlap"].max()),
         "pressure_is_force": SCHEMES[trial["scheme"]].info.impulses_are_forces,
@@ -281,4 +326,4 @@ def _rounded(value: Any) -> Any:
         return float(f"{value:.{_FIGURES}g}")
     if isinstance(value, Mapping):
         return {name: _rounded(one) for name, one in value.items()}
-    return [_rounded(one) for one in value] if isinstance(value, list) else value
+    return [_rounded(one) for one in value] if isinstance(value, list | tuple) else value

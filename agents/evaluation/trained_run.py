@@ -20,7 +20,7 @@ from ..rules import StrategyPolicy
 from ..trained import SAMPLED, LearnedPolicy, load_trained
 from ..training_config import judged_place, law_of, physics_of, task_of
 from . import shipped
-from .comparison import last_times, mean_times, minus_first, paired, ratio
+from .comparison import clearing_means, clearing_times, last_times, minus_first, paired, ratio
 from .entries import RULE, controller_entry, make_entries
 from .evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from .folder import EvaluationFolder, settings_of
@@ -83,8 +83,8 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int, *, f
 
 
 def _beside(result: Evaluation, learned: Evaluation) -> dict[str, Any]:
-    """Return the times of a policy, of everybody, and how much longer the learned one takes on the same draws."""
-    of = {"last": last_times, "mean": mean_times}
+    """Return the times of a policy, of runs that cleared, and how much longer the learned one takes on the same draws."""
+    of = {"last": clearing_times, "mean": clearing_means}
     more = {name: paired(times(learned), times(result)) for name, times in of.items()}
     return {**{name: named(times(result)) for name, times in of.items()}, "learned_minus_this": more}
 

@@ -196,6 +196,12 @@ def named(values: np.ndarray) -> dict[str, Any]:
     return {"mean": json_number(mean), "sd": json_number(sd), "ci95": [json_number(bound) for bound in ci95]}
 
 
+def median_time(times: Floats) -> float | None:
+    """Return by when [s] half of all evacuations (R,) had ended, nan being those that never did; None if more than half."""
+    ended = np.where(np.isfinite(times), times, np.inf)
+    return json_number(float(np.quantile(ended, 0.5, method="inverted_cdf")))
+
+
 def share(count: int, of: int) -> dict[str, Any]:
     """Return a share with its Wilson interval, ready for JSON."""
     return {"mean": count / of, "ci95": list(share_interval(count, of))}

@@ -42,7 +42,8 @@ def test_the_same_people_learn_under_every_policy_and_the_others_follow_the_rule
     assert repr(rule.episodes) == repr(run("shortest").episodes)
     row = still.row()
     assert row["learned_share"] == 0.5 and run("shortest").row()["learned_share"] == 1.0
-    assert row["mean_exit_learned"]["mean"] > 20.0 > 10.0 > row["mean_exit_others"]["mean"] > 0.0
+    assert row["mean_exit_learned"]["mean"] is None  # of no run: some of them are always left inside
+    assert 10.0 > row["mean_exit_others"]["mean"] > 0.0
 
 
 def test_a_run_does_not_depend_on_the_size_of_the_batch(monkeypatch):

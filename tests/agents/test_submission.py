@@ -1,5 +1,6 @@
 """Submissions: what a file holds, and that nothing that is of another task or that contradicts itself gets into a table."""
 
+import base64
 import json
 import re
 import shutil
@@ -10,10 +11,12 @@ from cases import looped
 from evaluations import random_policy
 from typer.testing import CliRunner
 
+from crowd_env.agents import PRETRAINED
 from crowd_env.agents.evaluation.entries import make_entries
+from crowd_env.agents.evaluation.evaluation import FINAL_SEED, HELD_OUT_SEED, OWN_SEED
 from crowd_env.agents.evaluation.protocol import task_row
 from crowd_env.agents.evaluation.same_draws import compare
-from crowd_env.agents.evaluation.submission import REFERENCES, read_submission, write_content
+from crowd_env.agents.evaluation.submission import REFERENCES, own_seed, read_submission, write_content
 from crowd_env.agents.networks import network_digest
 from crowd_env.agents.tasks import TASKS, Task
 from crowd_env.cli.agents import submit
@@ -60,15 +63,44 @@ def test_a_file_holds_every_run_of_a_policy_beside_the_rule(files):
     assert content["seeds"] == {"first": 1_000_000, "runs": 3}
     assert [row["policy"] for row in content["rows"]] == ["rule", "rule-best-speed", "follow"]
     assert content["rows"][2]["credible"] == {"ok": True, "reasons": []}
-    variations = {"task", "twice", "slow", "half-learned", "half-hurried"}
+    variations = {"task", "twice", "slow", "unfollowing", "turned", "mirrored", "noise", "delay"}
     assert {row["variation"] for row in content["robustness"]["rows"]} == variations
     assert {row["runs"] for row in content["robustness"]["rows"]} == {2}
     assert {one["policy"] for one in content["runs"]} == {"rule", "rule-best-speed", "follow"}
-    assert all(len(one["last_time"]) == (3 if one["variation"] == "task" else 2) for one in content["runs"])
+    draws = {"task": 3, "own-draws": 1}
+    assert all(len(one["last_time"]) == draws.get(one["variation"], 2) for one in content["runs"])
+    assert [(row["policy"], row["runs"]) for row in content["own"]] == [("rule", 1), ("follow", 1)]
     learned = read_submission(mine)
     assert learned["policy"] == {"name": "mine", "sha256": network_digest(network)}
     assert learned["rows"][0] == content["rows"][0]  # the same rule on the same draws
     assert not re.search(r"second|machine_speed", rule.read_text())
+    held = json.loads(mine.read_text())["networks"]
+    assert {name: base64.b64decode(one) for name, one in held.items()} == {"mine": network.read_bytes()}
+    assert json.loads(rule.read_text())["networks"] == {}
+
+
+def test_draws_of_its_own_follow_from_a_policy_and_were_never_seen():
+    digests = [network_digest(path) for path in PRETRAINED.values()]
+    constants = [{"spacing": 0.53, "time": 0.3}, {"spacing": 0.54, "time": 0.3}, {}]
+    asked = [("a", digest, {}) for digest in digests] + [(name, None, one) for name in ("a", "b") for one in constants]
+    seeds = [own_seed(*one) for one in asked]
+    assert seeds == [own_seed(*one) for one in asked] and len(set(seeds)) == len(asked)
+    assert own_seed("b", digests[0], {}) == seeds[0]  # a network by another name is the same one
+    assert min(seeds) >= OWN_SEED > FINAL_SEED and max(seeds) < OWN_SEED + 2**40
+    assert own_seed("a", None, {"time": 0.1 + 0.2}) == own_seed("a", None, {"time": 0.3})  # as a file holds it
+
+
+def test_the_runs_on_draws_of_its_own_are_those_of_that_seed(files):
+    content = json.loads(files[0].read_text())
+    trial = content["trials"][1]
+    assert trial["first_seed"] == own_seed("follow", None, trial["of"]["follow"]["constants"])
+    place = SMALL.place()
+    entries = make_entries(["rule", "follow"], place, SMALL)
+    found = compare(entries, place, ["nsm2"], runs=1, seed=trial["first_seed"] - HELD_OUT_SEED)
+    own = read_submission(files[0])["own"]
+    assert [row["clearing_time"]["mean"] for row in own] == pytest.approx(
+        [one.column("evacuation_time")[0] for one in found], rel=1e-4
+    )
 
 
 def test_its_figures_are_those_of_an_evaluation(files):
@@ -115,25 +147,44 @@ def _cut(trial, by=1):
         (lambda c: c["task"].update(version=2), r"is of small version 2 .* which is version 1 .* submit again"),
         (lambda c: c["task"].update(digest="0"), r"is of small version 1 \(digest 0\), which is version 1"),
         (lambda c: c["task"].update(name="moon"), "is of the task 'moon'; known: competitive-door"),
-        (lambda c: c["trials"][1].update(digest="0"), "the variation 'twice' of small is another now"),
-        (lambda c: c["trials"].pop(), "holds other variations than small has now: task, twice"),
-        (lambda c: _cut(c["trials"][0]), "holds 2 draws; the task has 3"),
-        (lambda c: _cut(c["trials"][1]), "twice has other numbers of draws than small.json"),
+        (lambda c: c["trials"][2].update(digest="0"), "the variation 'twice' of small is another now"),
+        (lambda c: c["trials"].pop(), "holds other variations than small has now: task, own-draws, twice"),
+        (lambda c: c["trials"].pop(1), "holds other variations than small has now: task, own-draws, twice"),
+        (lambda c: _cut(c["trials"][0]), "holds 2 draws; the task as it stands has 3"),
+        (lambda c: _cut(c["trials"][1]), "holds 0 draws; draws of its own has 1"),
+        (lambda c: _cut(c["trials"][2]), "twice has other numbers of draws than small.json"),
+        (lambda c: c["trials"][1].update(first_seed=OWN_SEED), "the draws of its own are not those of follow"),
+        (lambda c: c["trials"][0]["of"]["follow"]["constants"].update(time=0.31), "its own are not those of follow"),
+        (lambda c: c["trials"][1]["of"].pop("rule"), "no runs of rule in own-draws"),
         (lambda c: c["columns"].pop(), "has other columns than unfinished, blocked"),
         (
             lambda c: c.update(policies={"competitive-door/ppo": "0"}),
             "names the shipped policy competitive-door/ppo, but",
         ),
         (lambda c: c.update(columns=c["columns"][:12]), "has other columns than unfinished"),
-        (lambda c: c["trials"][0]["of"].clear(), "holds 0 draws; the task has 3"),
+        (lambda c: c["trials"][0]["of"].clear(), "holds 0 draws; the task as it stands has 3"),
         (lambda c: c["trials"][0]["of"].update(other=c["trials"][0]["of"].pop("follow")), "no runs of follow in task"),
         (lambda c: c.pop("trials"), "is no submission"),
-        (lambda c: c.update(format=1), "is no submission"),
+        (lambda c: c.update(format=2), "is no submission"),
     ],
 )
 def test_what_does_not_fit_is_refused(files, tmp_path, change, message):
     with pytest.raises(ValueError, match=message):
         read_submission(changed(files, tmp_path, change))
+
+
+def test_a_network_that_is_not_the_one_that_was_judged_is_refused(files, tmp_path):
+    content = json.loads(files[1].read_text())
+    random_policy(1).save(tmp_path / "other.safetensors")
+    content["networks"]["mine"] = base64.b64encode((tmp_path / "other.safetensors").read_bytes()).decode()
+    write_content(tmp_path / "small" / "mine.json", content)
+    shutil.copy(files[0].parent.with_suffix(".json"), tmp_path / "small.json")
+    with pytest.raises(ValueError, match="holds another network than its digest says"):
+        read_submission(tmp_path / "small" / "mine.json")
+    del content["networks"]["mine"]
+    write_content(tmp_path / "small" / "mine.json", content)
+    with pytest.raises(ValueError, match="is damaged"):
+        read_submission(tmp_path / "small" / "mine.json")
 
 
 def test_figures_that_are_written_beside_the_runs_count_for_nothing(files, tmp_path):
@@ -145,7 +196,8 @@ def test_figures_that_are_written_beside_the_runs_count_for_nothing(files, tmp_p
             for figures in trial["of"].values():
                 nothing = {"mean": 0.0, "sd": 0.0, "ci95": [0.0, 0.0], "max": 0.0}
                 figures |= dict.fromkeys(set(expected["rows"][0]) - {"constants", "runs"}, nothing)
-            trial["of"]["rule"] = {"runs": [run.replace(",", ",1", 1) for run in trial["of"]["follow"]["runs"]]}
+            if trial["variation"] != "own-draws":
+                trial["of"]["rule"] = {"runs": [run.replace(",", ",1", 1) for run in trial["of"]["follow"]["runs"]]}
 
     found = read_submission(changed(files, tmp_path, forged))
     for part in ("rows", "robustness"):
@@ -171,7 +223,7 @@ def test_who_is_credible_is_said_by_the_runs(files, tmp_path, column, value, why
     assert row["credible"]["ok"] is False and row["credible"]["reasons"][0].startswith(why)
 
 
-@looped(("name", "variation"), [("rule", 0), ("rule-best-speed", 0), ("rule", 1)])
+@looped(("name", "variation"), [("rule", 0), ("rule-best-speed", 0), ("rule", 1)])  # of the references: no own draws
 def test_both_rules_have_to_stand_beside_a_policy(files, tmp_path, name, variation):
     path = changed(files, tmp_path, lambda content: None)
     rules = json.loads((tmp_path / "small.json").read_text())

@@ -1,15 +1,17 @@
 """Judge policies by the protocol of a task, a file for each: ``crowd-env submit --task NAME --policy POLICY ...``."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from crowd_env.agents.evaluation.entries import RULE, make_entries
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
-from crowd_env.agents.evaluation.robustness import Found, few_runs, judge_trial, make_trials
+from crowd_env.agents.evaluation.robustness import Found, Trial, few_runs, judge_trial, make_trials
 from crowd_env.agents.evaluation.same_draws import compare
-from crowd_env.agents.evaluation.submission import REFERENCES, write_submissions
+from crowd_env.agents.evaluation.submission import OWN_DRAWS, REFERENCES, own_runs, own_seed, write_submissions
+from crowd_env.agents.networks import network_digest
 from crowd_env.agents.rules import RandomWalk
 from crowd_env.agents.tasks import make_task
 from crowd_env.agents.trained import SAMPLED
@@ -40,8 +42,9 @@ def main(
 ) -> None:
     """Judge policies on the held-out draws of a task and on its variations; write one submission for each.
 
-    A submission holds a line for each run, and the digests of task and network.  The rule at full and at its best speed on the
-    same draws lie beside all policies of a task in TASK.json.
+    A submission holds the network, a line for each run, and the digests of task and network.  The rule at full and at its best
+    speed on the same draws lie beside all policies of a task in TASK.json.  Each policy is also judged, beside the rule, on
+    draws that follow from its network or, of a rule, from its name and constants.
 
     Example:
 
@@ -69,6 +72,21 @@ def main(
         found: Found = [
             (one, judge_trial(chosen, one, compare, runs=few, threads=threads, out=folder)) for one in trials
         ]
-        sources = {entry.name: entry.source for given, entry in zip(named, entries, strict=True) if given in policy}
-        for path in write_submissions(out, chosen, sources, results, found):
+        sources: dict[str, Path | None] = {}
+        own: dict[str, list[Evaluation]] = {}
+        for given, entry, result in zip(named, entries, results, strict=True):
+            if given in policy:
+                sources[entry.name] = entry.source
+                trial = Trial(OWN_DRAWS, place, chosen.scheme, list(dict.fromkeys((entries[0], entry))), [])
+                digest = None if entry.source is None else network_digest(entry.source)
+                seed = own_seed(entry.name, digest, result.constants) - HELD_OUT_SEED
+                kept_in = None if folder is None else folder / f"own-{entry.name.replace('/', '-')}"
+                how: dict[str, Any] = {
+                    "runs": min(runs, own_runs(chosen)),
+                    "seed": seed,
+                    "threads": threads,
+                    "out": kept_in,
+                }
+                own[entry.name] = judge_trial(chosen, trial, compare, **how)
+        for path in write_submissions(out, chosen, sources, results, own, found):
             typer.echo(str(path))
