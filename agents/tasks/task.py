@@ -1,11 +1,13 @@
 """What a task is: where, who, under which contact law, for how long, and which draws are held out.
 
 No task of ``tasks.toml`` changes but with its version: `Task.digest` sums up everything that a task comes to, defaults of the
-package included, and a test compares it with what is ``frozen`` there.  Where a default has changed, write the old value into
-the task.  Where that cannot be, raise the version and freeze the new digest: figures of two versions do not stand in one table.
+package included, and `crowd_env.agents.tasks.probe` what the code makes of it.  A test compares both with what is ``frozen``
+there.  Where a default has changed, write the old value into the task.  Where that cannot be, or where physics, ways or
+observation do other things, raise the version, freeze both anew (``python -m crowd_env.agents.tasks.probe``), and judge
+everything again: figures of two versions do not stand in one table.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -48,6 +50,7 @@ class Task:
     no_harm : there is little to gain; a policy only must not be slower than the rule.
     version : goes up with every change of the task.
     frozen : digest of this version.
+    probe : what it does in this version, see `crowd_env.agents.tasks.probe`.
     """
 
     name: str
@@ -61,6 +64,7 @@ class Task:
     time_limit: float
     blocked_after: float
     frozen: str
+    probe: Sequence[float] = ()
     manner: Manner = "competitive"
     rule: str = "shortest"
     decision_dt: float = DECISION_DT
@@ -144,10 +148,10 @@ def _plain(value: Any) -> Any:
     return {"": type(value).__name__} | {name: _plain(getattr(value, name)) for name in names}
 
 
+FILE = Path(__file__).with_name("tasks.toml")
 # Name -> task.
 TASKS: dict[str, Task] = {
-    name: Task(name, **facts)
-    for name, facts in tomllib.loads(Path(__file__).with_name("tasks.toml").read_text(encoding="utf-8")).items()
+    name: Task(name, **facts) for name, facts in tomllib.loads(FILE.read_text(encoding="utf-8")).items()
 }
 
 

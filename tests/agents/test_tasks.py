@@ -10,21 +10,23 @@ from cases import looped
 from evaluations import call, made_up, random_network, random_policy, run
 from rich.console import Console
 
-from crowd_env import Uniform, make_scenario, make_scheme
+from crowd_env import CrowdEnv, Uniform, make_scenario, make_scheme
 from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.evaluation.protocol import task_row, task_table
 from crowd_env.agents.tasks import TASKS, Task
+from crowd_env.agents.tasks import probe as probing
 from crowd_env.agents.tasks import task as module
+from crowd_env.agents.tasks.probe import probe
 from crowd_env.agents.trained import LearnedController
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.envs.settings import Physics
 
 ROOM = {"scenario": "room-v0", "options": {"side": 4.0, "door_width": 1.2}, "people": 4, "scheme": "nsm2", "dt": 0.01}
 SMALL = Task("small", "four people", **ROOM, time_limit=20.0, blocked_after=5.0, runs=3, frozen="")
-KEYS = ["task", "policy", "scheme", "people", "runs", "blocked", "unfinished", "clearing_time", "mean_exit", "flow"]
-KEYS += ["max_speed", "escaped"]
+KEYS = ["task", "policy", "scheme", "people", "runs", "blocked", "unfinished"]
+KEYS += ["median_time", "clearing_time", "mean_exit", "flow", "max_speed", "escaped"]
 
 
 @pytest.fixture
@@ -44,6 +46,52 @@ def test_a_task_is_what_it_was_when_it_was_frozen(name):
         "the task; if it must change, raise its version and freeze the new digest.  If no evacuation of it changes (a field "
         "was added whose default does nothing), freeze the new digest alone."
     )
+
+
+@looped("name", TASKS)
+def test_a_task_does_what_it_did_when_it_was_frozen(name):
+    task = TASKS[name]
+    assert probe(task) == pytest.approx(task.probe, rel=1e-5), (
+        f"physics, ways or observation do something else in the task {name} than when it was frozen.  If that is meant, raise "
+        "its version, freeze it anew (python -m crowd_env.agents.tasks.probe), and judge everything again.  If a term of the "
+        "observation was added that nobody reads, freeze it anew alone."
+    )
+
+
+@pytest.fixture
+def probed():
+    """Return what the small task does: four numbers."""
+    return probe(SMALL)
+
+
+def test_a_probe_is_always_the_same_and_another_where_physics_ways_or_observation_are(probed, monkeypatch):
+    assert len(probed) == 4 and probe(SMALL) == probed
+    stiff = replace(SMALL, scheme="hertz", dt=0.005)
+    assert probe(stiff)[:1] == probed[:1] and probe(stiff)[1:] != probed[1:]
+    with monkeypatch.context() as patch:  # the same forces, seen otherwise
+        patch.setattr(CrowdEnv, "step", lambda self, action, step=CrowdEnv.step: _dimmer(step(self, action)))
+        dim = probe(SMALL)
+    assert dim[:2] == probed[:2] and dim[2] != pytest.approx(probed[2], rel=1e-5) and dim[3] < probed[3]
+    with monkeypatch.context() as patch:  # the same people, a little elsewhere at the start
+        reset = CrowdEnv.reset
+        patch.setattr(CrowdEnv, "reset", lambda self, seed: reset(self, [one + 1 for one in seed]))
+        assert probe(SMALL)[0] != pytest.approx(probed[0], rel=1e-5)
+    assert probe(replace(SMALL, decides="routing")) == probed[:2]
+
+
+def _dimmer(step):
+    """Return a step of which everything is seen a little less."""
+    return step._replace(observation=0.999 * step.observation)
+
+
+def test_freezing_writes_digests_and_probes_and_nothing_else(monkeypatch, tmp_path):
+    text = module.FILE.read_text(encoding="utf-8")
+    file = tmp_path / "tasks.toml"
+    file.write_text(re.sub(r"probe = .*\n", "", text, count=3).replace('frozen = "', 'frozen = "0', 5))
+    monkeypatch.setattr(probing, "FILE", file)
+    monkeypatch.setattr(probing, "probe", lambda task: task.probe)
+    probing.freeze()
+    assert file.read_text() == text
 
 
 @looped("name", TASKS)
@@ -130,7 +178,7 @@ def test_learned_networks_walk_and_route_under_the_steps_of_a_task(tmp_path):
 # ---------------------------------------------------------------------------------------------------------- the protocol
 
 
-def test_runs_are_counted_and_whoever_is_left_counts_until_the_time_limit():
+def test_runs_are_counted_and_no_time_limit_counts_as_a_time():
     quick = made_up("quick", "dem", [30.0, 31.0, 32.0])
     stuck = made_up("stuck", "dem", [40.0, 50.0, 60.0], unfinished=True)
     stuck = replace(
@@ -139,8 +187,8 @@ def test_runs_are_counted_and_whoever_is_left_counts_until_the_time_limit():
     place = SMALL.place()
     rows = [task_row(SMALL, place, one, [quick, stuck]) for one in (quick, stuck)]
     assert [(row["blocked"], row["unfinished"], row["left"]) for row in rows] == [(0, 0, 0), (2, 3, 3)]
-    # Of two people one is out after 1 s, the other never, and the time limit is 100 s.
-    assert [row["mean_exit"]["mean"] for row in rows] == [pytest.approx(16.0), pytest.approx(50.5)]
+    assert [row["mean_exit"]["mean"] for row in rows] == [pytest.approx(16.0), None]
+    assert [row["median_time"] for row in rows] == [31.0, None]
     assert rows[1]["blocked_share"]["ci95"] == pytest.approx([0.2077, 0.9385], abs=1e-4)
 
 
