@@ -133,7 +133,7 @@ def test_the_command_trains_every_seed_once_and_goes_on_where_it_was(small, tmp_
 def test_the_best_checkpoint_is_judged_and_no_held_out_draw_is_seen_before(small, tmp_path):
     assert call(*arguments(tmp_path, "--seeds", 1))[0] == 0
     found = json.loads((tmp_path / "quick-seed0.json").read_text())
-    assert found["best"] == 1 and len(found["curve"]) == 3 and found["constants"]["back"] == Evolved().back
+    assert found["best"] == 1 and len(found["curve"]) == 3 and found["constants"]["crowd"] == Evolved().crowd
     assert found["of_runs"]["clearing_times"] == [50.0, 51.0, 52.0, 53.0]
     assert [seed for _, runs, seed in small if runs == 12] == [2_000_000] * 3  # validation
     assert [seed for _, runs, seed in small if runs == 4] == [1_000_000] * 3  # held out

@@ -118,7 +118,7 @@ def test_a_beta_policy_is_no_clone():
 @looped(
     ("options", "words"),
     [
-        (("--start", "nobody"), "unknown start 'nobody'; known: rule, rule-best-speed"),
+        (("--start", "nobody"), "unknown start 'nobody'; known: rule, nothing, rule-best-speed"),
         (("--start", "random"), "unknown start 'random'"),
         (("--start", "zipper"), "'zipper' needs the full state"),
         (("--scenario", "room-v0", "--start", "evolution"), "'evolution' needs its own observation holds: ahead"),

@@ -82,7 +82,7 @@ def test_a_policy_is_asked_only_about_observations_it_knows():
 
 
 def test_a_network_has_to_fit_what_it_is_for():
-    with pytest.raises(ValueError, match=r"turns 5 numbers into 2; its observation and action have 48 and 2"):
+    with pytest.raises(ValueError, match=r"turns 5 numbers into 2; its observation and action have 46 and 2"):
         LearnedPolicy(random_network(5, 2), random_policy().env_options)
     with pytest.raises(ValueError, match="7 outputs for choices among"):
         LearnedController(random_network(5, 7), np.array([3, 3]), {})

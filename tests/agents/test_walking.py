@@ -191,7 +191,7 @@ def test_a_rule_without_what_it_sees_is_refused(policy, words):
         (HeadwayRule, {"manner": {"push": -0.1}}, "push is -0.1"),
         (HeadwayRule, {"manner": "rude"}, "unknown manner 'rude'"),
         (Follow, {"time": 0.0}, "follow.*time is 0"),
-        (Evolved, {"damping": 11.0}, "evolution.*damping is 11"),
+        (Evolved, {"crowd": 110.0}, "evolution.*crowd is 110"),
         (Zipper, {"back": 2.0}, "zipper.*back is 2"),
     ],
 )

@@ -13,6 +13,7 @@ from crowd_env import (
     TABLE_4,
     CrowdEnv,
     Geometry,
+    Groups,
     ObservationLayout,
     Population,
     Scenario,
@@ -22,6 +23,29 @@ from crowd_env import (
 from crowd_env.envs.observation.layout import TERMS
 
 CLUTTERED = Scenario("cluttered", cluttered(), Population(25, **TABLE_4), 60.0, **FULL_SPEED)
+# Two groups that meet in front of a pillar; where they start is given, so that it can be turned.
+MEETING = Scenario(
+    "meeting",
+    Geometry.from_polygon(
+        [(0, 0), (9, 0), (9, 4), (0, 4)],
+        exits={"west": [(0, 1), (0, 3)], "east": [(9, 0.5), (9, 2.5)]},
+        obstacles=[[(4.2, 1.6), (4.9, 1.7), (4.5, 2.3)]],
+    ),
+    Groups(
+        tuple(
+            Population(
+                6,
+                radius=Uniform(0.2, 0.2),
+                route=to,
+                name=to,
+                starts=[(x + d, y) for d in (0, 0.6) for y in (0.7, 1.5, 2.9)],
+            )
+            for to, x in (("east", 2.5), ("west", 5.6))
+        )
+    ),
+    60.0,
+    **FULL_SPEED,
+)
 FULL = ObservationLayout(tuple(TERMS), neighbors=7, rays=12, routes=1)
 
 
@@ -329,6 +353,27 @@ def test_a_turned_room_is_perceived_as_turned(frame):
             expected = np.concatenate([left(slots[..., :2]), left(slots[..., 2:4]), slots[..., 4:]], axis=-1)
             expected = expected.reshape(straight.shape)
         np.testing.assert_allclose(turned_left, expected, atol=1e-5, err_msg=name)
+
+
+@looped("mirrored", [False, True])
+@looped("angle", [0.0, 90.0, 137.0, 180.0])
+def test_nothing_but_direction_tells_how_a_place_lies(angle, mirrored):
+    """A place that is turned, mirrored and moved is perceived as it was, with left and right exchanged in a mirror."""
+    layout = ObservationLayout(tuple(name for name in TERMS if name != "direction"), neighbors=4)
+    shows = []
+    for turn in ((0.0, False), (np.radians(angle), mirrored)):
+        env = CrowdEnv(MEETING.turned(*turn), physics="dem", observation=layout)
+        env.reset(seed=0)
+        shows.append(np.array([env.step(None).observation for _ in range(10)]).astype(float))
+    layout = env.layout  # it knows the number of routes
+    expected = {name: shows[0][..., layout[name]].copy() for name in layout.terms}
+    if mirrored:
+        for name, columns in {"velocity": [1], "push": [1], "neighbors": [*range(1, 20, 5), *range(3, 20, 5)]}.items():
+            expected[name][..., columns] *= -1.0
+        expected["walls"] = expected["walls"][..., -np.arange(layout.rays)]
+    for name, wanted in expected.items():
+        found = shows[1][..., layout[name]]
+        assert np.quantile(np.abs(found - wanted), 0.99) < 0.02, name
 
 
 # ------------------------------------------------------------------------------------------------------------ layout
