@@ -45,6 +45,21 @@ def make_policy(policy: str | Policy) -> Policy:
     return POLICIES[policy]()
 
 
+def starts_from(policy: str) -> str:
+    """Return what a policy of this name knew before it learned: "nothing", a rule that it cloned, or all of it: "written".
+
+    Nothing is full speed: where PPO begins unless it is told otherwise, and a search over weights that are all 0.
+    """
+    if names_file(policy) or policy in PRETRAINED:
+        return told_start(load(policy).trained.get("start"))
+    return "nothing" if policy == Evolved.name else "written"
+
+
+def told_start(start: str | None) -> str:
+    """Return what `starts_from` says of a training with this ``start``; None is not known."""
+    return {None: "–", "rule": "nothing", "nothing": "nothing"}.get(start, f"clone of {start}")
+
+
 __all__ = [
     "POLICIES",
     "PRETRAINED",
@@ -60,4 +75,6 @@ __all__ = [
     "Zipper",
     "load",
     "make_policy",
+    "starts_from",
+    "told_start",
 ]

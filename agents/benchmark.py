@@ -18,7 +18,7 @@ from crowd_env.core.files.json_file import json_number
 from crowd_env.core.files.store import Store, claimed
 from crowd_env.envs.metrics import share_interval
 
-from . import PRETRAINED, make_policy
+from . import PRETRAINED, make_policy, starts_from, told_start
 from .evaluation.comparison import last_times, mean_times
 from .evaluation.entries import RULE
 from .evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate
@@ -172,7 +172,7 @@ def _trained(job: Job, plan: Plan, folder: Path) -> dict[str, Any]:
     policy, row = watch.best
     if isinstance(policy, LearnedPolicy):
         policy.save(folder / f"{job.title}{NUMBERS}")
-    facts = {"algorithm": job.name, "seed": job.seed, "curve": watch.curve, "best": row}
+    facts = {"algorithm": job.name, "seed": job.seed, "start": config["start"], "curve": watch.curve, "best": row}
     return {**facts, **_final(policy, plan)}
 
 
@@ -243,6 +243,7 @@ def summarize(results: Results) -> dict[str, Any]:
         curves = [result["curve"][-1] for result in found if "curve" in result]
         rows[name] = {
             "seeds": len(found) if seeds else 0,
+            "start": told_start(found[0].get("start")) if seeds else starts_from(name),
             "clearing_time": {
                 "iqm": json_number(middle),
                 "ci95": [None if one is None else json_number(one) for one in interval],
@@ -259,6 +260,7 @@ def summarize(results: Results) -> dict[str, Any]:
 
 _COLUMNS = {
     "policy": "`{policy}`",
+    "starts from": "{start}",
     "seeds": "{of}",
     "unfinished runs": "{unfinished[runs]} of {unfinished[of]} ({unfinished[ci95][0]:%} to {unfinished[ci95][1]:%} %)",
     "clearing time, s": "{clearing_time[iqm]:.1f}{interval}",

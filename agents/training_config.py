@@ -188,7 +188,19 @@ def physics_of(config: Mapping[str, Any]) -> dict[str, Any]:
 
 def facts_of(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the file of a network says of its training."""
-    facts = ("scenario", "options", "people", "scheme", "dt", "decision_dt", "manner", "outline", "seed", "versions")
+    facts = (
+        "scenario",
+        "options",
+        "people",
+        "scheme",
+        "dt",
+        "decision_dt",
+        "manner",
+        "outline",
+        "start",
+        "seed",
+        "versions",
+    )
     task = None if config["task"] is None else task_of(config).identity()
     return {"task": task, **{name: config[name] for name in facts}}
 

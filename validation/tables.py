@@ -149,7 +149,8 @@ def controller(source: Source) -> Grid:
 def training(source: Source) -> Grid:
     """One row a policy."""
     return grid(source.read("results.json")["rows"], **{
-        "policy": "`{policy}`", "exits blocked (Wilson interval)": "{blocked} of {runs} (" + _BLOCKED + ")",
+        "policy": "`{policy}`", "starts from": "{starts_from}",
+        "exits blocked (Wilson interval)": "{blocked} of {runs} (" + _BLOCKED + ")",
         "last person out, of the runs that ended, s": _INTERVAL("clearing_time"), "mean exit time, s": _INTERVAL("mean_exit"),
         "flow, 1/s": "{flow:.2f}", "contact impulse, N s per person": "{contact_impulse[mean]:.0f}",
         "worst pressure, kN/m": "{max_pressure[mean]:k}", "above 1600 N/m": "{crushed_share[mean]:%} %",

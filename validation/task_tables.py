@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.agents import PRETRAINED, starts_from
 from crowd_env.agents.evaluation.comparison import order_of, paired
 from crowd_env.agents.evaluation.submission import REFERENCES, read_submission
 from crowd_env.agents.tasks import PRESETS, TASKS
@@ -150,6 +151,7 @@ def _judged(content: dict[str, Any], policy: str) -> dict[str, str]:
     network = "" if policy in REFERENCES else content["policy"]["sha256"]
     return {
         "policy": f"`{policy}`" + (f", {row['constants']['share']:g}" if policy == best else ""),
+        "starts from": "–" if network and policy not in PRETRAINED else starts_from(policy),
         "network": f"`{network[:12]}`" if network else "" if policy in REFERENCES else "–",
         "exits blocked": cell("{blocked} of {runs} ({blocked_share[ci95][0]:%} to {blocked_share[ci95][1]:%} %)", row),
         "left inside": str(row["left"] or "nobody"),

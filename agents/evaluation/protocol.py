@@ -70,8 +70,13 @@ def task_figures(
     }
 
 
-def task_table(groups: Mapping[str, Sequence[Evaluation]], title: str, note: str = "") -> Table:
-    """Return a table of the figures by which policies are judged on a task, with a section for each group."""
+def task_table(
+    groups: Mapping[str, Sequence[Evaluation]], title: str, note: str = "", starts: Mapping[str, str] | None = None
+) -> Table:
+    """Return a table of the figures by which policies are judged on a task, with a section for each group.
+
+    ``starts`` says what policies knew before they learned (`crowd_env.agents.starts_from`).
+    """
     caption = (
         "Runs of all in which the exits blocked, and in which someone was left inside, blocked ones included; %: with its "
         "95 % interval (Wilson). half: s, when the last person was out in half of all runs. clearing, of the last person, and "
@@ -81,6 +86,7 @@ def task_table(groups: Mapping[str, Sequence[Evaluation]], title: str, note: str
     def cells(result: Evaluation, first: Evaluation) -> dict[str, str]:
         row = result.row()
         return {
+            **({} if starts is None else {"starts from": starts.get(result.policy, "–")}),
             "blocked": f"{row['blocked_runs']} of {row['runs']}",
             "%": percent(row["blocked_share"]),
             "unfinished": str(row["unfinished_runs"]),

@@ -1,6 +1,6 @@
 """Judge what a training run has learned: the table on held-out draws, the curves, and the film beside the rule."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ from crowd_env.analysis.figures import named
 from crowd_env.core.files.json_file import json_number, write_json
 from crowd_env.scenarios.titles import run_title
 
+from .. import starts_from, told_start
 from ..controllers import FixedSplit, RandomController
 from ..drivers import driver_of
 from ..networks import NETWORK, network_digest
@@ -69,6 +70,7 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int, *, f
     results = [known.get(entry.name) or next(computed) for entry in (*rules, *named)]
     rule, learned = results[0], results[-1]
     rows = [task_row(task, place, one, results) if own else one.row() | _beside(one, learned) for one in results]
+    starts = starts_of(config, results)
     content = {
         "config": config,
         "task": task.identity() if own else None,
@@ -76,7 +78,7 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int, *, f
         **_training(folder),
         "learned_minus_rule": minus_first(learned, rule),
         "learned_over_rule": ratio(learned, rule),
-        "rows": rows,
+        "rows": [{**row, "starts_from": starts[row["policy"]]} for row in rows],
     }
     write_json(folder / RESULTS, content)
     return results
@@ -131,7 +133,13 @@ def tables(config: Mapping[str, Any], results: list[Evaluation]) -> list[Table]:
     title = f"{title_of(config)}, {results[0].runs} held-out draws"
     if config["task"] is None:
         return [comparison_table(results, title)]
-    return [task_table(by_scheme(results), title), crowding_table(results)]
+    return [task_table(by_scheme(results), title, starts=starts_of(config, results)), crowding_table(results)]
+
+
+def starts_of(config: Mapping[str, Any], results: Sequence[Evaluation]) -> dict[str, str]:
+    """Return what each policy of a run knew before it learned."""
+    learned = {LEARNED + kind: told_start(config["start"]) for kind in ("", SAMPLED)}
+    return {name: learned.get(name) or starts_from(name) for name in (one.policy for one in results)}
 
 
 def draw(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> None:

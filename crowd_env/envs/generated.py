@@ -108,8 +108,8 @@ class GeneratedCrowds:
         info["finished"] = self.finished.copy()
         if self.finished.any():
             info["final_observation"] = observation.reshape(self.num_people, -1).copy()
-            for e in np.flatnonzero(self.finished):
-                info["metrics"][int(e)] = self.metrics(e)
+            for e in np.flatnonzero(self.finished).tolist():
+                info["metrics"][e] = self.metrics(e)
                 self._rooms[e], self._noise[e] = self._next(self._rng)
                 observation[e] = 0.0
                 self._look(observation[e], e, self._rooms[e].reset(int(self._rng.integers(2**62)))[0])

@@ -123,7 +123,7 @@ def test_the_command_trains_every_seed_once_and_goes_on_where_it_was(small, tmp_
     ]
     rows = json.loads((tmp_path / "summary.json").read_text())["rows"]
     assert rows["quick"]["seeds"] == 2 and rows["quick"]["clearing_time"]["iqm"] == 51.5
-    assert rows["rule"]["unfinished"]["runs"] == 1 and "| `quick` | 2 | 0 of 8" in out
+    assert rows["rule"]["unfinished"]["runs"] == 1 and "| `quick` | nothing | 2 | 0 of 8" in out
     made = len(small)
     code, again, _ = call(*arguments(tmp_path, "--seeds", 2))
     assert code == 0 and again == out and len(small) == made

@@ -1,7 +1,7 @@
 """Compare ways to lead people out, on a task or under any contact schemes, on the same draws: ``crowd-env evaluate``."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from crowd_env import SCHEMES, Scenario, make_scheme
+from crowd_env.agents import starts_from
 from crowd_env.agents.evaluation import report, robustness
 from crowd_env.agents.evaluation.entries import RULE, make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation
@@ -133,7 +134,7 @@ def main(
         title = run_title(where, people=f"{where.population.people} people", runs=f"{runs} runs each")
         if learned is not None:
             title += f", {100 * learned:g} % learned"
-        _show(results, title, where, task)
+        _show(results, title, where, task, {one.name: starts_from(str(one.source or one.name)) for one in entries})
 
 
 def _executor(ray: bool, threads: int) -> Executor:
@@ -178,10 +179,11 @@ def _write(
     say(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.folder}/")
 
 
-def _show(results: list[Evaluation], title: str, place: Scenario, task: Task | None) -> None:
+def _show(results: list[Evaluation], title: str, place: Scenario, task: Task | None, starts: Mapping[str, str]) -> None:
     judged, credible = [report.times_table(results, title), report.left_table(results)], []
     if task is not None:
-        judged = [task_table(report.by_scheme(results), f"{task.name}, version {task.version}: {title}")]
+        heading = f"{task.name}, version {task.version}: {title}"
+        judged = [task_table(report.by_scheme(results), heading, starts=starts)]
         credible = credible_lines(results, place)
     tables = [*judged, report.exits_table(results), report.crowding_table(results)]
     _print(tables, [*report.ranking_lines(results), *credible])
