@@ -1,19 +1,19 @@
 """What drives a rollout beside the rules of the environment: a policy, or a controller that sends people to exits."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, is_dataclass, replace
 from functools import partial
 from typing import Any, cast
 
 import numpy as np
 
-from crowd_env import CrowdEnv, Scenario, Step
-from crowd_env.core.arrays.state import Bools
+from crowd_env import CrowdEnv, ObservationLayout, Scenario, Step
 from crowd_env.envs.rollout import Driver, run_episodes
 from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.envs.settings import arguments_of
 
 from .controllers import Controller
+from .mixed import MixedEnv
 from .policy import Policy
 from .rules import ShortestPath, StandStill, StrategyPolicy
 from .trained import LearnedPolicy
@@ -29,19 +29,7 @@ REST, AT_REST = 1e-4, 3.0  # m/s, s: a crowd of which nobody has been faster for
 # What these ask for follows from what is seen alone: who has come to rest is asked for the same, again and again.
 _STEADY = (ShortestPath, StrategyPolicy, StandStill, RuleAtShare, DensityCap, Follow, Zipper, Evolved, LearnedPolicy)
 
-_MIXED, _NOISE = 7, 8  # beside its seed: what draws who has learned in a run, and what disturbs their senses there
-
-
-def learned_people(seeds: Sequence[int], people: int, share: float) -> Bools:
-    """Return who has learned (R, N) in runs of these seeds: ``share`` of the people of each, at least one of them.
-
-    A run's seed alone draws them: they are the same people under every policy and scheme, and those of a small share are among
-    those of a larger one.
-    """
-    found = np.zeros((len(seeds), people), dtype=np.bool_)
-    for row, seed in zip(found, seeds, strict=True):
-        row[np.random.default_rng((seed, _MIXED)).permutation(people)[: max(1, round(share * people))]] = True
-    return found
+_NOISE = 8  # beside its seed: what disturbs the senses in a run
 
 
 class PolicyDriver(Driver):
@@ -49,7 +37,6 @@ class PolicyDriver(Driver):
 
     Parameters
     ----------
-    learned_share : of the people whom the policy moves, see `learned_people`; the others follow the rule of the environment.
     passes_rest : where people have come to rest for good, pass over the wait until the exits count as blocked.
     noise : standard deviation of what is added to every number that the policy sees and that is not 0, which stays within
         [-1, 1]; a run's seed alone draws it.
@@ -58,18 +45,11 @@ class PolicyDriver(Driver):
     """
 
     def __init__(
-        self,
-        policy: Policy,
-        env: CrowdEnv,
-        learned_share: float = 1.0,
-        passes_rest: bool = False,
-        noise: float = 0.0,
-        delay: float = 0.0,
+        self, policy: Policy, env: CrowdEnv, passes_rest: bool = False, noise: float = 0.0, delay: float = 0.0
     ) -> None:
         super().__init__(env)
-        self.policy, self.learned_share, self.noise = policy, learned_share, noise
+        self.policy, self.noise = policy, noise
         self._late = round(delay / env.decision_dt)  # decisions
-        self._ruled: Bools | None = None
         self._rests = passes_rest and rests_for_good(policy, env) and (not noise or isinstance(policy, ShortestPath))
 
     def reset(self, seeds: list[int]) -> None:
@@ -80,15 +60,11 @@ class PolicyDriver(Driver):
         self._noises = [np.random.default_rng((seed, _NOISE)) for seed in seeds]
         self._decided: list[np.ndarray | None] = [None] * self._late  # what is yet to take effect
         self._moved = np.zeros(len(seeds))  # s  when someone was last faster than `REST`
-        if self.learned_share < 1.0:
-            counts = np.diff(self.env.env_start).tolist()
-            learned = [learned_people([s], n, self.learned_share)[0] for s, n in zip(seeds, counts, strict=True)]
-            self._ruled = ~np.concatenate(learned)
 
     def step(self) -> Step:
         """Let the policy act on those whom it moves."""
         self._decided.append(self.policy.act(self._seen(), self.env.layout, self._rng))
-        step = self.env.step(self._decided.pop(0), self._ruled)
+        step = self.env.step(self._decided.pop(0))
         self._observation = step.observation
         if self._rests:
             self._pass_rest()
@@ -118,8 +94,9 @@ class PolicyDriver(Driver):
 
 def rests_for_good(policy: Policy, env: CrowdEnv) -> bool:
     """Return whether a crowd at rest stays so: nobody loses patience, and no way, door or sign changes."""
-    if type(policy) not in _STEADY or (isinstance(policy, LearnedPolicy) and policy.draws):
-        return False
+    for one in (policy, getattr(env, "others", None) or policy):
+        if type(one) not in _STEADY or (isinstance(one, LearnedPolicy) and one.draws):
+            return False
     changes = (place.is_dynamic or place.plan.rules or place.plan.events for place in env.route_set)
     return env.simulation.manner is None and env.action_kind.dwell < AT_REST and not any(changes)
 
@@ -131,8 +108,9 @@ class PolicyBatches:
     Parameters
     ----------
     options : of `CrowdEnv`; the policy's own override them.
-    learned_share : of the people whom the policy moves; the others follow the rule, and the manner of the run is theirs alone.
+    learned_share : of the people whom the policy moves, and the manner of the run is that of the others alone, see `MixedEnv`.
         None: all, and a manner is everyone's.
+    others : moves the others; None: the rule does.
     passes_rest : see `PolicyDriver`: the figures are those of the whole wait, but nobody can look on.
     noise, delay : see `PolicyDriver`.
     """
@@ -141,6 +119,7 @@ class PolicyBatches:
     scenario: Scenario
     options: dict[str, Any]
     learned_share: float | None = None
+    others: Policy | None = None
     passes_rest: bool = False
     noise: float = 0.0
     delay: float = 0.0
@@ -152,11 +131,20 @@ class PolicyBatches:
 
     def __call__(self, num_envs: int) -> Driver:
         """Return a batch of so many evacuations."""
-        mixed = {} if self.learned_share is None else {"acts_on": "scripted"}
-        arguments = arguments_of({**self.options, **mixed, **self.policy.env_options})
-        env = CrowdEnv(self.scenario, num_envs=num_envs, **arguments)
-        share = 1.0 if self.learned_share is None else self.learned_share
-        return PolicyDriver(self.policy, env, share, self.passes_rest, self.noise, self.delay)
+        options = {**self.options, **self.policy.env_options}
+        if self.learned_share is None:
+            env = CrowdEnv(self.scenario, num_envs=num_envs, **arguments_of(options))
+        else:
+            if self.others is not None:  # who observes less finds it among what the other observes
+                both = (one.env_options for one in (self.policy, self.others))
+                options["observation"] = max((one["observation"] for one in both if "observation" in one), key=_size)
+            mixed: dict[str, Any] = {"share": self.learned_share, "others": self.others, "num_envs": num_envs}
+            env = MixedEnv(self.scenario, **mixed, **arguments_of(options))
+        return PolicyDriver(self.policy, env, self.passes_rest, self.noise, self.delay)
+
+
+def _size(layout: ObservationLayout) -> int:
+    return layout.size
 
 
 def policy_driver(

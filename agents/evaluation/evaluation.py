@@ -18,7 +18,8 @@ from crowd_env.envs.settings import AsPhysics
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 
 from ..controllers import Controller
-from ..drivers import PolicyBatches, driver_of, learned_people
+from ..drivers import PolicyBatches, driver_of
+from ..mixed import learned_people
 from ..policy import Policy
 
 # Training draws from (seed, environment) with seeds below this; draws from here on have never been trained on.

@@ -109,6 +109,8 @@ class CrowdEnv:
     (80,)
     """
 
+    learned: Bools | bool = True  # (P,)  whom actions move; a subclass may move others itself
+
     @answers_unknown()
     def __init__(
         self,

@@ -54,7 +54,7 @@ def test_a_run_is_the_same_in_a_batch_of_any_size_and_another_than_undisturbed(m
 def test_a_decision_takes_effect_so_many_decisions_later(delay, late):
     env, policy, taken = CrowdEnv(hall(4), num_envs=2), Counting(), []
     driver, step = PolicyDriver(policy, env, delay=delay), env.step
-    env.step = lambda action, ruled: taken.append(action) or step(action, ruled)
+    env.step = lambda action: taken.append(action) or step(action)
     for _ in range(2):  # what was decided on before a reset takes no effect behind it
         taken.clear()
         driver.reset([0, 1])

@@ -58,8 +58,8 @@ class CrowdEnvRunner(SingleAgentEnvRunner):
             self._return = np.zeros(crowd.num_people)
         seen = _Seen.of(steps, self._last, crowd)
         for t in range(steps):
-            acted = np.flatnonzero(crowd.active)
-            seen.inside[t] = crowd.active
+            seen.inside[t] = crowd.active & crowd.learned
+            acted = np.flatnonzero(seen.inside[t])
             seen.observation[t] = self._last
             action, seen.log_prob[t, acted], inputs = self._act(self._last[acted], explore)
             if seen.inputs is None:

@@ -158,7 +158,7 @@ class CrowdVecEnv(BatchVecEnv):
 
     Attributes
     ----------
-    acted : (P,) bool, the pedestrian was inside when the last step began: the rows worth learning from.
+    acted : (P,) bool, the pedestrian was inside when the last step began and moved by its action: worth learning from.
     finished_episodes : metrics of the environments that finished since `take_finished` was last called, the last 1000 of them.
 
     Parameters
@@ -185,7 +185,7 @@ class CrowdVecEnv(BatchVecEnv):
     def step_wait(self) -> VecEnvStepReturn:
         """Advance by one decision step."""
         env = self.env
-        self.acted = env.active.copy()
+        self.acted = env.active & env.learned
         step = env.step(self._actions)
         done = step.info["finished"][env.env_of_person]
         last_observation = step.info.get("final_observation", step.observation)

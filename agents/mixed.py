@@ -1,0 +1,105 @@
+"""Crowds of which actions move a part: the others walk at full speed, or as another policy says."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from crowd_env import CrowdEnv
+from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.envs.action import make_action, to_command
+from crowd_env.envs.settings import Walking, arguments_of
+
+from .policy import Policy
+
+_MIXED = 7  # beside its seed: what draws who has learned in a run
+
+
+def learned_people(seeds: Sequence[int], people: int, share: float) -> Bools:
+    """Return who has learned (R, N) in runs of these seeds: ``share`` of the people of each, at least one of them.
+
+    A run's seed alone draws them: they are the same people under every policy and scheme, and those of a small share are among
+    those of a larger one.
+    """
+    return np.array([_drawn(np.random.default_rng((seed, _MIXED)), people, share) for seed in seeds])
+
+
+def _drawn(rng: np.random.Generator, people: int, share: float) -> Bools:
+    found = np.zeros(people, dtype=np.bool_)
+    found[rng.permutation(people)[: max(1, round(share * people))]] = True
+    return found
+
+
+class MixedEnv(CrowdEnv):
+    """A batch of evacuations in which actions move some of the people, others in every episode.
+
+    Nobody is told who they are.  A reset by a list of seeds draws them as `learned_people` does.  A manner is that of the
+    others alone.
+
+    Parameters
+    ----------
+    scenario, arguments : as `CrowdEnv` takes them.
+    share : of the people of each environment whom actions move, at least one.
+    others : moves the others, by what this environment lets people observe; None = they walk at full speed along their route.
+
+    Attributes
+    ----------
+    learned : (P,) whom actions move.
+
+    Raises
+    ------
+    ValueError
+        If the others act in the axes of the world, or choose exits.
+    """
+
+    learned: Bools
+
+    def __init__(self, scenario: Any, *, share: float, others: Policy | None = None, **arguments: Any) -> None:
+        walking = replace(Walking.of(arguments.pop("walking", None)), acts_on="scripted")
+        super().__init__(scenario, walking=walking, **arguments)
+        self.share, self.others, self.learned = share, others, np.ones(self.num_people, dtype=np.bool_)
+        self._rng = np.random.default_rng(0)  # of others that draw their actions
+        if others is not None:
+            self._kind = make_action(arguments_of(others.env_options).get("action", "continuous"))
+            if self._kind.frame != "path" or self._kind.routes is not None:
+                raise ValueError(f"policy {others.name!r} cannot move the others: it must act along the path alone")
+
+    def reset(
+        self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start new episodes, as `CrowdEnv.reset` does, and draw whom actions move."""
+        self._seeds = seed if isinstance(seed, Sequence) else None
+        self._seen, info = super().reset(seed, mask)
+        self._seeds = None
+        return self._seen, info
+
+    def step(self, action: ArrayLike | None = None, scripted: ArrayLike | None = None) -> Any:
+        """Advance by one decision step, as `CrowdEnv.step` does."""
+        step = super().step(action, scripted)
+        self._seen = step.observation
+        return step
+
+    def _restart(self, chosen: list[int]) -> None:
+        super()._restart(chosen)
+        for e in chosen:
+            people = self.people(e)
+            rng = self._generators[e] if self._seeds is None else np.random.default_rng((self._seeds[e], _MIXED))
+            self.learned[people] = _drawn(rng, people.stop - people.start, self.share)
+
+    def _command(
+        self, action: ArrayLike | None, scripted: ArrayLike | None
+    ) -> tuple[Floats | None, Bools | None, Bools | None]:
+        others = ~self.learned if scripted is None else ~self.learned | np.asarray(scripted)
+        if self.others is None:
+            return super()._command(action, others)
+        if action is None:  # those whom actions move walk at full speed
+            neutral = np.asarray(self.action_kind.neutral)
+            action = np.broadcast_to(neutral, (self.num_people, *neutral.shape))
+        command, in_world, gives_way = super()._command(action, others)
+        rows = np.flatnonzero(others & self.active)
+        acts = self.others.act(self._seen[rows], self.layout, self._rng)
+        if acts is not None and command is not None:
+            command[rows] = to_command(acts, self._kind, np.ones(len(rows), dtype=np.bool_))[0]
+        return command, in_world, gives_way
