@@ -24,6 +24,7 @@ from crowd_env.physics.scheme import DECISION_DT
 from . import POLICIES, make_policy
 from .evaluation.entries import RULE
 from .evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
+from .mixed import MixedEnv
 from .runs import versions
 from .tasks import Task, make_preset, make_task
 from .tasks.presets import training_place
@@ -218,7 +219,13 @@ def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 
         return RoutingVectorEnv(num_envs=num_envs, **arguments)
     learned = {name: config[name] for name in ("frame", "action", "observation", "reward")}
     arguments = arguments_of({"threads": threads, **physics_of(config), **learned})
-    return CrowdEnv(place_of(config), num_envs=num_envs, autoreset=True, **arguments)
+    share = task_of(config).learned_share
+    arguments |= {"num_envs": num_envs, "autoreset": True}
+    return (
+        CrowdEnv(place_of(config), **arguments)
+        if share is None
+        else MixedEnv(place_of(config), share=share, **arguments)
+    )
 
 
 def check_libraries() -> None:

@@ -58,7 +58,7 @@ def make_entries(
 
     Parameters
     ----------
-    learned_share : of the people whom a policy moves, see `crowd_env.agents.drivers.PolicyBatches`.
+    learned_share : of the people whom a policy moves, see `crowd_env.agents.drivers.PolicyBatches`; None = as the task says.
 
     Raises
     ------
@@ -71,6 +71,8 @@ def make_entries(
     twice = [name for k, name in enumerate(names) if name in names[:k]]
     if twice:
         raise ValueError(f"policy {twice[0]!r} is named twice; once is enough")
+    if learned_share is None and task is not None:
+        learned_share = task.learned_share
     crowd = _Crowd(scenario, task, learned_share)
     found = []
     for name in names:

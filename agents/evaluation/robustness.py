@@ -39,7 +39,7 @@ def facts_of_variation(task: Task, one: Variation, place: Scenario) -> dict[str,
         "about": one.about,
         "scheme": one.scheme or task.scheme,
         "people": place.population.people,
-        "learned_share": one.learned_share or 1.0,
+        "learned_share": one.learned_share or task.learned_share or 1.0,
         "digest": place_digest(place),
     }
 

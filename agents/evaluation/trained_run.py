@@ -20,6 +20,7 @@ from ..networks import NETWORK, network_digest
 from ..rules import StrategyPolicy
 from ..trained import SAMPLED, LearnedPolicy, load_trained
 from ..training_config import judged_place, law_of, physics_of, task_of
+from ..walking import HeadwayRule
 from . import shipped
 from .comparison import clearing_means, clearing_times, last_times, minus_first, paired, ratio
 from .entries import RULE, controller_entry, make_entries
@@ -57,7 +58,7 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int, *, f
     """
     task, place = task_of(config), judged_place(config)
     own = config["task"] is not None
-    rules = make_entries(_named(config), place, task)
+    rules = make_entries(named_beside(config), place, task)
     if config["routing"] is not None:
         rules += [controller_entry(kind(config["routing"]), task) for kind in (FixedSplit, RandomController)]
     kinds = _kinds(folder)
@@ -91,11 +92,14 @@ def _beside(result: Evaluation, learned: Evaluation) -> dict[str, Any]:
     return {**{name: named(times(result)) for name, times in of.items()}, "learned_minus_this": more}
 
 
-def _named(config: Mapping[str, Any]) -> tuple[str, ...]:
+def named_beside(config: Mapping[str, Any]) -> tuple[str, ...]:
     """Return what is judged beside the learned policy."""
     if config["routing"] is not None:
         return _OF_ROUTES if config["task"] is None else (RULE, *_OF_ROUTES)
-    return _OF_SCENARIO if config["task"] is None else shipped.OF_TASK
+    if config["task"] is None:
+        return _OF_SCENARIO
+    all_alike = task_of(config).learned_share is None  # a manner is everyone's
+    return tuple(name for name in shipped.OF_TASK if all_alike or name != HeadwayRule.name)
 
 
 def _kinds(folder: Path) -> tuple[str, ...]:
@@ -156,7 +160,11 @@ def _draw_curve(folder: Path, config: Mapping[str, Any], results: list[Evaluatio
     from crowd_env.rendering import learning_curve
 
     curve, kept = _curve(folder)
-    told = "kept, the start" if kept is curve[0] else f"kept, best of {len(curve)}"
+    told = (
+        "kept, the start"
+        if kept is curve[0]
+        else f"kept, {'last' if task_of(config).selfish else 'best'} of {len(curve)}"
+    )
     learning_curve(
         folder / "learning_curve.png",
         [row["steps"] for row in curve],
@@ -189,7 +197,7 @@ def _write_film(folder: Path, config: Mapping[str, Any], results: list[Evaluatio
     stuck = np.flatnonzero(results[0].column("unfinished") > 0)
     seed = HELD_OUT_SEED + (int(stuck[0]) if len(stuck) else 0)
     law = law_of(config)
-    options = {"scheme": law, "rules": False, **task.env_options(law.info.name)}
+    options = {"scheme": law, "rules": False, "learned_share": task.learned_share, **task.env_options(law.info.name)}
     shown: dict[str, Any] = {RULE_AHEAD: StrategyPolicy(task.rule), LEARNED: load_trained(folder / NETWORK)}
     ways = {title: partial(driver_of, who, **options) for title, who in shown.items()}
     write_beside(folder / "evacuation.gif", record_beside(ways, place, seed))

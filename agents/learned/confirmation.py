@@ -51,8 +51,11 @@ def confirm(folder: Path, config: Mapping[str, Any], threads: int = 1) -> None:
     ``confirmation.json`` says what came out; what has been simulated is kept, so that an interrupted test goes on.  Where the
     start is kept, ``best.safetensors`` is the start, and the other ``unconfirmed.safetensors``.
 
-    Nothing is asked of a run whose start did best, or that an earlier version began.
+    Nothing is asked of a run whose start did best, or that an earlier version began, or of a selfish task: it keeps the last.
     """
+    if task_of(config).selfish:
+        write_json(folder / FOUND, {"kept": "last"})
+        return
     curve = read_curve(folder / "learning_curve.csv")
     best = min(curve, key=score)
     _reopen(folder, best)
@@ -94,8 +97,10 @@ def confirm(folder: Path, config: Mapping[str, Any], threads: int = 1) -> None:
 
 def kept_row(folder: Path, curve: Sequence[dict[str, float]]) -> dict[str, float]:
     """Return the row of the learning curve of the network that was kept."""
-    found = confirmation(folder)
-    return curve[0] if found is not None and found["kept"] == "start" else min(curve, key=score)
+    kept = (confirmation(folder) or {}).get("kept")
+    if kept in ("start", "last"):
+        return curve[0 if kept == "start" else -1]
+    return min(curve, key=score)
 
 
 def confirmation(folder: Path) -> dict[str, Any] | None:

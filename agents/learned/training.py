@@ -27,7 +27,7 @@ from ..evaluation.comparison import last_times
 from ..evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from ..networks import NETWORK, Network
 from ..trained import LearnedController, LearnedPolicy
-from ..training_config import facts_of, judged_place, make_env, physics_of
+from ..training_config import facts_of, judged_place, make_env, physics_of, task_of
 from .checkpoint import read_checkpoint, write_checkpoint
 from .cloning import begin
 from .export import network_of, spread_of
@@ -46,7 +46,7 @@ CURVE_COLUMNS = (
 
 
 class Keeper:
-    """Judges the network of a training on validation draws, and keeps its curve, its start and the best of all.
+    """Judges the network of a training on validation draws; keeps its curve, its start and the best, if selfish the last.
 
     Parameters
     ----------
@@ -62,7 +62,9 @@ class Keeper:
         self.curve = read_curve(folder / CURVE)
         before = self.curve[-1] if self.curve else {"seconds": 0.0, "cpu_seconds": 0.0}
         self._begin = time.monotonic() - before["seconds"], time.process_time() - before["cpu_seconds"]
-        self._judged = {**physics_of(config), "threads": threads}
+        task = task_of(config)
+        self._judged = {**physics_of(config), "learned_share": task.learned_share, "threads": threads}
+        self._keeps_last = task.selfish
         self.returns: list[float] = []  # of the episodes that have ended since the last row
 
     @property
@@ -107,7 +109,7 @@ class Keeper:
         checkpoint()
         if len(self.curve) == 1:
             who.save(self.folder / START)
-        if score(row) < best_before:
+        if score(row) < best_before or self._keeps_last:
             who.save(self.folder / NETWORK)
         write_curve(self.folder / CURVE, self.curve)
         if not notes.is_terminal:  # says in a line what a bar would show

@@ -48,6 +48,9 @@ class Task:
     runs : held-out draws of a full evaluation.
     decides : what is to be decided: how everyone walks, or to which exit people are sent (``crowd_env/Routing-v0``).
     no_harm : there is little to gain; a policy only must not be slower than the rule.
+    learned_share : of the people whom policies move, others in every run; nobody is told that the others walk at full speed.
+        None = all.
+    selfish : everyone is paid for the own time alone.  Training keeps its last network, and not the one that serves all best.
     version : goes up with every change of the task.
     frozen : digest of this version.
     probe : what it does in this version, see `crowd_env.agents.tasks.probe`.
@@ -71,6 +74,8 @@ class Task:
     runs: int = 200
     decides: Decides = "walking"
     no_harm: bool = False
+    learned_share: float | None = None
+    selfish: bool = False
     version: int = 1
 
     @property
@@ -108,6 +113,7 @@ class Task:
             "scheme": [self.scheme, _plain(make_scheme(self.scheme))],
             "env": _plain(self.env_options(self.scheme)),
             "seeds": [self.seeds.start, self.seeds.stop],
+            **({} if self.learned_share is None else {"learned_share": self.learned_share}),
         }
 
     def digest(self) -> str:
