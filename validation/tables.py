@@ -245,12 +245,32 @@ def flows(source: Source) -> Grid:
     return pivoted(found, {"desired speed": "{people} people"}, "{speed}", "{here:.2f}; {reading}")
 
 
+def dilemma(source: Source) -> Grid:
+    """One row a crowd: when it is out, what it costs if all push instead, and what one gains who deviates."""
+    gains = {f"one who {head} gains, s": _INTERVAL(f"gain[{who}]") + " ({gain[" + who + "][share]:%} %)"
+             for head, who in (("pushes", "push"), ("queues", "queue"), ("learns to", "learned"))}  # fmt: skip
+    return grid(source.read("results.json")["rows"], **{
+        "crowd": "{crowd}", "mean exit, s": _INTERVAL("mean_exit"), "last exit, s": _INTERVAL("last_exit"),
+        "blocked": "{blocked} of {runs}", "impulse, N s": "{contact_impulse[mean]:.0f}",
+        "price of anarchy, mean and last exit": "{price[mean_exit]:.2f}, {price[last_exit]:.2f}", **gains,
+    })  # fmt: skip
+
+
+def dilemma_shares(source: Source) -> Grid:
+    """One row a share of pushers in a queue: when these are out, and when the others."""
+    return grid(source.read("results.json")["shares"], **{
+        "push": "{pushers:%} %", "blocked": "{blocked} of {runs}",
+        "who pushes is out after, s": _INTERVAL("mean_exit_deviators"), "who follows, s": _INTERVAL("mean_exit_others"),
+        "last exit, s": _INTERVAL("last_exit"), "price that deters, s per m/s": "{deterrent:.1f}",
+    })  # fmt: skip
+
+
 def _of_tasks(make: Callable[[], Grid]) -> Callable[[Source], Grid]:
     return lambda source: make()
 
 
 _OF_CASES = (schemes, halls, jambs, bodies_gate, bodies_doors, clogging, frozen, measured, criteria)
-_OF_POLICIES = (strategies, controller, training)
+_OF_POLICIES = (strategies, controller, training, dilemma, dilemma_shares)
 _OF_ROOMS = (scenarios, bodies, theatre, variants, clearance, flows)
 # Name of the table -> what makes it; made_by.csv says by which command its figures are measured.
 MAKERS: dict[str, Callable[[Source], Grid]] = {

@@ -1,0 +1,129 @@
+"""What learning makes of a dilemma: best responses to a crowd, and crowds that are paid in other ways."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, cast
+
+import typer
+
+from crowd_env.core.console import friendly_errors, say
+from crowd_env.core.files.json_file import json_number, write_json
+from crowd_env.envs.settings import arguments_of
+from crowd_env.rendering import learning_curve
+
+from .. import make_policy
+from ..evaluation.dilemma import SHARES, deterrent, follow, gain, payoffs, price_of_anarchy
+from ..evaluation.entries import RULE
+from ..mixed import MixedEnv
+from ..policy import Policy
+from ..rules import StrategyPolicy
+from ..runs import versions
+from ..tasks import make_task
+from ..trained import LearnedPolicy
+from ..training_config import make_env, physics_of, place_of, task_config
+from .cloning import begin
+from .export import network_of, spread_of
+from .ppo import PPOSettings, make_ppo
+from .training import trained_in
+
+_DOOR, _MIXED, _RUNS = "dilemma-door", "dilemma-mixed", 100
+_QUEUES = "queue: `evolution`"
+# What a best response may do: overtake too.
+_FREE = {"name": "speeds-directions", "speeds": [0.0, 0.5, 1.0], "headings": [k * math.pi / 6 for k in range(-3, 4)]}
+# Of a best response: people who learn, rooms, s in which most of them are out, and training steps of all slots.
+_SHARE, _ROOMS, _LIMIT, _STEPS = 0.05, 16, 15.0, 6_000_000
+# How a crowd is trained -> task, start, and what of its reward is another.
+_PRICES = {"progress": 0.5, "time": 1.0, "contact": 1.0, "head": 5.0}
+_TRAINED: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
+    "PPO, own time": (_DOOR, "evolution", {}),
+    "PPO, own time, from full speed": (_DOOR, RULE, {}),
+    "PPO, own time, 20 % push": (_MIXED, "evolution", {}),
+    "PPO, time of all": (_DOOR, "evolution", {"team_share": 1.0}),
+    "PPO, contacts and the head of the queue cost": (_DOOR, "evolution", {"weights": _PRICES}),
+}
+
+
+def train_crowd(task: str, start: str, reward: Mapping[str, Any], seed: int = 0) -> LearnedPolicy:
+    """Return the last policy of PPO with the preset of a task, from a start, with another ``reward`` where that says so."""
+    config = task_config(task, seed, start=start)
+    config["reward"] = {**config["reward"], **reward}
+    env = make_env(config)
+    model = make_ppo(env, PPOSettings(**config["ppo"]), seed)
+    begin(model, config)
+    model.learn(config["steps"])
+    return cast(LearnedPolicy, trained_in(env, network_of(model), config, spread_of(model)))
+
+
+def best_response(crowd: Policy, task: str, seed: int = 0, steps: int = _STEPS) -> LearnedPolicy:
+    """Return what PPO learns from full speed, paid for the own time alone, among people who follow a policy.
+
+    It may turn aside, and sees what the crowd sees, or if that is a rule what policies of the task see.  One of twenty people
+    learns; a room begins anew after 15 s, when most of those who push are out.  More steps may find a better response.
+
+    Parameters
+    ----------
+    task : whose preset says where and by which settings it learns.
+    steps : of all people, those who follow the policy too.
+    """
+    config = task_config(task, seed, start=RULE)
+    seen = crowd.env_options["observation"] if isinstance(crowd, LearnedPolicy) else config["observation"]
+    own = {"frame": config["frame"], "action": _FREE, "observation": seen}
+    arguments = arguments_of({**physics_of(config), **own, "reward": {"progress": 0.5, "time": 1.0}})
+    batch: dict[str, Any] = {"num_envs": _ROOMS, "time_limit": _LIMIT, "autoreset": True}
+    env = MixedEnv(place_of(config), share=_SHARE, others=crowd, **batch, **arguments)
+    # A rollout is a whole episode of every room: there is somebody to learn from in each.
+    whole = {"n_steps": round(_LIMIT / env.decision_dt), "batch_size": 1024}
+    model = make_ppo(env, PPOSettings(**{**config["ppo"], **whole}), seed)
+    model.learn(steps)
+    return cast(LearnedPolicy, trained_in(env, network_of(model), config, spread_of(model)))
+
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
+def main(out: Annotated[Path, typer.Argument(help="Folder for results.json and dilemma.png.")]) -> None:
+    """Measure what crowds lose that push, what one gains who deviates, and what learning makes of it: a quarter of an hour."""
+    with friendly_errors():
+        task, push, queue = make_task(_DOOR), StrategyPolicy("shortest", name=RULE), make_policy("evolution")
+        out.mkdir(parents=True, exist_ok=True)
+        crowds = {"full speed": push, _QUEUES: queue}
+        for name, how in _TRAINED.items():
+            say(f"training a crowd: {name} ...")
+            crowds[name] = train_crowd(*how)
+        rows: list[dict[str, Any]] = []
+        shares: list[dict[str, Any]] = []
+        all_push = follow(push, task, runs=_RUNS)
+        for name, crowd in crowds.items():
+            say(f"looking for who gains by deviating: {name} ...")
+            deviators = {"push": push, "queue": queue, "learned": best_response(crowd, _DOOR)}
+            all_follow = follow(crowd, task, runs=_RUNS)
+            gains = {
+                who: gain(all_follow, follow(crowd, task, runs=_RUNS, deviator=one)) for who, one in deviators.items()
+            }
+            price = price_of_anarchy(all_push, all_follow)
+            rows.append({"crowd": name, **payoffs(all_follow), "price": price, "gain": gains})
+            for share in SHARES if name == _QUEUES else ():
+                told: dict[str, Any] = {"runs": _RUNS, "deviator": push, "share": share}
+                some_push, price_of = follow(crowd, task, **told), deterrent(crowd, task, **told)
+                shares.append({"pushers": share, **payoffs(some_push), "deterrent": json_number(price_of)})
+        found = {"task": task.identity(), "rows": rows, "shares": shares, "versions": versions()}
+        write_json(out / "results.json", found)
+        all_alike = zip(("all push", "all follow"), rows, strict=False)
+        draw(out / "dilemma.png", shares, {name: row["mean_exit"]["mean"] for name, row in all_alike})
+    say(f"results.json and dilemma.png: {out}/")
+
+
+def draw(path: Path, shares: list[dict[str, Any]], reference: dict[str, float]) -> None:
+    """Draw Schelling's diagram: when who pushes and who follows is out, by the share of those who push."""
+    kinds = {"who follows": "mean_exit_others", "all": "mean_exit", "who pushes": "mean_exit_deviators"}
+    series = {name: [row[kind]["mean"] for row in shares] for name, kind in kinds.items()}
+    errors = {name: [row[kind]["mean"] - row[kind]["ci95"][0] for row in shares] for name, kind in kinds.items()}
+    told: dict[str, Any] = {"xlabel": "share of the people who push [%]", "ylabel": "mean exit time [s]"}
+    told |= {"title": f"{_DOOR}: runs that cleared, 95 % intervals", "errors": errors}
+    learning_curve(path, [100.0 * row["pushers"] for row in shares], series, reference=reference, **told)
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,227 @@
+"""The dilemma of a door: who is moved by whom, what a deviator gains, and what all lose where all push."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from cases import looped
+from evaluations import made_up, random_policy
+
+from crowd_env import CrowdEnv
+from crowd_env.agents import make_policy
+from crowd_env.agents.drivers import PolicyBatches
+from crowd_env.agents.evaluation import trained_run
+from crowd_env.agents.evaluation.dilemma import deterrent, follow, gain, payoffs, price_of_anarchy
+from crowd_env.agents.evaluation.entries import make_entries
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_driver
+from crowd_env.agents.mixed import MixedEnv, learned_people
+from crowd_env.agents.rules import StandStill, StrategyPolicy
+from crowd_env.agents.tasks import TASKS, Task
+from crowd_env.agents.training_config import make_env, task_config
+from crowd_env.agents.walking import RuleAtShare
+
+PUSH, QUEUE = StrategyPolicy("shortest", name="rule"), make_policy("evolution")
+DOOR = Task(
+    "door",
+    "ten people",
+    scenario="room-v0",
+    options={"side": 6.0, "door_width": 1.0},
+    people=10,
+    scheme="nsm2",
+    dt=0.01,
+    time_limit=40.0,
+    blocked_after=20.0,
+    frozen="",
+)
+
+
+def mixed(share=0.7, **options):
+    return MixedEnv(DOOR.place(), share=share, **options)
+
+
+# ----------------------------------------------------------------------------------------------------- who is moved by whom
+
+
+def test_as_many_push_in_every_episode_and_others_each_time():
+    env = mixed(num_envs=4)
+    drawn = []
+    for _ in range(5):
+        env.reset(0 if not drawn else None)
+        drawn += list(env.learned.reshape(4, 10).copy())
+    assert {int(one.sum()) for one in drawn} == {7} and len({one.tobytes() for one in drawn}) > 10
+    again = mixed(num_envs=4)
+    again.reset(0)
+    np.testing.assert_array_equal(again.learned.reshape(4, 10), drawn[:4])
+    again.reset([8, 8, 8, 8], mask=[False, True, False, False])
+    drawn[1] = learned_people([8], 10, 0.7)[0]
+    np.testing.assert_array_equal(again.learned.reshape(4, 10), drawn[:4])
+
+
+def test_an_episode_that_begins_by_itself_draws_them_anew():
+    env = mixed(share=0.5, time_limit=0.3, autoreset=True)
+    env.reset(3)
+    drawn = set()
+    for _ in range(12):
+        drawn.add(env.learned.tobytes())
+        assert env.learned.sum() == 5
+        env.step(np.zeros((10, 2)))
+    assert len(drawn) == 4 or len(drawn) == 5
+
+
+def test_pushers_walk_whatever_their_action_and_nobody_is_told_who_they_are():
+    env, plain = mixed(), CrowdEnv(DOOR.place())
+    np.testing.assert_array_equal(env.reset([5])[0], plain.reset([5])[0])
+    np.testing.assert_array_equal(env.learned, learned_people([5], 10, 0.7)[0])
+    for _ in range(5):
+        env.step(np.zeros((10, 2)))
+        plain.step(np.zeros((10, 2)), ~env.learned)
+    np.testing.assert_array_equal(env.simulation.state.position, plain.simulation.state.position)
+    assert np.hypot(*env.simulation.state.velocity[~env.learned].T).min() > 0.3
+
+
+def test_others_walk_as_their_policy_says():
+    env = mixed(others=StandStill())
+    env.reset([5])
+    for _ in range(5):
+        env.step(None)  # those whom actions move walk at full speed
+    speed = np.hypot(*env.simulation.state.velocity.T)
+    assert speed[env.learned].min() > 0.3 and np.median(speed[~env.learned]) < 0.05
+
+
+@looped("policy", [PUSH, QUEUE, random_policy(1), random_policy(2, action="discrete")], ids=lambda one: one.name)
+def test_a_crowd_whose_others_follow_the_same_policy_is_that_crowd(policy):
+    one, both = follow(policy, DOOR, runs=4), follow(policy, DOOR, runs=4, deviator=policy, share=0.4)
+    np.testing.assert_array_equal(one.exit_times, both.exit_times)
+    assert both.learned.sum(axis=1).tolist() == [4] * 4
+    out = np.isfinite(np.where(both.learned, one.exit_times, 0.0)).all(axis=1)
+    assert gain(one, both)["mean"] == (0.0 if out.any() else None)
+    assert out.all() or policy not in (PUSH, QUEUE)
+
+
+def test_what_cannot_move_others_is_refused():
+    with pytest.raises(ValueError, match="cannot move the others"):
+        mixed(others=random_policy(0, frame="world"))
+    with pytest.raises(ValueError, match="'follow' needs its own observation"):
+        follow(make_policy("follow"), DOOR, runs=1, deviator=random_policy(0))
+
+
+def test_a_task_says_whom_policies_move():
+    task, place = replace(DOOR, learned_share=0.8), DOOR.place()
+    (entry,) = make_entries(["stand-still"], place, task)
+    found = evaluate_driver(entry.driver(place, "nsm2", 1), place, entry.name, "nsm2", runs=2)
+    np.testing.assert_array_equal(found.learned, learned_people(range(HELD_OUT_SEED, HELD_OUT_SEED + 2), 10, 0.8))
+    assert task.digest() != DOOR.digest()
+
+
+def test_what_stands_beside_a_training_in_a_mixed_task_can_be_mixed():
+    beside = {name: trained_run.named_beside(task_config(name)) for name in ("dilemma-door", "dilemma-mixed")}
+    assert set(beside["dilemma-door"]) - set(beside["dilemma-mixed"]) == {"headway"}
+    for name, policies in beside.items():
+        assert [one.name for one in make_entries(policies, TASKS[name].place(), TASKS[name])] == list(policies)
+
+
+def test_those_who_push_are_no_part_of_what_is_learned():
+    pytest.importorskip("stable_baselines3")
+    from crowd_env.envs.adapters.sb3 import CrowdVecEnv
+
+    venv = CrowdVecEnv(make_env(task_config("dilemma-mixed"), envs=2))
+    venv.seed(0)
+    venv.reset()
+    learned = venv.env.learned.copy()
+    venv.step(np.zeros(venv.num_envs))
+    assert learned.sum() == 2 * 48
+    np.testing.assert_array_equal(venv.acted, learned)
+
+
+def test_both_dilemmas_are_the_competitive_door():
+    door, mix = TASKS["dilemma-door"], TASKS["dilemma-mixed"]
+    assert door.digest() == TASKS["competitive-door"].digest() != mix.digest()
+    assert (door.learned_share, mix.learned_share) == (None, 0.8) and door.selfish and mix.selfish
+
+
+# ----------------------------------------------------------------------------------------------------------- what it costs
+
+
+def test_one_who_pushes_among_people_who_dawdle_gains_the_difference():
+    dawdle = RuleAtShare(0.3)
+    crowd, among = follow(dawdle, DOOR, runs=6), follow(dawdle, DOOR, runs=6, deviator=PUSH)
+    found, who = gain(crowd, among), among.learned
+    assert who.sum(axis=1).tolist() == [1] * 6
+    before, after = np.array(crowd.exit_times)[who], np.array(among.exit_times)[who]
+    assert found["mean"] == pytest.approx((before - after).mean()) and found["mean"] > 1.0
+    assert found["share"] == pytest.approx(1.0 - after.mean() / before.mean()) and found["draws"] == 6
+    with pytest.raises(ValueError, match="nobody deviates"):
+        gain(crowd, crowd)
+    still = follow(StandStill(), DOOR, runs=2)
+    assert gain(still, follow(StandStill(), DOOR, runs=2, deviator=PUSH))["share"] is None
+
+
+def test_a_crowd_pays_nothing_for_doing_what_it_does():
+    crowd = follow(QUEUE, DOOR, runs=4)
+    price = price_of_anarchy(crowd, crowd)
+    assert price["mean_exit"] == price["last_exit"] == 1.0
+    assert price["blocked"] == [0, 0] and price["runs"] == 4
+    still = price_of_anarchy(follow(StandStill(), DOOR, runs=2), crowd)
+    assert still["mean_exit"] is still["last_exit"] is None and still["blocked"] == [2, 0]
+
+
+def test_payoffs_of_both_kinds_make_up_those_of_all():
+    found = payoffs(follow(QUEUE, DOOR, runs=5, deviator=PUSH, share=0.3))
+    means = [found[f"mean_exit{name}"]["mean"] for name in ("", "_deviators", "_others")]
+    assert means[0] == pytest.approx(0.3 * means[1] + 0.7 * means[2])
+    assert means[0] < found["last_exit"]["mean"] and found["blocked"] == 0
+
+
+def test_at_the_price_that_deters_who_pushes_earns_what_the_others_earn():
+    task = replace(DOOR, scheme="hertz", dt=0.005, people=20)
+    price = deterrent(QUEUE, task, runs=6, deviator=PUSH, share=0.3)
+    assert 0.0 < price < 100.0
+    part = PolicyBatches(PUSH, task.place(), {**task.env_options("hertz"), "scheme": "hertz"}, 0.3, QUEUE)
+    driver = replace(part, options={**part.options, "reward": {"time": 1.0, "contact": price}})(6)
+    driver.reset([HELD_OUT_SEED + k for k in range(6)])
+    earned, env = np.zeros(driver.env.num_people), driver.env
+    while not env.finished.all():
+        earned += driver.step().reward
+    assert np.isfinite(env.simulation.state.exit_time).all()
+    assert earned[env.learned].mean() == pytest.approx(earned[~env.learned].mean())
+    assert np.isnan(deterrent(StandStill(), DOOR, runs=1, deviator=PUSH, share=0.3))
+
+
+# --------------------------------------------------------------------------------------------------------------- learning
+
+
+@looped(
+    ("task", "share", "kept"), [("dilemma-mixed", 0.8, 2), ("dilemma-door", None, 2), ("competitive-door", None, 1)]
+)
+def test_a_selfish_training_keeps_its_last_network(task, share, kept, tmp_path, monkeypatch):
+    pytest.importorskip("stable_baselines3")
+    from crowd_env.agents.learned import confirmation, training
+
+    asked, saved, times = [], [], [32.0, 31.0, 33.0]
+
+    def evaluated(who, place, **options):
+        asked.append(options["learned_share"])
+        return made_up("learned", "hertz", 3 * [times[len(asked) - 1]])
+
+    monkeypatch.setattr(training, "evaluate", evaluated)
+    folder, config = tmp_path / task, task_config(task)
+    folder.mkdir()
+    keeper = training.Keeper(folder, config)
+    for k in range(3):
+        who = SimpleNamespace(save=lambda path, k=k: saved.append((path.name, k)))
+        keeper.judge(who, k, lambda: None)
+    assert asked == 3 * [share] and dict(saved) == {"start.safetensors": 0, "best.safetensors": kept}
+    (folder / "start.safetensors").unlink(missing_ok=True)
+    confirmation.confirm(folder, config)
+    assert confirmation.kept_row(folder, keeper.curve) is keeper.curve[kept]
+
+
+@pytest.mark.more
+def test_who_learns_among_people_in_the_way_does_not_stand_still():
+    pytest.importorskip("stable_baselines3")
+    from crowd_env.agents.learned.dilemma import best_response
+
+    found = best_response(QUEUE, "dilemma-door", steps=150_000)
+    gains = gain(follow(QUEUE, DOOR, runs=4), follow(QUEUE, DOOR, runs=4, deviator=found, share=0.1))
+    assert gains["mean"] > 0.0
