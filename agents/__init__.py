@@ -46,13 +46,13 @@ def make_policy(policy: str | Policy) -> Policy:
 
 
 def starts_from(policy: str) -> str:
-    """Return what a policy of this name knew before it learned: "nothing", a rule that it cloned, or all of it: "written".
+    """Return what a policy of this name knew before it learned: "nothing", a rule that it cloned, or that it is "a rule".
 
     Nothing is full speed: where PPO begins unless it is told otherwise, and a search over weights that are all 0.
     """
     if names_file(policy) or policy in PRETRAINED:
         return told_start(load(policy).trained.get("start"))
-    return "nothing" if policy == Evolved.name else "written"
+    return "nothing" if policy == Evolved.name else "a rule"
 
 
 def told_start(start: str | None) -> str:

@@ -15,6 +15,7 @@ from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_st
 from crowd_env.core.version import __version__ as __version__
 from crowd_env.envs.action import ActionKind
 from crowd_env.envs.crowd import CrowdEnv, Step
+from crowd_env.envs.generated import GeneratedCrowds
 from crowd_env.envs.gymnasium_env import CrowdGymEnv, CrowdVectorEnv, make_vec
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout, ObservationTerm
@@ -62,6 +63,7 @@ __all__ = [
     "Disc",
     "DoorEvent",
     "EpisodeMetrics",
+    "GeneratedCrowds",
     "Geometry",
     "Groups",
     "Headway",

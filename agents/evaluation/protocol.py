@@ -75,8 +75,10 @@ def task_table(
 ) -> Table:
     """Return a table of the figures by which policies are judged on a task, with a section for each group.
 
-    ``starts`` says what policies knew before they learned (`crowd_env.agents.starts_from`).
+    ``starts`` says what policies knew before they learned (`crowd_env.agents.starts_from`): a line below, for want of room.
     """
+    for start in dict.fromkeys((starts or {}).values()):
+        note += f" Starts from {start}: {', '.join(name for name, told in (starts or {}).items() if told == start)}."
     caption = (
         "Runs of all in which the exits blocked, and in which someone was left inside, blocked ones included; %: with its "
         "95 % interval (Wilson). half: s, when the last person was out in half of all runs. clearing, of the last person, and "
@@ -86,7 +88,6 @@ def task_table(
     def cells(result: Evaluation, first: Evaluation) -> dict[str, str]:
         row = result.row()
         return {
-            **({} if starts is None else {"starts from": starts.get(result.policy, "–")}),
             "blocked": f"{row['blocked_runs']} of {row['runs']}",
             "%": percent(row["blocked_share"]),
             "unfinished": str(row["unfinished_runs"]),

@@ -12,7 +12,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
 
-from crowd_env import CrowdEnv
+from crowd_env import CrowdEnv, GeneratedCrowds
 from crowd_env.core.checks import known
 from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer, VectorVecEnv
 from crowd_env.envs.routing.batch import RoutingBatch
@@ -47,7 +47,9 @@ class PPOSettings:
         known("distribution", self.distribution, DISTRIBUTIONS)
 
 
-def make_ppo(env: CrowdEnv | RoutingVectorEnv, settings: PPOSettings, seed: int, log_folder: Path | None = None) -> PPO:
+def make_ppo(
+    env: CrowdEnv | GeneratedCrowds | RoutingVectorEnv, settings: PPOSettings, seed: int, log_folder: Path | None = None
+) -> PPO:
     """Return an untrained PPO model on ``env``, a `CrowdEnv` made with ``autoreset=True``.
 
     The mean action, of a Beta distribution the likeliest, starts at (1, 0), walk the shortest path, and of discrete actions
@@ -55,7 +57,7 @@ def make_ppo(env: CrowdEnv | RoutingVectorEnv, settings: PPOSettings, seed: int,
     better.  In `RoutingVectorEnv` the likeliest choice of every region is the exit nearest to its center.
     """
     torch.set_num_threads(1)  # the networks are small: a second thread costs more than it brings
-    venv: VecEnv = CrowdVecEnv(env) if isinstance(env, CrowdEnv) else VectorVecEnv(env)
+    venv: VecEnv = VectorVecEnv(env) if isinstance(env, RoutingVectorEnv) else CrowdVecEnv(env)
     taken = ("n_steps", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "target_kl")
     own = {"log_std_init": settings.log_std_init} if settings.distribution == "gaussian" else {}
     with warnings.catch_warnings():
@@ -69,7 +71,7 @@ def make_ppo(env: CrowdEnv | RoutingVectorEnv, settings: PPOSettings, seed: int,
             policy_kwargs={"net_arch": [settings.hidden] * 2, **own},
             seed=seed,
             device="cpu",
-            rollout_buffer_class=MaskedRolloutBuffer if isinstance(env, CrowdEnv) else None,
+            rollout_buffer_class=None if isinstance(env, RoutingVectorEnv) else MaskedRolloutBuffer,
             tensorboard_log=None if log_folder is None else str(log_folder),
             **{name: getattr(settings, name) for name in taken},
         )

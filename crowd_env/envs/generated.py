@@ -6,9 +6,10 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bools
 from crowd_env.core.checks import COUNT, Range, whole
-from crowd_env.envs.crowd import CrowdEnv, Step
+from crowd_env.envs.crowd import CrowdEnv, Step, require_same_spaces
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.scenarios.generated import conditions_of, draw_place
+from crowd_env.scenarios.scenario import Scenario
 
 TRIES = 1000  # places drawn until one has few enough people
 
@@ -18,14 +19,16 @@ class GeneratedCrowds:
 
     Each environment has ``people`` slots; those that a place leaves empty are never inside.  An environment that is over goes
     on in another place, under the law and manner of its seed, and with the noise of its seed on everything that is seen.
+    What happens to the people of a place is bit by bit what happens in a `CrowdEnv` of that place.  ``info`` of a step holds
+    ``finished`` (E,), and where one is, its ``metrics`` and the ``final_observation`` (P, D) before another took its turn.
 
     Parameters
     ----------
     num_envs : places side by side, E.
-    people : slots of each; places of more people are passed over.
+    people : slots of each, 10 to 400; places of more people are passed over.
     seeds : of the places that are drawn from, 0 to ``seeds`` - 1.
     level : 0 to 1, see `draw_place`; what is written into the attribute counts from the next place on: a curriculum.
-    options : of `CrowdEnv`: routing, action, observation, reward, decision_dt.
+    options : of `CrowdEnv`: routing, action, observation, reward, decision_dt; no term or action counts exits or routes.
 
     Attributes
     ----------
@@ -33,15 +36,21 @@ class GeneratedCrowds:
     env_of_person : (P,) environment of each slot.
     finished : (E,) which ended in the last step.
 
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, no place has so few people, or what one sees or does is not everywhere of the same size.
+
     Examples
     --------
     >>> env = GeneratedCrowds(4, people=40, seeds=1000, routing="fastest")
     >>> observation, info = env.reset(seed=0)
-    >>> env.step(env.active).reward.shape   # full speed ahead of those inside
+    >>> env.step(None).reward.shape   # everyone at full speed
     (160,)
     """
 
     autoreset = True
+    learned = True  # all are moved by actions
 
     def __init__(
         self, num_envs: int, *, people: int = 200, seeds: int = 1_000_000, level: float = 1.0, **options: Any
@@ -53,7 +62,8 @@ class GeneratedCrowds:
         self._rng = np.random.default_rng()
         self._rooms: list[CrowdEnv] = []
         self._noise = np.zeros(self.num_envs)
-        first = self._next(np.random.default_rng(0))[0]
+        self._first: CrowdEnv | None = None
+        self._first = first = self._next(np.random.default_rng(0))[0]
         self.layout, self.action_kind, self.reward_weights = first.layout, first.action_kind, first.reward_weights
         self.single_observation_space = first.single_observation_space
         self.single_action_space = first.single_action_space
@@ -71,6 +81,11 @@ class GeneratedCrowds:
         for row, room in zip(found, self._rooms, strict=True):
             row[: room.num_people] = room.active
         return found.ravel()
+
+    @property
+    def scenario_of_env(self) -> list[Scenario]:
+        """The place of each environment."""
+        return [room.scenarios[0] for room in self._rooms]
 
     def people(self, e: int) -> slice:
         """Return the slots of environment ``e``, those that its place leaves empty among them."""
@@ -93,15 +108,15 @@ class GeneratedCrowds:
         self.finished[:] = False
         return observation.reshape(self.num_people, -1), {}
 
-    def step(self, action: np.ndarray) -> Step:
+    def step(self, action: np.ndarray | None = None) -> Step:
         """Advance every place by one decision step; see `CrowdEnv.step`."""
         rows = (self.num_envs, self.slots)
         observation = np.zeros((*rows, self.layout.size), dtype=np.float32)
         reward, flags = np.zeros(rows), np.zeros((2, *rows), dtype=np.bool_)
         info: dict[str, Any] = {"metrics": {}}
         for e, room in enumerate(self._rooms):
-            people, action_of = slice(0, room.num_people), action[self.people(e)]
-            step = room.step(action_of[people])
+            people = slice(0, room.num_people)
+            step = room.step(None if action is None else action[self.people(e)][people])
             reward[e, people], flags[0, e, people], flags[1, e, people] = step.reward, step.terminated, step.truncated
             self._look(observation[e], e, step.observation)
             self.finished[e] = room.finished[0]
@@ -123,12 +138,16 @@ class GeneratedCrowds:
             place = draw_place(seed=seed, level=self.level)
             if place.population.people <= self.slots:
                 law, manner, noise = conditions_of(seed)
-                return CrowdEnv(place, physics=law, walking=manner, **self._options), noise
+                room = CrowdEnv(place, physics=law, walking=manner, **self._options)
+                require_same_spaces(room, self._first or room)
+                return room, noise
         raise ValueError(f"of {TRIES} generated places none has at most {self.slots} people; give more of them")
 
     def _look(self, rows: np.ndarray, e: int, observation: np.ndarray) -> None:
         """Write what the people of environment ``e`` see into its rows (slots, D)."""
-        rows[: len(observation)] = observation
+        seen = rows[: len(observation)]
+        seen[:] = observation
         if self._noise[e] > 0.0:
-            rows += (rows != 0.0) * self._rng.normal(0.0, self._noise[e], rows.shape)
-            np.clip(rows, -1.0, 1.0, out=rows)
+            drawn = self._rng.standard_normal(seen.shape, np.float32)
+            seen += (seen != 0.0) * np.float32(self._noise[e]) * drawn
+            np.clip(seen, -1.0, 1.0, out=seen)

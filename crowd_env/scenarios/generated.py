@@ -131,6 +131,11 @@ def draw_place(
     return changed_place(place, {**given, "blocked_after": blocked_after, "target": target})
 
 
+def kind_of(seed: int) -> str:
+    """Return the kind of the place of a seed, a name in `KINDS`."""
+    return list(KINDS)[int(np.random.default_rng((VERSION, seed)).integers(len(KINDS)))]
+
+
 def conditions_of(seed: int) -> Conditions:
     """Return what goes with the place of a seed: each law as often, one crowd in five that keeps a distance, noise in four."""
     rng = np.random.default_rng((VERSION, seed, 1))

@@ -12,6 +12,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvS
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.generated import GeneratedCrowds
 from crowd_env.envs.metrics import EpisodeMetrics
 
 KEPT_EPISODES = 1000  #: metrics of finished environments that are kept until `take_finished` is called
@@ -145,12 +146,13 @@ class SlotRewards(np.ndarray):
 
 
 class CrowdVecEnv(BatchVecEnv):
-    """A `CrowdEnv` with autoreset as a VecEnv of P = E * N slots, one policy shared by all pedestrians.
+    """A `CrowdEnv` with autoreset, or `GeneratedCrowds`, as a VecEnv of P slots, one policy shared by all pedestrians.
 
     The episode of a slot is that of its environment: ``done`` is true when that ends, ``TimeLimit.truncated`` for pedestrians
     who are then still inside, so that the value of their last observation is bootstrapped.  A pedestrian who has left before
     waits with zeros as observation, and with a share of what the others earn as reward, if there is a ``team_share``: leaving
-    is an absorbing state.  `MaskedRolloutBuffer` knows what that state is worth, and keeps it out of the loss.
+    is an absorbing state.  `MaskedRolloutBuffer` knows what that state is worth, and keeps it out of the loss.  A slot in which
+    nobody has been inside is never ``done``.
 
     The info of a slot, in the step in which its environment finishes, holds ``episode`` (return ``r`` and length ``l`` of the
     environment's episode), ``steps_inside`` (decision steps until the pedestrian left), ``is_success`` (whether the pedestrian
@@ -171,7 +173,7 @@ class CrowdVecEnv(BatchVecEnv):
         If the batch does not restart by itself.
     """
 
-    def __init__(self, env: CrowdEnv) -> None:
+    def __init__(self, env: CrowdEnv | GeneratedCrowds) -> None:
         if not env.autoreset:
             raise ValueError("CrowdVecEnv needs a CrowdEnv made with autoreset=True")
         self.acted = np.zeros(env.num_people, dtype=np.bool_)
@@ -187,10 +189,10 @@ class CrowdVecEnv(BatchVecEnv):
         env = self.env
         self.acted = env.active & env.learned
         step = env.step(self._actions)
-        done = step.info["finished"][env.env_of_person]
+        self._inside += self.acted
+        done = step.info["finished"][env.env_of_person] & (self._inside > 0)
         last_observation = step.info.get("final_observation", step.observation)
         infos = self._close_episodes(step.reward, done, step.truncated, last_observation)
-        self._inside += self.acted
         for i in np.flatnonzero(done):
             infos[i] |= {"is_success": not step.truncated[i], "steps_inside": int(self._inside[i])}
         self._inside[done] = 0

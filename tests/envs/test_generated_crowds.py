@@ -1,0 +1,162 @@
+"""Places that take turns in a batch: each is what it is alone, and nobody learns more of a slot that stands empty."""
+
+import numpy as np
+import pytest
+from cases import looped
+from late import late
+
+from crowd_env import CrowdEnv, GeneratedCrowds
+from crowd_env.agents.walking import Evolved
+from crowd_env.scenarios.generated import conditions_of
+
+PPOSettings, make_ppo = late("crowd_env.agents.learned.ppo", "PPOSettings", "make_ppo")
+CrowdVecEnv, MaskedRolloutBuffer = late("crowd_env.envs.adapters.sb3", "CrowdVecEnv", "MaskedRolloutBuffer")
+clone = late("crowd_env.agents.learned.cloning", "clone")
+cloning = late("crowd_env.agents.learned.cloning")
+
+OPTIONS = {"routing": "fastest", "action": "speeds", "observation": {"terms": Evolved.terms}}
+
+
+def crowds(num_envs=4, people=12, level=0.0, **more):
+    return GeneratedCrowds(num_envs, people=people, level=level, **{**OPTIONS, **more})
+
+
+def seeds_of(env):
+    """Return the seed of each place, as its title says."""
+    return [int(place.title.split()[1].rstrip(":")) for place in env.scenario_of_env]
+
+
+def actions(env, rng):
+    return rng.integers(0, env.single_action_space.n, env.num_people)
+
+
+class Alone:
+    """A place by itself, from the draw that the batch gave it."""
+
+    def __init__(self, seed, place, drawn):
+        law, manner, self.noise = conditions_of(seed)
+        self.env = CrowdEnv(place, physics=law, walking=manner, **OPTIONS)
+        self.first, _ = self.env.reset(drawn)
+
+
+def test_places_are_what_they_are_alone_and_take_turns(monkeypatch):
+    drawn, reset = [], CrowdEnv.reset
+
+    def watched(self, seed=None, mask=None):
+        drawn.append(seed)
+        return reset(self, seed, mask)
+
+    env, rng = crowds(people=16, level=0.12), np.random.default_rng(0)
+    with monkeypatch.context() as patched:
+        patched.setattr(CrowdEnv, "reset", watched)
+        seen, _ = env.reset(seed=3)
+    alone = [Alone(*pair) for pair in zip(seeds_of(env), env.scenario_of_env, list(drawn), strict=True)]
+    ended, noisy = 0, False
+    while ended < 6 or not noisy:
+        for e, one in enumerate(alone):
+            rows, n = seen[env.people(e)], one.env.num_people
+            assert not rows[n:].any() and not env.active[env.people(e)][n:].any()
+            if one.noise == 0.0:
+                np.testing.assert_array_equal(rows[:n], one.first)
+            else:
+                noisy |= bool((rows[:n] != one.first).any())
+                np.testing.assert_array_equal(rows[:n] == 0.0, one.first == 0.0)
+                assert np.abs(rows).max() <= 1.0 and np.abs(rows[:n] - one.first).max() < 6.0 * one.noise
+        action, before = actions(env, rng), seeds_of(env)
+        drawn.clear()
+        with monkeypatch.context() as patched:
+            patched.setattr(CrowdEnv, "reset", watched)
+            step = env.step(action)
+        seen, again = step.observation, iter(list(drawn))
+        for e, one in enumerate(alone):
+            people, n = env.people(e), one.env.num_people
+            own = one.env.step(action[people][:n])
+            for ours, theirs in zip(step[1:4], own[1:4], strict=True):
+                np.testing.assert_array_equal(ours[people][:n], theirs)
+                assert not ours[people][n:].any()
+            one.first = own.observation
+            assert step.info["finished"][e] == own.info["finished"][0]
+            if not own.info["finished"][0]:
+                assert seeds_of(env)[e] == before[e]
+                continue
+            ended += 1
+            assert repr(step.info["metrics"][e]) == repr(own.info["metrics"][0])
+            if one.noise == 0.0:
+                np.testing.assert_array_equal(step.info["final_observation"][people][:n], own.observation)
+            assert seeds_of(env)[e] != before[e] and env.active[people].any()
+            alone[e] = Alone(seeds_of(env)[e], env.scenario_of_env[e], next(again))
+
+
+def test_a_seed_repeats_everything_and_other_seeds_draw_other_places():
+    def run(seed):
+        env, rng = crowds(), np.random.default_rng(1)
+        seen, rewards = [env.reset(seed)[0]], []
+        for _ in range(60):
+            step = env.step(actions(env, rng))
+            seen.append(step.observation)
+            rewards.append(step.reward)
+        return np.array(seen), np.array(rewards), seeds_of(env)
+
+    one, same, other = run(0), run(0), run(1)
+    np.testing.assert_array_equal(one[0], same[0])
+    np.testing.assert_array_equal(one[1], same[1])
+    assert one[2] == same[2] != other[2]
+
+
+def test_no_place_beyond_the_seeds_is_drawn_and_levels_count_from_the_next_one_on():
+    env = crowds(8, people=60, seeds=7)
+    env.reset(seed=0)
+    assert set(seeds_of(env)) <= set(range(7))
+    assert {place.population.people for place in env.scenario_of_env} == {10}
+    env.level, known = 0.4, seeds_of(env)
+    while not env.finished.any():
+        assert seeds_of(env) == known
+        env.step(None)
+    changed = np.flatnonzero(env.finished)
+    assert max(env.scenario_of_env[e].population.people for e in changed) > 10
+
+
+@looped(
+    ("options", "words"),
+    [
+        ({"people": 5}, "people is 5"),
+        ({"people": 10, "level": 1.0, "seeds": 1}, "none has at most 10 people"),
+        ({"seeds": 0}, "seeds is 0"),
+        ({"action": "speeds-exits", "seeds": 50}, "space stays"),
+    ],
+)
+def test_what_cannot_be_is_refused(options, words):
+    with pytest.raises(ValueError, match=words):
+        crowds(20, **options).reset(seed=0)
+
+
+def test_stable_baselines3_learns_from_those_who_are_inside_alone():
+    env = crowds()
+    model = make_ppo(env, PPOSettings(n_steps=64, batch_size=64, n_epochs=1, hidden=8), 0)
+    assert isinstance(model.rollout_buffer, MaskedRolloutBuffer)
+    empty = np.tile(np.arange(12) >= 10, 4)
+    found = []
+
+    def look(local, _):
+        found.append([len(local["infos"][row]) > 0 for row in range(env.num_people)])
+        return True
+
+    model.learn(500 * env.num_people, callback=look)
+    ended = np.array(found)
+    assert ended[:, ~empty].any() and not ended[:, empty].any()
+    assert all(np.isfinite(value.detach().numpy()).all() for value in model.policy.parameters())
+    model.rollout_buffer.reset()
+    model.collect_rollouts(model.env, _silent(model), model.rollout_buffer, 64)
+    assert model.rollout_buffer.mask.any() and not model.rollout_buffer.mask[:, empty].any()
+
+
+def _silent(model):
+    _, callback = model._setup_learn(1, None)
+    return callback
+
+
+def test_a_rule_is_cloned_in_them(monkeypatch):
+    monkeypatch.setattr(cloning, "ROUNDS", 2)
+    monkeypatch.setattr(cloning, "DECISIONS", 30)
+    model = make_ppo(crowds(), PPOSettings(n_steps=8, batch_size=64, hidden=8), 0)
+    assert np.isfinite(clone(model, Evolved(), 0))
