@@ -23,7 +23,7 @@ from ..evaluation.folder import EvaluationFolder, settings_of
 from ..evaluation.same_draws import compare
 from ..networks import NETWORK
 from ..training_config import judged_place, law_of, task_of
-from .training import START, read_curve, score
+from .training import MARGIN, START, best_row, read_curve
 
 UNCONFIRMED, FOUND = "unconfirmed.safetensors", "confirmation.json"
 LOOKS, DRAWS = 4, 25  # at most so many looks, so many further draws for each
@@ -31,7 +31,6 @@ LOOKS, DRAWS = 4, 25  # at most so many looks, so many further draws for each
 # standard error must be beyond 2.024 √(4 / k) (Jennison and Turnbull 2000, table 2.3).
 _BOUND = 2.024
 _BLOCKS = 60_000  # of draws, of which a training gets one: they end below those of submissions
-MARGIN = 0.5  # s: who is less than this later is as soon
 
 
 def confirm(folder: Path, config: Mapping[str, Any], threads: int = 1) -> None:
@@ -57,7 +56,7 @@ def confirm(folder: Path, config: Mapping[str, Any], threads: int = 1) -> None:
         write_json(folder / FOUND, {"kept": "last"})
         return
     curve = read_curve(folder / "learning_curve.csv")
-    best = min(curve, key=score)
+    best = best_row(curve)
     _reopen(folder, best)
     if best is curve[0] or not (folder / START).exists():
         return
@@ -100,7 +99,7 @@ def kept_row(folder: Path, curve: Sequence[dict[str, float]]) -> dict[str, float
     kept = (confirmation(folder) or {}).get("kept")
     if kept in ("start", "last"):
         return curve[0 if kept == "start" else -1]
-    return min(curve, key=score)
+    return best_row(curve)
 
 
 def confirmation(folder: Path) -> dict[str, Any] | None:

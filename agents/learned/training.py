@@ -36,6 +36,7 @@ from .rate import FallingRate
 
 START = "start.safetensors"  # the network that training began with
 CURVE = "learning_curve.csv"
+MARGIN = 0.5  # s: who is less than this later is as soon
 
 # evacuation_time and its standard error are over all validation draws, people left inside count as in
 # `Evaluation.times_of_all`; reward is the mean return of the episodes that ended since the row before.
@@ -104,12 +105,11 @@ class Keeper:
         spent = {"steps": steps, "seconds": self.seconds, "cpu_seconds": self.cpu_seconds + cpu}
         row = curve_row(result, spent, self.returns)
         self.returns.clear()
-        best_before = min(map(score, self.curve), default=(np.inf, np.inf))
         self.curve.append(row)
         checkpoint()
         if len(self.curve) == 1:
             who.save(self.folder / START)
-        if score(row) < best_before or self._keeps_last:
+        if best_row(self.curve) is row or self._keeps_last:
             who.save(self.folder / NETWORK)
         write_curve(self.folder / CURVE, self.curve)
         if not notes.is_terminal:  # says in a line what a bar would show
@@ -275,6 +275,20 @@ def curve_row(result: Evaluation, spent: Mapping[str, float], returns: Sequence[
 def score(row: Mapping[str, float]) -> tuple[float, float]:
     """Fewer people left behind first, then sooner out."""
     return row["unfinished"], row["evacuation_time"]
+
+
+def best_row(curve: Sequence[dict[str, float]]) -> dict[str, float]:
+    """Return the row of the network that did best: of those less than `MARGIN` later than the soonest so far the softest."""
+    best, soonest = curve[0], score(curve[0])
+
+    def near(row: Mapping[str, float]) -> bool:
+        return row["unfinished"] == soonest[0] and row["evacuation_time"] <= soonest[1] + MARGIN
+
+    for row in curve[1:]:
+        soonest = min(soonest, score(row))
+        if near(row) and (not near(best) or row["contact_impulse"] < best["contact_impulse"]):
+            best = row
+    return best
 
 
 def write_curve(path: Path, curve: Sequence[Mapping[str, float]]) -> None:

@@ -182,3 +182,20 @@ def test_both_lead_the_crowd_of_the_task_on_draws_that_nobody_has_seen(tmp_path,
     assert first == confirmation.first_draw(config) >= FINAL_SEED
     same = network_digest(tmp_path / "best.safetensors") == network_digest(tmp_path / "start.safetensors")
     assert same == (told["kept"] == "start")
+
+
+def test_of_networks_as_soon_the_softest_does_best_and_none_later_than_the_margin():
+    rows = [(51.3, 311.0), (51.5, 250.0), (51.9, 120.0), (51.2, 400.0), (51.6, 90.0), (51.4, 95.0)]
+    looks = [{"unfinished": 0.0, "evacuation_time": time, "contact_impulse": impulse} for time, impulse in rows]
+    best = [training.best_row(looks[: k + 1]) for k in range(len(looks))]
+    assert [looks.index(one) for one in best] == [0, 1, 1, 1, 4, 4]
+    looks[2]["unfinished"] = 1.0
+    assert training.best_row(looks[2:4]) is looks[3]
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        drawn = [
+            {"unfinished": float(rng.integers(2)), "evacuation_time": rng.normal(), "contact_impulse": rng.random()}
+            for _ in range(12)
+        ]
+        found, soonest = training.best_row(drawn), min(map(training.score, drawn))
+        assert found["unfinished"] == soonest[0] and found["evacuation_time"] <= soonest[1] + training.MARGIN
