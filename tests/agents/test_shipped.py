@@ -169,7 +169,7 @@ def test_a_name_is_taken_once_unless_it_is_to_be_replaced(run, folder):
         (
             "room/ppo",
             lambda run: policy(replace(ROOM, time_limit=59.0)).save(run / "best.safetensors"),
-            "which is at version 2 now",
+            "which is at version 3 now",
         ),
         (
             "room/ppo",
