@@ -299,7 +299,7 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
     names += ["learned:sampled", "learned"]
     assert [row["policy"] for row in rows] == names
     assert all(row["people"] == 20 and row["task"] == "literal-room" for row in rows)
-    assert "literal-room, version 2" in result.stdout
+    assert "literal-room, version 3" in result.stdout
 
 
 @pytest.mark.more
