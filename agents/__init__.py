@@ -76,5 +76,4 @@ __all__ = [
     "load",
     "make_policy",
     "starts_from",
-    "told_start",
 ]

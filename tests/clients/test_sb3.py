@@ -81,6 +81,6 @@ def test_replay_buffers_hold_those_who_have_left_too():
     venv = CrowdVecEnv(CrowdEnv(**example.ROOM, num_envs=2, autoreset=True))
     model = DQN("MlpPolicy", venv, learning_starts=60, train_freq=1, buffer_size=12 * 100, seed=0, device="cpu")
     model.learn(12 * 60)
-    rows = model.replay_buffer.observations[:60].reshape(-1, 48)
+    rows = model.replay_buffer.observations[:60].reshape(-1, 46)
     nobody = ~rows.any(axis=1)
     assert 0.1 < nobody.mean() < 0.9

@@ -24,7 +24,7 @@ def small(monkeypatch):
 def test_who_is_out_is_a_row_of_zeros_until_all_are():
     venv = example.make_venv(rooms=2, seed=0)
     rows = venv.reset()
-    assert rows.shape == (2 * COUNT, 48) and rows.any(axis=1).all()
+    assert rows.shape == (2 * COUNT, 46) and rows.any(axis=1).all()
     assert not np.array_equal(rows[:COUNT], rows[COUNT:])  # rooms of their own
     alive, earned, ended = [], np.zeros(2 * COUNT), np.zeros(2 * COUNT, bool)
     while not ended.any():

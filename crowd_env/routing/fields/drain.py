@@ -14,10 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bools, Floats, Ints
-from crowd_env.core.kernels.jit import kernel
+from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.routing.fields import grid
 from crowd_env.routing.fields.directions import regions_on_the_way
+from crowd_env.routing.fields.even_flow import drain
 from crowd_env.routing.fields.field import NavigationField
 from crowd_env.routing.fields.fronts import parts_of_levels
 from crowd_env.routing.fields.grid import RIGHT, UP
@@ -28,8 +28,6 @@ _NODES = 40_000
 _WIDE = 1.0  # m that the middle of a body has of an opening over which people spread
 _PARTING = 0.3  # ways part where the unit vectors of two nodes differ by more, along the line from one to the other
 _ALIKE = 0.5  # cosine between two directions that lead the same way
-_ENOUGH = 1e-4  # share of the sources that may be left unbalanced
-_MOST = 4000  # steps of conjugate gradients
 
 
 def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> NavigationField:
@@ -97,32 +95,6 @@ def _drain(ends: Bools, floor: Bools, right: Bools, up: Bools) -> Floats:
     flow[:-1, :, 1] += y
     flow[1:, :, 1] += y
     return _unit(flow)
-
-
-@kernel
-def drain(beside: Ints, ends: Bools, phi: Floats, scratch: Floats) -> None:
-    """Write ``phi`` (K,) of the nodes of a floor by conjugate gradients; ``scratch`` (3, K) is 1 at first.
-
-    ``beside`` (K, 4) are the neighbors of each node, itself in place of those to which one cannot walk.
-    """
-    left, step, out = scratch
-    square = float(len(phi))
-    enough = _ENOUGH * _ENOUGH * square
-    for _ in range(_MOST):
-        if square <= enough:
-            break
-        along = 0.0
-        for k in range(len(phi)):
-            others = step[beside[k, 0]] + step[beside[k, 1]] + step[beside[k, 2]] + step[beside[k, 3]]
-            out[k] = (5.0 if ends[k] else 4.0) * step[k] - others
-            along += step[k] * out[k]
-        share, before, square = square / along, square, 0.0
-        for k in range(len(phi)):
-            phi[k] += share * step[k]
-            left[k] -= share * out[k]
-            square += left[k] * left[k]
-        for k in range(len(phi)):
-            step[k] = left[k] + square / before * step[k]
 
 
 def _between(vectors: Floats, stride: int, shape: tuple[int, ...]) -> Floats:
