@@ -27,11 +27,12 @@ from .evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
 from .mixed import MixedEnv
 from .runs import versions
 from .tasks import Task, make_preset, make_task
-from .tasks.presets import training_place
+from .tasks.presets import GENERALIST, training_place
 from .walking import Evolved, WalkingRule
 
 # People simulated side by side in training: a rollout of more takes many gigabytes.
 MOST_PEOPLE = 200_000
+GENERATED, GENERATED_PLACES = "generated", "generated-v0"  # what is trained in all places, and their scenario
 NOTHING = "nothing"  # training begins with a search that begins at full speed
 MINUTES = 15.0  # after which a training on a task stops on a machine that is too slow for its steps
 # PPO of a controller, where it departs from that of a policy: decisions are rare, and one a crowd.
@@ -75,6 +76,7 @@ def default_config(
         "options": options,
         "people": place.population.people,
         "routing": None if routing is None else dict(routing),
+        "places": None,
         "strategy": place.strategy_of_run() if routing is None else "fastest",
         "scheme": scheme,
         "seed": seed,
@@ -135,6 +137,31 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
             "eval_runs": preset.eval_runs,
         }
     return config
+
+
+def generalist_config(seed: int = 0, **given: Any) -> dict[str, Any]:
+    """Return every parameter of a training in all places: those of the preset "generated", but for what is ``given``.
+
+    Parameters
+    ----------
+    given : any of ``people``, of the largest places, ``envs``, ``steps`` and ``minutes`` of PPO; None = as the preset has it.
+    """
+    from .learned import PPOSettings
+
+    given = {name: value for name, value in given.items() if value is not None}
+    preset = GENERALIST
+    budget = {name: given.get(name, preset[name]) for name in ("envs", "steps", "minutes")}
+    config = default_config(GENERATED_PLACES, "nsm2", seed, **budget)
+    return config | {
+        "places": {**preset["places"], **({"people": given["people"]} if "people" in given else {})},
+        "action": preset["action"],
+        "observation": ObservationLayout(terms=tuple(preset["terms"])).as_table(),
+        "reward": preset["reward"],
+        "start": NOTHING,
+        "ppo": asdict(PPOSettings(**preset["ppo"])),
+        "eval_every": preset["eval_every"],
+        "eval_runs": preset["eval_runs"],
+    }
 
 
 def place_of(config: Mapping[str, Any]) -> Scenario:
@@ -212,6 +239,10 @@ def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 
     It is a `CrowdEnv`, or a `RoutingVectorEnv` where a controller is trained.
     """
     num_envs = config["envs"] if envs is None else envs
+    if config["places"] is not None:
+        from .learned.generalist import make_crowds
+
+        return make_crowds(config, num_envs)
     if config["routing"] is not None:
         physics = {name: config[name] for name in ("dt", "manner", "outline")}
         options = {"scheme": law_of(config), "threads": threads, **physics, **config["routing"]}

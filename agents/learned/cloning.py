@@ -7,7 +7,7 @@ starts there stays there.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Protocol, cast
 
 import gymnasium
 import numpy as np
@@ -16,30 +16,47 @@ from stable_baselines3.common.distributions import CategoricalDistribution, Diag
 from stable_baselines3.common.vec_env import VecEnv
 from torch.nn import functional
 
-from crowd_env import CrowdEnv
+from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.console import say
 from crowd_env.envs.action import SpeedTable
 from crowd_env.envs.adapters.sb3 import CrowdVecEnv
 
-from ..walking import WalkingRule
 from .evolution import first_rule
 
 ROUNDS, DECISIONS, EPOCHS = 8, 300, 4  # of DAgger: decision steps of each, and passes over all that is kept
-_KEPT = 0.25  # of the samples: neighboring decisions are much alike
+KEPT = 0.25  # of the samples: neighboring decisions are much alike
 _LEARNING_RATE, _BATCH = 1e-3, 4096
 _TEACHER_ROUNDS = 3  # until the policy acts for itself
 
 
+class Teacher(Protocol):
+    """What can be cloned: a `WalkingRule`, or who is best in each place."""
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+
+    def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
+        """Return what it wants (P, 2), along and to the left of the path."""
+
+
 def begin(model: Any, config: Mapping[str, Any], folder: Path | None = None, threads: int = 1) -> None:
     """Let the policy of a new model begin as the config of a run says, see `first_rule`."""
+    if config["places"] is not None:
+        from .generalist import distil
+
+        distil(model, config, folder, threads)
+        return
     rule = first_rule(config, folder, threads)
     if rule is not None:
         say(f"cloning {rule.name}, a fraction of a minute ...")
         clone(model, rule, config["seed"])
 
 
-def clone(model: Any, rule: WalkingRule, seed: int) -> float:
+def clone(
+    model: Any, rule: Teacher, seed: int, *, rounds: int = ROUNDS, decisions: int = DECISIONS, kept: float = KEPT
+) -> float:
     """Let the policy of an actor-critic model do as a rule does; return the loss of the last pass.
 
     DAgger (Ross, Gordon, Bagnell 2011): who acts changes from the rule to the policy within three rounds, and what the rule
@@ -51,6 +68,8 @@ def clone(model: Any, rule: WalkingRule, seed: int) -> float:
     model : of stable-baselines3, on a `CrowdVecEnv` whose observations hold the terms of the rule.
     rule : what is cloned; it acts along and to the left of the path.
     seed : of the draws and of who acts.
+    rounds, decisions : of DAgger, and decision steps of each.
+    kept : share of the samples that is kept.
 
     Raises
     ------
@@ -58,10 +77,7 @@ def clone(model: Any, rule: WalkingRule, seed: int) -> float:
         If the observation lacks a term of the rule, the actions are in another frame, or follow neither a categorical nor a
         normal distribution.
     """
-    venv = cast(VecEnv, model.get_env())
-    while not isinstance(venv, CrowdVecEnv):
-        venv = cast(Any, venv).venv
-    env = venv.env
+    env = batch_of(model)
     if env.action_kind.frame != "path":
         frame = env.action_kind.frame
         raise ValueError(f"policy {rule.name!r} cannot be cloned: it acts in the frame 'path', not in {frame!r}")
@@ -74,13 +90,13 @@ def clone(model: Any, rule: WalkingRule, seed: int) -> float:
     wanted: list[np.ndarray] = []
     loss = torch.tensor(np.nan)
     observation, _ = env.reset(seed)
-    for round_ in range(ROUNDS):
+    for round_ in range(rounds):
         share = max(0.0, 1.0 - round_ / _TEACHER_ROUNDS)
-        for _ in range(DECISIONS):
+        for _ in range(decisions):
             command = np.asarray(rule.act(observation, env.layout, rng))
-            kept = env.active & (rng.random(env.num_people) < _KEPT)
-            seen.append(observation[kept])
-            wanted.append(command[kept])
+            rows = env.active & (rng.random(env.num_people) < kept)
+            seen.append(observation[rows])
+            wanted.append(command[rows])
             observation = env.step(_mixed(policy, env, observation, command, share, rng)).observation
         inputs = torch.as_tensor(np.concatenate(seen))
         labels = torch.as_tensor(_labels(env, np.concatenate(wanted)), dtype=torch.float32)
@@ -91,6 +107,14 @@ def clone(model: Any, rule: WalkingRule, seed: int) -> float:
                 loss.backward()
                 optimizer.step()
     return loss.item()
+
+
+def batch_of(model: Any) -> Any:
+    """Return the batch that a model of stable-baselines3 learns in, a `CrowdEnv` or `GeneratedCrowds`."""
+    venv = cast(VecEnv, model.get_env())
+    while not isinstance(venv, CrowdVecEnv):
+        venv = cast(Any, venv).venv
+    return venv.env
 
 
 def _generator(rng: np.random.Generator) -> torch.Generator:

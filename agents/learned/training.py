@@ -18,14 +18,16 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 
-from crowd_env import CrowdEnv
+from crowd_env import CrowdEnv, GeneratedCrowds
 from crowd_env.core.console import notes, say, stops_by
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.envs.routing.env import RoutingVectorEnv
 
 from ..evaluation.comparison import last_times
 from ..evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
+from ..evaluation.plans import judge_plan
 from ..networks import NETWORK, Network
+from ..policy import Policy
 from ..trained import LearnedController, LearnedPolicy
 from ..training_config import facts_of, judged_place, make_env, physics_of, task_of
 from .checkpoint import read_checkpoint, write_checkpoint
@@ -90,6 +92,12 @@ class Keeper:
         """
         return max(0.0, 2.0 * self.share(0.0) - 1.0)
 
+    def _row(self, who: Policy | LearnedController, steps: float, cpu: float = 0.0) -> dict[str, float]:
+        spent = {"steps": steps, "seconds": self.seconds, "cpu_seconds": self.cpu_seconds + cpu}
+        place, runs = judged_place(self.config), self.config["eval_runs"]
+        result = evaluate(who, place, runs=runs, first_seed=VALIDATION_SEED, **self._judged)
+        return curve_row(result, spent, self.returns)
+
     def judge(
         self, who: LearnedPolicy | LearnedController, steps: float, checkpoint: Callable[[], None], *, cpu: float = 0.0
     ) -> dict[str, float]:
@@ -100,10 +108,7 @@ class Keeper:
         checkpoint : writes from where training goes on, before the curve says that it can.
         cpu : s, spent in other processes.
         """
-        place, runs = judged_place(self.config), self.config["eval_runs"]
-        result = evaluate(who, place, runs=runs, first_seed=VALIDATION_SEED, **self._judged)
-        spent = {"steps": steps, "seconds": self.seconds, "cpu_seconds": self.cpu_seconds + cpu}
-        row = curve_row(result, spent, self.returns)
+        row = self._row(who, steps, cpu)
         self.returns.clear()
         self.curve.append(row)
         checkpoint()
@@ -121,17 +126,50 @@ class Keeper:
         return row
 
 
+class PlanKeeper(Keeper):
+    """A `Keeper` of a training in all places: it judges in generated ones, of seeds that training never draws.
+
+    In its curve ``unfinished`` counts plans in which somebody was left, and ``evacuation_time`` is the interquartile mean over
+    plans, with the standard error of a mean of the middle half.
+    """
+
+    def _row(self, who: Policy | LearnedController, steps: float, cpu: float = 0.0) -> dict[str, float]:
+        seeds = range(VALIDATION_SEED, VALIDATION_SEED + self.config["eval_runs"])
+        found = [judge_plan(cast(Policy, who), seed) for seed in seeds]
+        times = np.sort([one.time if not one.left else np.inf for one in found])
+        middle = times[len(times) // 4 : len(times) - len(times) // 4]
+        return {
+            "steps": float(steps),
+            "seconds": self.seconds,
+            "cpu_seconds": self.cpu_seconds + cpu,
+            "evacuation_time": float(middle.mean()),
+            "standard_error": float(middle.std(ddof=1) / np.sqrt(len(middle))),
+            "unfinished": float(sum(one.left > 0 for one in found)),
+            "contact_impulse": float(np.mean([one.impulse for one in found])),
+            "reward": float(np.mean(self.returns)) if self.returns else np.nan,
+            "episodes": float(len(self.returns)),
+        }
+
+
+def keeper_of(folder: Path, config: Mapping[str, Any], threads: int = 1) -> Keeper:
+    """Return what judges a training: in its own place, or in generated ones."""
+    return (Keeper if config["places"] is None else PlanKeeper)(folder, config, threads)
+
+
 def trained_in(
-    env: CrowdEnv | RoutingVectorEnv, network: Network, config: Mapping[str, Any], spread: list[float] | None = None
+    env: CrowdEnv | GeneratedCrowds | RoutingVectorEnv,
+    network: Network,
+    config: Mapping[str, Any],
+    spread: list[float] | None = None,
 ) -> LearnedPolicy | LearnedController:
     """Return the policy or controller that a network is, after training in ``env``."""
     facts = facts_of(config)
-    if isinstance(env, CrowdEnv):
+    if isinstance(env, CrowdEnv | GeneratedCrowds):
         return LearnedPolicy(network, env_options_of(env), facts, spread)
     return LearnedController(network, env.batch.choices, config["routing"], facts)
 
 
-def env_options_of(env: CrowdEnv) -> dict[str, Any]:
+def env_options_of(env: CrowdEnv | GeneratedCrowds) -> dict[str, Any]:
     """Return what a policy trained in ``env`` must know of it."""
     return {"frame": env.action_kind.frame, "action": env.action_kind, "observation": env.layout}
 
@@ -142,7 +180,7 @@ class TrainingCallback(BaseCallback):
     It stops when the time is over, or at the first Ctrl-C or SIGTERM; a second one stops at once.
     """
 
-    def __init__(self, keeper: Keeper, env: CrowdEnv | RoutingVectorEnv) -> None:
+    def __init__(self, keeper: Keeper, env: CrowdEnv | GeneratedCrowds | RoutingVectorEnv) -> None:
         super().__init__()
         self.keeper, self.env = keeper, env
         self.interrupted = False
@@ -214,7 +252,7 @@ def train_here(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
     say("compiling the physics (half a minute the first time, cached afterwards) ...")
     env = make_env(config, threads=threads)
     model = make_ppo(env, PPOSettings(**config["ppo"]), config["seed"], folder / "tensorboard")
-    keeper = Keeper(folder, config, threads)
+    keeper = keeper_of(folder, config, threads)
     if keeper.curve:
         read_checkpoint(folder / "checkpoint.pt", model)
         # The learning loop resets the environment with the seed of the VecEnv.

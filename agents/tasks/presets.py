@@ -80,6 +80,9 @@ def training_place(scenario: str, options: Mapping[str, Any], people: int | None
 _FILE = Path(__file__).with_name("presets.toml")
 _READ = tomllib.loads(_FILE.read_text(encoding="utf-8"))
 _USUAL = _READ.pop("usual")
+GENERALIST: Mapping[str, Any] = _READ.pop(
+    "generated"
+)  # what one policy for all places is trained with, see presets.toml
 # Name of the task -> preset.
 PRESETS: Mapping[str, Preset] = {
     name: Preset(name, **{**_USUAL, **facts, "terms": tuple(facts.get("terms", _WITH_AHEAD))})

@@ -1,17 +1,26 @@
 """Evacuations side by side, each in a generated place of its own: when one is over, another place takes its turn."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Bools
-from crowd_env.core.checks import COUNT, Range, whole
+from crowd_env.core.checks import COUNT, Range, number, whole
 from crowd_env.envs.crowd import CrowdEnv, Step, require_same_spaces
 from crowd_env.envs.metrics import EpisodeMetrics
-from crowd_env.scenarios.generated import conditions_of, draw_place
+from crowd_env.scenarios.generated import Conditions, conditions_of, draw_place
 from crowd_env.scenarios.scenario import Scenario
 
 TRIES = 1000  # places drawn until one has few enough people
+
+
+class _Turn(NamedTuple):
+    """What an environment goes on in."""
+
+    room: CrowdEnv
+    noise: float
+    place: int
 
 
 class GeneratedCrowds:
@@ -27,6 +36,7 @@ class GeneratedCrowds:
     num_envs : places side by side, E.
     people : slots of each, 10 to 400; places of more people are passed over.
     seeds : of the places that are drawn from, 0 to ``seeds`` - 1.
+    beside : places and conditions of one's own, of which one takes its turn with a probability of ``share``.
     level : 0 to 1, see `draw_place`; what is written into the attribute counts from the next place on: a curriculum.
     options : of `CrowdEnv`: routing, action, observation, reward, decision_dt; no term or action counts exits or routes.
 
@@ -35,6 +45,7 @@ class GeneratedCrowds:
     layout, action_kind, reward_weights, single_observation_space, single_action_space : as those of a `CrowdEnv`.
     env_of_person : (P,) environment of each slot.
     finished : (E,) which ended in the last step.
+    place_of_env : what each environment holds: the seed of a generated place, -1 - k of ``beside[k]``.
 
     Raises
     ------
@@ -53,17 +64,28 @@ class GeneratedCrowds:
     learned = True  # all are moved by actions
 
     def __init__(
-        self, num_envs: int, *, people: int = 200, seeds: int = 1_000_000, level: float = 1.0, **options: Any
+        self,
+        num_envs: int,
+        *,
+        people: int = 200,
+        seeds: int = 1_000_000,
+        level: float = 1.0,
+        beside: Sequence[tuple[Scenario, Conditions]] = (),
+        share: float = 0.5,
+        **options: Any,
     ) -> None:
         self.num_envs, self.slots = whole("num_envs", num_envs, COUNT), whole("people", people, Range(10, 400))
         self.seeds, self.level, self._options = whole("seeds", seeds, COUNT), level, options
         self.env_of_person = np.repeat(np.arange(self.num_envs), self.slots)
         self.finished = np.ones(self.num_envs, dtype=np.bool_)
+        self._beside, self._share = tuple(beside), number("share", share, Range(0.0, 1.0))
+        self._spare: dict[int, list[CrowdEnv]] = {}  # rooms of places of one's own whose turn is over
+        self.place_of_env = [0] * self.num_envs
         self._rng = np.random.default_rng()
         self._rooms: list[CrowdEnv] = []
         self._noise = np.zeros(self.num_envs)
         self._first: CrowdEnv | None = None
-        self._first = first = self._next(np.random.default_rng(0))[0]
+        self._first = first = self._next(np.random.default_rng(0)).room
         self.layout, self.action_kind, self.reward_weights = first.layout, first.action_kind, first.reward_weights
         self.single_observation_space = first.single_observation_space
         self.single_action_space = first.single_action_space
@@ -99,12 +121,10 @@ class GeneratedCrowds:
         """Draw new places everywhere; a seed says which."""
         if seed is not None:
             self._rng = np.random.default_rng(seed)
-        self._rooms = []
+        self._rooms = [cast(CrowdEnv, self._first)] * self.num_envs
         observation = np.zeros((self.num_envs, self.slots, self.layout.size), dtype=np.float32)
         for e in range(self.num_envs):
-            room, self._noise[e] = self._next(self._rng)
-            self._rooms.append(room)
-            self._look(observation[e], e, room.reset(int(self._rng.integers(2**62)))[0])
+            self._enter(e, observation[e])
         self.finished[:] = False
         return observation.reshape(self.num_people, -1), {}
 
@@ -125,23 +145,38 @@ class GeneratedCrowds:
             info["final_observation"] = observation.reshape(self.num_people, -1).copy()
             for e in np.flatnonzero(self.finished).tolist():
                 info["metrics"][e] = self.metrics(e)
-                self._rooms[e], self._noise[e] = self._next(self._rng)
+                if self.place_of_env[e] < 0:
+                    self._spare.setdefault(self.place_of_env[e], []).append(self._rooms[e])
                 observation[e] = 0.0
-                self._look(observation[e], e, self._rooms[e].reset(int(self._rng.integers(2**62)))[0])
+                self._enter(e, observation[e])
         seen = observation.reshape(self.num_people, -1)
         return Step(seen, reward.ravel(), flags[0].ravel(), flags[1].ravel(), info)
 
-    def _next(self, rng: np.random.Generator) -> tuple[CrowdEnv, float]:
-        """Return another place, and the noise on what is seen there."""
+    def _enter(self, e: int, rows: np.ndarray) -> None:
+        """Let environment ``e`` go on in another place, and write what its people see into its ``rows``."""
+        self._rooms[e], self._noise[e], self.place_of_env[e] = self._next(self._rng)
+        self._look(rows, e, self._rooms[e].reset(int(self._rng.integers(2**62)))[0])
+
+    def _next(self, rng: np.random.Generator) -> _Turn:
+        """Return another place."""
+        if self._beside and rng.random() < self._share:
+            k = int(rng.integers(len(self._beside)))
+            place, conditions = self._beside[k]
+            spare = self._spare.get(-1 - k)
+            return _Turn(spare.pop() if spare else self._made(place, conditions), conditions.noise, -1 - k)
         for _ in range(TRIES):
             seed = int(rng.integers(self.seeds))
             place = draw_place(seed=seed, level=self.level)
             if place.population.people <= self.slots:
-                law, manner, noise = conditions_of(seed)
-                room = CrowdEnv(place, physics=law, walking=manner, **self._options)
-                require_same_spaces(room, self._first or room)
-                return room, noise
+                conditions = conditions_of(seed)
+                return _Turn(self._made(place, conditions), conditions.noise, seed)
         raise ValueError(f"of {TRIES} generated places none has at most {self.slots} people; give more of them")
+
+    def _made(self, place: Scenario, conditions: Conditions) -> CrowdEnv:
+        """Return an environment of a place."""
+        room = CrowdEnv(place, physics=conditions.law, walking=conditions.manner, **self._options)
+        require_same_spaces(room, self._first or room)
+        return room
 
     def _look(self, rows: np.ndarray, e: int, observation: np.ndarray) -> None:
         """Write what the people of environment ``e`` see into its rows (slots, D)."""

@@ -48,6 +48,7 @@ class RoutePlanner:
     field, guidance : what kernels read.
     potential_of_route : (E, R) rows of the fields by which progress is counted, see
         `crowd_env.routing.route_set.RouteField.potential`.
+    fields, geometry_of_field : the fields that ``field`` joins, and the geometry of each.
     seconds : processor time spent on new fields so far.
     marches : fields found anew so far.
     """
@@ -69,8 +70,8 @@ class RoutePlanner:
         self._geometry_of_env, self._boundary = geometry_of_env, boundary
         ways = [self._ways(place) if isinstance(place, RouteSet) else place for place in self.places]
         joined = join_routes(ways, geometry_of_env)
-        self._fields, self._geometry_of_field, self.guidance, self.potential_of_route = joined
-        self.field: FieldArrays = join_fields(self._fields, boundary, self._geometry_of_field)
+        self.fields, self.geometry_of_field, self.guidance, self.potential_of_route = joined
+        self.field: FieldArrays = join_fields(self.fields, boundary, self.geometry_of_field)
         self._current: list[Place] = [ways[g] for g in geometry_of_env]
         self._closed: list[frozenset[str]] = [frozenset() for _ in self._current]
         self._rows: dict[_Key, tuple[list[int], list[int]]] = {}  # of the fields of the routes, and of their potentials
@@ -79,7 +80,7 @@ class RoutePlanner:
                 count = len(place.routes)
                 rows = self.guidance.field_of_route[e, :count].tolist(), self.potential_of_route[e, :count].tolist()
                 self._rows.setdefault(self._key(e, frozenset()), rows)
-        self._first_rows, self._first_fields = dict(self._rows), len(self._fields)
+        self._first_rows, self._first_fields = dict(self._rows), len(self.fields)
         self._clock = DueClock(len(geometry_of_env))
         self._dynamic = self._find_dynamic()
 
@@ -153,7 +154,7 @@ class RoutePlanner:
         if key not in self._rows:
             self._add(key, route_set, int(self._geometry_of_env[e]))
             before = self.field
-            self.field = join_fields(self._fields, self._boundary, self._geometry_of_field)
+            self.field = join_fields(self.fields, self._boundary, self.geometry_of_field)
             for name in ("travel_time", "direction", "cell"):  # as they were: some follow their crowd
                 known = getattr(before, name)
                 getattr(self.field, name)[: len(known)] = known
@@ -164,8 +165,8 @@ class RoutePlanner:
         self._clock.due[e] = 0.0
 
     def _add(self, key: _Key, route_set: RouteSet, geometry: int) -> None:
-        self._rows[key] = add_fields(route_set, self._fields)
-        self._geometry_of_field += [geometry] * (len(self._fields) - len(self._geometry_of_field))
+        self._rows[key] = add_fields(route_set, self.fields)
+        self.geometry_of_field += [geometry] * (len(self.fields) - len(self.geometry_of_field))
 
     def moment(self) -> PlannerState:
         """Return a copy of the ways as they are."""
@@ -179,13 +180,13 @@ class RoutePlanner:
         """Let the ways be as they were, and every field where it was."""
         if tuple(self._rows) != then.known:
             self._rows = dict(self._first_rows)
-            del self._fields[self._first_fields :], self._geometry_of_field[self._first_fields :]
+            del self.fields[self._first_fields :], self.geometry_of_field[self._first_fields :]
             for owner, closed in then.known[len(self._rows) :]:
                 g = int(self._geometry_of_env[owner]) if owner >= 0 else -1 - owner
                 place = self.places[g]
                 assert isinstance(place, RouteSet)  # others have no doors
                 self._add((owner, closed), self._ways(place, closed), g)
-            self.field = join_fields(self._fields, self._boundary, self._geometry_of_field)
+            self.field = join_fields(self.fields, self._boundary, self.geometry_of_field)
         for row, values in then.found.items():
             for array, known in zip(_of_field(self.field, row), values, strict=True):
                 array[:] = known

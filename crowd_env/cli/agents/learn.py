@@ -9,6 +9,7 @@ import typer
 
 from crowd_env.agents import training_config
 from crowd_env.agents.evaluation.entries import RULE
+from crowd_env.agents.evaluation.plans import judge_in_plans
 from crowd_env.agents.evaluation.report import table_console
 from crowd_env.agents.evaluation.trained_run import draw, judge, tables
 from crowd_env.agents.runs import new_folder
@@ -29,6 +30,7 @@ _TASK = "competitive-door"
 _THREADS = min(2, os.cpu_count() or 1)
 _DECIDES = ("walking", "routing")
 _RUNS = 50  # held-out draws where there is no task
+_PLANS = 200  # after a training in generated places
 _ROUTING: dict[str, Any] = {"interval": 2.0, "grid": [4, 2]}
 
 
@@ -148,6 +150,9 @@ def main(
         )
         if not BACKENDS[config["backend"]](folder, config, threads, **far):
             raise KeyboardInterrupt
+        if config["places"] is not None:
+            table_console().print(judge_in_plans(folder, config, runs or _PLANS, threads))
+            return
         if config["task"] is not None:
             from crowd_env.agents.learned.confirmation import confirm
 
@@ -176,6 +181,11 @@ def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
     elif own:
         raise ValueError(f"--set {next(iter(own))}: this belongs to --decides routing")
     place = given.get("place", _TASK)
+    if place == training_config.GENERATED:
+        ours = ("people", "envs", "steps", "minutes")
+        if beside := [name for name in (*asked, *_ROUTING, "exit", "unit") if name in given and name not in ours]:
+            raise ValueError(f"--{beside[0]}: --task generated draws its places itself; leave it out")
+        return training_config.generalist_config(seed, **asked)
     if place in TASKS:
         for name in ("exit", "unit"):
             if name in given:
@@ -212,6 +222,7 @@ def _new_folder(config: dict[str, Any], out: Path | None) -> Path:
     if out is not None:
         return new_folder(out.parent, out.name)
     parts = [config["task"] or Path(config["scenario"]).stem, config["scheme"]]
+    parts = parts if config["places"] is None else [training_config.GENERATED]
     parts += [] if config["routing"] is None else ["routing"]
     parts += [] if config["backend"] == "native" else [config["backend"]]
     return new_folder(Path("runs"), f"{'-'.join(parts)}-seed{config['seed']}")

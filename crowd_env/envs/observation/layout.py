@@ -66,6 +66,8 @@ TERMS: Mapping[str, CompiledTerm] = {
     "direction": CompiledTerm(2, usual=False),
     # time t the rest of the shortest path takes at the own desired speed, as t / (t + 5 s)
     "travel_time": CompiledTerm(1),
+    # the narrowest opening on the way ahead: 1 - own diameter / width, at least 0, and the time t to it as t / (t + 5 s)
+    "opening": CompiledTerm(2, usual=False),
     # sum of the contact impulses since the last decision / (own mass * 1 m/s), in the frame
     "push": CompiledTerm(2),
     # sum of the magnitudes of these impulses / (own mass * 1 m/s): large between two who push from both sides

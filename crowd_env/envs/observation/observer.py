@@ -9,6 +9,9 @@ from crowd_env.envs.observation.perception import perceive
 from crowd_env.envs.observation.view import View, Ways
 from crowd_env.physics.neighbors.lists import allocate_neighbors
 from crowd_env.physics.simulation.simulation import Simulation
+from crowd_env.physics.workspace import by_reference, replace_arrays
+from crowd_env.routing.fields.field import NavigationField
+from crowd_env.routing.fields.openings import no_openings, openings_of
 
 
 class Observer:
@@ -29,6 +32,9 @@ class Observer:
         people, environments = len(simulation.bodies.radius), len(simulation.state.time)
         self.layout, self._width = layout, layout.size
         direction = np.zeros((people, 2))
+        self._simulation, self._known = simulation, list[NavigationField | None]()
+        self._openings = by_reference(no_openings())
+        self._update_openings()
         self._everywhere = np.arange(environments)
         largest = int(np.diff(simulation.bodies.env_start).max())
         self._plans = {first: struct_ref(layout.plan(largest)) for first, _ in simulation.ranges}
@@ -55,6 +61,7 @@ class Observer:
                 travel_time=np.zeros(people),
                 potential=np.zeros(people),
                 distance_to_go=np.zeros(people),
+                openings=self._openings,
                 ways=ways,
                 length_of_way=np.zeros((people, layout.routes)),
                 heads_for=np.zeros(people, dtype=np.int64),
@@ -70,6 +77,7 @@ class Observer:
         out : (P, D) float32 to write into instead of a new array.
         """
         rows = self.begin(seen) if out is None else out
+        self._update_openings()
         self.view.fields.seen[:] = seen
         chosen = self._everywhere if environments is None else environments
         perceive(chosen, self.view, self._plans[0], rows)
@@ -77,12 +85,22 @@ class Observer:
 
     def begin(self, seen: Bools) -> np.ndarray:
         """Return room (P, D) for what those ``seen`` (P,) observe, to `look` and `finish`: what `observe` does in one."""
+        self._update_openings()
         self.view.fields.seen[:] = seen
         return np.empty((len(seen), self._width), np.float32)
 
     def look(self, rows: np.ndarray, first: int, stop: int) -> None:
         """Write the rows of environments ``first:stop``, one of `Simulation.ranges`: threads do so side by side."""
         perceive(self._everywhere[first:stop], self.view, self._plans[first], rows)
+
+    def _update_openings(self) -> None:
+        """Find the openings of fields that are new: at first all, later those that doors have brought about."""
+        planner = self._simulation.planner
+        if "opening" not in self.layout.names or self._known == planner.fields:
+            return
+        self._known = list(planner.fields)
+        geometries = [self._simulation.geometries[g] for g in planner.geometry_of_field]
+        replace_arrays(self._openings, openings_of(self._known, geometries))
 
     def finish(self, rows: np.ndarray, environments: Ints | None = None) -> np.ndarray:
         """Return the rows, with terms of one's own of these environments; None = of all."""

@@ -11,6 +11,7 @@ from crowd_env.envs.observation.neighbors import clipped, neighbor_features
 from crowd_env.envs.observation.view import SIGHT, SLOWEST, SPEED_SCALE, TIME_SCALE, Cells, Columns, Plan, Rows, View
 from crowd_env.envs.observation.ways import way_features
 from crowd_env.routing.fields.lookup import travel_time_at, way_at
+from crowd_env.routing.fields.openings import opening_at
 
 KICK_SCALE = 1.0  # m/s   an impulse that changes the own speed by this much is observed as 1
 
@@ -23,7 +24,7 @@ def perceive(environments: Ints, view: View, plan: Plan, out: Rows) -> None:
         begin = view.bodies.env_start[e]
         end = list_seen(begin, view.bodies.env_start[e + 1], view.seen, listed, out)
         update_route_ahead(e, begin, end, view)
-        write_own_features(begin, end, view, column, out)
+        write_own_features(e, begin, end, view, column, out)
         if column.walls >= 0:
             cast_rays(e, begin, end, view, plan, out)
         if max(column.routes, column.queues_seen, column.queues_shown) >= 0:
@@ -67,11 +68,12 @@ def update_route_ahead(e: int, begin: int, end: int, view: View) -> None:
 
 
 @inner_kernel
-def write_own_features(begin: int, end: int, view: View, column: Columns, out: Rows) -> None:
+def write_own_features(e: int, begin: int, end: int, view: View, column: Columns, out: Rows) -> None:
     """Write what each knows of itself: velocity, desired speed, the route ahead, and what presses on it."""
     axis, velocity, impulse = view.axis, view.state.velocity, view.impulse
     at_velocity, at_speed, at_direction = column.velocity, column.desired_speed, column.direction
     at_time, at_push, at_crush = column.travel_time, column.push, column.crush
+    at_opening = column.opening
     for n in range(index(begin), index(end)):
         i = view.listed[n]
         ax, ay = axis[i, 0], axis[i, 1]
@@ -85,12 +87,26 @@ def write_own_features(begin: int, end: int, view: View, column: Columns, out: R
         if at_time >= 0:
             time = view.travel_time[i]
             out[i, at_time] = clipped(time / (time + TIME_SCALE))
+        if at_opening >= 0:
+            write_opening(e, i, at_opening, view, out)
         if view.impulse_magnitude[i] > 0.0:
             scale = view.bodies.mass[i] * KICK_SCALE
             if at_push >= 0:
                 write_turned(out, i, at_push, impulse[i, 0], impulse[i, 1], ax, ay, scale)
             if at_crush >= 0:
                 out[i, at_crush] = clipped(view.impulse_magnitude[i] / scale)
+
+
+@inner_kernel
+def write_opening(e: int, i: int, k: int, view: View, out: Rows) -> None:
+    """Write the term `opening` of person ``i`` into two columns; 0 where no way is known."""
+    p = view.potential_of_route[e, view.followed[i]]
+    width, rest = opening_at(view.openings, p, view.state.position[i, 0], view.state.position[i, 1])
+    if width > 0.0:
+        speed = max(view.bodies.desired_speed[i], SLOWEST)
+        time = max(view.potential[i] - rest / speed, 0.0)
+        out[i, k] = max(1.0 - 2.0 * view.bodies.radius[i] / width, 0.0)
+        out[i, k + 1] = clipped(time / (time + TIME_SCALE))
 
 
 @inner_kernel

@@ -9,6 +9,7 @@ from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.physics.neighbors.lists import NeighborList
 from crowd_env.routing.fields.lookup import FieldArrays
+from crowd_env.routing.fields.openings import Openings
 
 Rows = NDArray[np.float32]
 Cells = NDArray[np.int32]
@@ -51,6 +52,7 @@ class View(NamedTuple):
     potential: Floats  # (P,)    s, travel time by which progress is counted: that of the `RouteField.potential`
     distance_to_go: Floats  # (P,)    m   scratch: the rest of the route of those who are seen
     ways: Ways
+    openings: Openings  # a reference; of no field where nobody observes them
     length_of_way: Floats  # (P, C)  m   scratch: rest of each way from where they stand, as `distance_to_go`
     heads_for: Ints  # (P,)    scratch: the way that they go, or that looks most like it
 
@@ -62,6 +64,7 @@ class Columns(NamedTuple):
     desired_speed: int
     direction: int
     travel_time: int
+    opening: int
     push: int
     crush: int
     density: int
