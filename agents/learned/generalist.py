@@ -92,7 +92,7 @@ def find_teachers(config: Mapping[str, Any], folder: Path | None, threads: int =
     places = config["places"]
     executor: Executor = Processes(threads) if threads > 1 else Serial()
     of_beside = _best_beside(places_of_tasks(places["people"]), executor)
-    plans = -(-places["seeds"] // BLOCK) * BLOCK
+    plans = -(-places["taught"] // BLOCK) * BLOCK
     with progress_bar("finding teachers, evacuations", plans * len(TEACHERS)) as progress:
         judged = judge_plans(
             TEACHERS, plans, first=0, folder=None if folder is None else folder / "teachers", executor=executor, progress=progress,
@@ -191,4 +191,6 @@ def distil(model: Any, config: Mapping[str, Any], folder: Path | None, threads: 
     say(f"learning from the best teacher of {len(teachers.of_seed)} generated places ({said}), and of the tasks ...")
     places = config["places"]
     env = batch_of(model)
+    env.seeds = -(-places["taught"] // BLOCK) * BLOCK
     clone(model, Hindsight(env, teachers), config["seed"], rounds=places["rounds"], decisions=200, kept=0.1)
+    env.seeds = places["seeds"]

@@ -18,6 +18,7 @@ from crowd_env.routing.fields.field import NavigationField
 WIDEST = 5.0  # m
 _SPACING, _NODES = 0.1, 40_000  # m between nodes, more in large places, of which so many are enough
 _ANGLES = np.linspace(-0.25 * np.pi, 0.25 * np.pi, 5)  # rad  of the lines from wall to wall, to the normal
+_ROOM = 0.5  # m2
 _TURN = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 
 
@@ -63,7 +64,8 @@ def _openings(field: NavigationField | None, geometry: Geometry) -> tuple[Floats
     width, rest = np.full(time.shape, np.nan), np.zeros(time.shape)
     _narrowest(
         time, direction, np.argsort(time, axis=None, kind="stable"), geometry.walls_when()[0], field.origin, spacing,
-        _widths_at_the_end(field, geometry)[nodes].copy(), _TURN, np.zeros((2, len(_TURN))), width, rest,
+        _widths_at_the_end(field, geometry)[nodes].copy(), _TURN, np.zeros((2, len(_TURN))), np.zeros(time.shape, dtype=np.int64), np.ones(time.shape, dtype=np.int64),
+        width, rest,
     )  # fmt: skip
     return field.origin, spacing, width, rest
 
@@ -78,28 +80,43 @@ def _widths_at_the_end(field: NavigationField, geometry: Geometry) -> Floats:
 @kernel
 def _narrowest(
     time: Floats, direction: Floats, order: Ints, walls: Floats, origin: Floats, spacing: float, at_end: Floats,
-    turn: Floats, reach: Floats, width: Floats, rest: Floats,
+    turn: Floats, reach: Floats, down: Ints, behind: Ints, width: Floats, rest: Floats,
 ) -> None:  # fmt: skip
-    """Write ``width`` and ``rest`` of all nodes, in the ``order`` of their times, ``nan`` last."""
+    """Write ``width`` and ``rest`` of all nodes, in the ``order`` of their times, ``nan`` last.
+
+    ``down`` and ``behind`` (rows, cols) are scratch, the latter 1: the node that the way comes to next, and how many come to it.
+    """
     rows, cols = time.shape
     for n in order:
         i, j = n // cols, n % cols
-        here = time[i, j]
-        if np.isnan(here):
-            break
-        ex, ey, least, p, q = direction[i, j, 0], direction[i, j, 1], here, i, j
+        ex, ey, least, down[i, j] = direction[i, j, 0], direction[i, j, 1], time[i, j], n
         for k in range(max(i - 1, 0), min(i + 2, rows)):
             for m in range(max(j - 1, 0), min(j + 2, cols)):
                 along = ex * (m - j) + ey * (k - i)  # a neighbor to which the way leads, and not one behind a wall
                 if time[k, m] < least and along > 0.5:
-                    least, p, q = time[k, m], k, m
-        chord = shortest_chord(origin[0] + spacing * j, origin[1] + spacing * i, ex, ey, walls, turn, reach)
-        if least < here and not np.isnan(width[p, q]):
+                    least, down[i, j] = time[k, m], k * cols + m
+    for n in order[::-1]:
+        i, j = n // cols, n % cols
+        if down[i, j] != n:
+            behind[down[i, j] // cols, down[i, j] % cols] += behind[i, j]
+    for n in order:
+        i, j = n // cols, n % cols
+        if np.isnan(time[i, j]):
+            break
+        p, q = down[i, j] // cols, down[i, j] % cols
+        width[i, j], rest[i, j] = at_end[i, j], 0.0
+        if down[i, j] != n:
             width[i, j], rest[i, j] = width[p, q], rest[p, q]
-        else:
-            width[i, j] = at_end[i, j]
-        if chord < width[i, j]:
-            width[i, j], rest[i, j] = chord, here
+        chord = shortest_chord(
+            origin[0] + spacing * j, origin[1] + spacing * i, direction[i, j, 0], direction[i, j, 1], walls, turn, reach
+        )
+        most = 0
+        for k in range(max(i - 1, 0), min(i + 2, rows)):
+            for m in range(max(j - 1, 0), min(j + 2, cols)):
+                most = max(most, behind[k, m])
+        # A line that cuts off a corner is no opening: there must be more floor behind it than its square, and room for people.
+        if chord < width[i, j] and most * spacing * spacing > chord * chord + _ROOM:
+            width[i, j], rest[i, j] = chord, time[i, j]
 
 
 @inner_kernel
@@ -108,7 +125,7 @@ def shortest_chord(x: float, y: float, ex: float, ey: float, walls: Floats, turn
 
     ``reach`` (2, lines) is scratch: how far each is free to the left and to the right.
     """
-    limit = 0.5 * WIDEST
+    limit = WIDEST
     reach[:] = limit
     for w in range(len(walls)):
         ax, ay = walls[w, 0, 0] - x, walls[w, 0, 1] - y
