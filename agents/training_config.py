@@ -27,7 +27,7 @@ from .evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
 from .mixed import MixedEnv
 from .runs import versions
 from .tasks import Task, make_preset, make_task
-from .tasks.presets import GENERALIST, training_place
+from .tasks.presets import ALL_PLACES, GENERALIST, training_place
 from .walking import Evolved, WalkingRule
 
 # People simulated side by side in training: a rollout of more takes many gigabytes.
@@ -230,6 +230,7 @@ def facts_of(config: Mapping[str, Any]) -> dict[str, Any]:
         "versions",
     )
     task = None if config["task"] is None else task_of(config).identity()
+    task = task if config["places"] is None else dict(ALL_PLACES)
     return {"task": task, **{name: config[name] for name in facts}}
 
 

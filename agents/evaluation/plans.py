@@ -17,10 +17,9 @@ from rich.table import Table
 from crowd_env import CrowdEnv, Scenario, Step
 from crowd_env.analysis.results.measurements import INJURY
 from crowd_env.core.arrays.state import Floats, as_grid
-from crowd_env.core.console import progress_bar
-from crowd_env.core.executors import Executor, Processes, Serial
+from crowd_env.core.executors import Executor, Serial
 from crowd_env.core.executors.executor import never
-from crowd_env.core.files.json_file import json_number, write_json
+from crowd_env.core.files.json_file import json_number
 from crowd_env.core.files.store import Store
 from crowd_env.envs.metrics import share_interval
 from crowd_env.envs.rollout import make_batches, simulate_batch
@@ -29,7 +28,7 @@ from crowd_env.scenarios.generated import VERSION, conditions_of, draw_place
 
 from .. import PRETRAINED, make_policy
 from ..drivers import policy_driver
-from ..networks import NETWORK, network_digest
+from ..networks import network_digest
 from ..policy import Policy
 from ..rules import StrategyPolicy
 from ..trained import names_file
@@ -40,7 +39,6 @@ from .folder import source_stamp
 PLANS = 2000
 # Rules that a pedestrian could walk by: `zipper` knows more, and `rule-best-speed` asks for a search in every plan.
 RULES = (RULE, "density-cap", "headway", "follow", "evolution")
-LEARNED = "learned"
 HINDSIGHT = "best rule in hindsight"
 BLOCK = 20  # plans of a piece of work
 
@@ -249,17 +247,3 @@ def _made_by(policy: str) -> dict[str, Any]:
     """Return what decides the outcomes of a policy beside the plans: its network and the code."""
     path = PRETRAINED.get(policy, Path(policy) if names_file(policy) else None)
     return {"network": None if path is None else network_digest(path), "code": source_stamp()}
-
-
-def judge_in_plans(folder: Path, config: Mapping[str, Any], plans: int, threads: int = 1) -> Table:
-    """Judge the network of a finished training in all places beside the rules; write ``results.json``, return the table."""
-    executor: Executor = Processes(threads) if threads > 1 else Serial()
-    network = str(folder / NETWORK)
-    with progress_bar("judging in generated places", (1 + len(RULES)) * plans) as progress:
-        found = judge_plans((*RULES, network), plans, folder=folder / "plans", executor=executor, progress=progress)
-    found[LEARNED] = found.pop(network)
-    rows = figures(found)
-    write_json(
-        folder / "results.json", {"config": dict(config), "network": network_digest(folder / NETWORK), "rows": rows}
-    )
-    return table(rows, f"{plans} generated places that training never draws")

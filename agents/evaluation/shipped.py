@@ -106,7 +106,10 @@ def _single(value: Any) -> Any:
 def main(tasks: Annotated[list[str] | None, typer.Argument()] = None) -> None:
     """Make what ships of the rules in these tasks, by default in those with a shipped policy."""
     with friendly_errors("the same command goes on"):
-        for task in [make_task(name) for name in tasks or dict.fromkeys(one.partition("/")[0] for one in PRETRAINED)]:
+        for task in [
+            make_task(name)
+            for name in tasks or dict.fromkeys(one.partition("/")[0] for one in PRETRAINED if "/" in one)
+        ]:
             ship(task, executor=Processes())
 
 

@@ -10,6 +10,8 @@ import numpy as np
 from rich.table import Table
 
 from crowd_env.analysis.figures import named
+from crowd_env.core.console import progress_bar
+from crowd_env.core.executors import Executor, Processes, Serial
 from crowd_env.core.files.json_file import json_number, write_json
 from crowd_env.scenarios.titles import run_title
 
@@ -18,6 +20,7 @@ from ..controllers import FixedSplit, RandomController
 from ..drivers import driver_of
 from ..networks import NETWORK, network_digest
 from ..rules import StrategyPolicy
+from ..tasks.presets import ALL_PLACES
 from ..trained import SAMPLED, LearnedPolicy, load_trained
 from ..training_config import judged_place, law_of, physics_of, task_of
 from ..walking import HeadwayRule
@@ -26,6 +29,10 @@ from .comparison import clearing_means, clearing_times, last_times, minus_first,
 from .entries import RULE, controller_entry, make_entries
 from .evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from .folder import EvaluationFolder, settings_of
+from .plans import RULES as PLAN_RULES
+from .plans import figures as plan_figures
+from .plans import judge_plans
+from .plans import table as plans_table
 from .protocol import task_row, task_table
 from .report import by_scheme, comparison_table, crowding_table
 from .same_draws import compare
@@ -76,13 +83,27 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int, *, f
         "config": config,
         "task": task.identity() if own else None,
         "network": network_digest(folder / NETWORK),
-        **_training(folder),
+        **training_of(folder),
         "learned_minus_rule": minus_first(learned, rule),
         "learned_over_rule": ratio(learned, rule),
         "rows": [{**row, "starts_from": starts[row["policy"]]} for row in rows],
     }
     write_json(folder / RESULTS, content)
     return results
+
+
+def judge_in_plans(folder: Path, config: Mapping[str, Any], plans: int, threads: int = 1) -> Table:
+    """Judge the network of a finished training in all places beside the rules; write ``results.json``, return the table."""
+    executor: Executor = Processes(threads) if threads > 1 else Serial()
+    network = str(folder / NETWORK)
+    with progress_bar("judging in generated places", (1 + len(PLAN_RULES)) * plans) as progress:
+        found = judge_plans(
+            (*PLAN_RULES, network), plans, folder=folder / "plans", executor=executor, progress=progress
+        )
+    found[LEARNED] = found.pop(network)
+    rows, made = plan_figures(found), {"task": dict(ALL_PLACES), "network": network_digest(folder / NETWORK)}
+    write_json(folder / RESULTS, {"config": dict(config), **made, **training_of(folder), "rows": rows})
+    return plans_table(rows, f"{plans} generated places that training never draws")
 
 
 def _beside(result: Evaluation, learned: Evaluation) -> dict[str, Any]:
@@ -120,7 +141,7 @@ def _curve(folder: Path) -> tuple[list[dict[str, float]], dict[str, float]]:
     return curve, kept_row(folder, curve)
 
 
-def _training(folder: Path) -> dict[str, Any]:
+def training_of(folder: Path) -> dict[str, Any]:
     """Return what the training took in all, and the figures of the network that was kept."""
     from ..learned.confirmation import confirmation
 

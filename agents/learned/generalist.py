@@ -95,8 +95,8 @@ def find_teachers(config: Mapping[str, Any], folder: Path | None, threads: int =
     plans = -(-places["taught"] // BLOCK) * BLOCK
     with progress_bar("finding teachers, evacuations", plans * len(TEACHERS)) as progress:
         judged = judge_plans(
-            TEACHERS, plans, first=0, folder=None if folder is None else folder / "teachers", executor=executor, progress=progress,
-            most=places["people"],
+            TEACHERS, plans, first=0, most=places["people"], executor=executor, progress=progress,
+            folder=None if folder is None else folder / "teachers",
         )  # fmt: skip
     cost = np.array([one.left * 1e6 + np.where(np.isfinite(one.time), one.time, 0.0) for one in judged.values()])
     walked = np.flatnonzero(~np.isnan(cost).any(axis=0))

@@ -1,9 +1,9 @@
 """Trained policies that are shipped, by name: ``crowd_env.agents.load("competitive-door/ppo")``.
 
-A policy is two files in the folder of its task.  ``NAME.safetensors`` is all that acting needs: the weights, and in its header
-the kind of the network, observation, action and what it was trained for.  ``NAME.json`` is its card, for people and for papers:
-how it was trained, and what it reached on held-out draws.  Nothing is said twice; the card names the weights it is about by
-their digest.  ``crowd-env ship`` writes both.
+A policy is two files in the folder of its task, or beside these folders if it is for all places, as ``generalist`` is.
+``NAME.safetensors`` is all that acting needs: the weights, and in its header the kind of the network, observation, action and
+what it was trained for.  ``NAME.json`` is its card, for people and for papers: how it was trained, and what it reached on
+held-out draws.  Nothing is said twice; the card names the weights it is about by their digest.  ``crowd-env ship`` writes both.
 """
 
 from pathlib import Path
@@ -12,8 +12,10 @@ from ..trained import NUMBERS, LearnedController, LearnedPolicy, load_trained, n
 
 FOLDER = Path(__file__).parent
 
-# Name, TASK/POLICY -> file of the network: what lies in the folder.
-PRETRAINED: dict[str, Path] = {f"{path.parent.name}/{path.stem}": path for path in sorted(FOLDER.glob(f"*/*{NUMBERS}"))}
+# Name, TASK/POLICY or generalist -> file of the network: what lies in the folder.
+PRETRAINED: dict[str, Path] = {
+    path.relative_to(FOLDER).with_suffix("").as_posix(): path for path in sorted(FOLDER.rglob(f"*{NUMBERS}"))
+}
 
 
 def load(name: str) -> LearnedPolicy | LearnedController:

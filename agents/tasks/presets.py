@@ -14,6 +14,7 @@ import tomllib
 from crowd_env import Scenario, make_scenario
 from crowd_env.core.checks import known, whole
 from crowd_env.envs.observation.layout import USUAL
+from crowd_env.scenarios.generated import VERSION
 
 from .task import make_task
 
@@ -83,6 +84,8 @@ _USUAL = _READ.pop("usual")
 GENERALIST: Mapping[str, Any] = _READ.pop(
     "generated"
 )  # what one policy for all places is trained with, see presets.toml
+# What a training in all places is for, as files note it: the generator at its version.
+ALL_PLACES: Mapping[str, Any] = {"name": "generated", "version": VERSION}
 # Name of the task -> preset.
 PRESETS: Mapping[str, Preset] = {
     name: Preset(name, **{**_USUAL, **facts, "terms": tuple(facts.get("terms", _WITH_AHEAD))})

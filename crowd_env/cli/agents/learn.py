@@ -9,9 +9,8 @@ import typer
 
 from crowd_env.agents import training_config
 from crowd_env.agents.evaluation.entries import RULE
-from crowd_env.agents.evaluation.plans import judge_in_plans
 from crowd_env.agents.evaluation.report import table_console
-from crowd_env.agents.evaluation.trained_run import draw, judge, tables
+from crowd_env.agents.evaluation.trained_run import draw, judge, judge_in_plans, tables
 from crowd_env.agents.runs import new_folder
 from crowd_env.agents.tasks import TASKS
 from crowd_env.cli.agents.options import People, Place, Threads, changes, of_learning

@@ -10,12 +10,14 @@ import typer
 from crowd_env.agents.evaluation.trained_run import RESULTS
 from crowd_env.agents.networks import NETWORK, network_digest
 from crowd_env.agents.pretrained import FOLDER
-from crowd_env.agents.tasks import Task, make_task
+from crowd_env.agents.tasks import make_task
+from crowd_env.agents.tasks.presets import ALL_PLACES
 from crowd_env.agents.trained import NUMBERS, load_trained
 from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.files.atomic import written
 from crowd_env.core.files.json_file import read_json, write_json
 
+_GENERALIST = "generalist"
 _FROM_RESULTS = ("config", "spent", "validation", "confirmation")
 
 
@@ -28,7 +30,7 @@ def ship(run: Path, name: str, *, replace: bool = False) -> Path:
     Parameters
     ----------
     run : folder that train.py wrote.
-    name : TASK/POLICY.
+    name : TASK/POLICY, or generalist.
     replace : a shipped policy of that name.
 
     Raises
@@ -52,7 +54,7 @@ def ship(run: Path, name: str, *, replace: bool = False) -> Path:
     card = {
         "policy": name,
         "network": digest,
-        "task": task.identity(),
+        "task": task,
         **{key: results[key] for key in _FROM_RESULTS},
     }
     # The card first: a policy is listed as soon as its network lies there, and then both do.
@@ -62,12 +64,16 @@ def ship(run: Path, name: str, *, replace: bool = False) -> Path:
     return path
 
 
-def _place(name: str) -> tuple[Task, Path]:
-    """Return the task of a name, and where its network is kept."""
+def _place(name: str) -> tuple[dict[str, Any], Path]:
+    """Return the identity of the task of a name, and where its network is kept."""
+    if name == _GENERALIST:
+        return dict(ALL_PLACES), FOLDER / f"{name}{NUMBERS}"
     task, _, policy = name.partition("/")
     if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", policy):
-        raise ValueError(f"--as {name}: it must be TASK/POLICY, the policy of small letters, digits and hyphens")
-    return make_task(task), FOLDER / task / f"{policy}{NUMBERS}"
+        raise ValueError(
+            f"--as {name}: it must be generalist or TASK/POLICY, the policy of small letters, digits and hyphens"
+        )
+    return make_task(task).identity(), FOLDER / task / f"{policy}{NUMBERS}"
 
 
 def _results(path: Path) -> dict[str, Any]:
@@ -79,18 +85,17 @@ def _results(path: Path) -> dict[str, Any]:
     return dict(found)
 
 
-def _check_task(path: Path, noted: Any, task: Task) -> None:
+def _check_task(path: Path, noted: Any, present: Mapping[str, Any]) -> None:
     """Raise ValueError unless a file was made for this very task."""
-    present = task.identity()
     if noted == present:
         return
     if not isinstance(noted, Mapping):
-        raise ValueError(f"{path} was made for no task; train with --task {task.name}")
-    if noted.get("name") != task.name:
-        raise ValueError(f"{path} was made for task {noted.get('name')}, not {task.name}")
+        raise ValueError(f"{path} was made for no task; train with --task {present['name']}")
+    if noted.get("name") != present["name"]:
+        raise ValueError(f"{path} was made for task {noted.get('name')}, not {present['name']}")
     raise ValueError(
-        f"{path} was made for version {noted.get('version')} of {task.name} (digest {noted.get('digest')}), "
-        f"which is at version {task.version} now (digest {present['digest']}): train again"
+        f"{path} was made for version {noted.get('version')} of {present['name']} (digest {noted.get('digest')}), "
+        f"which is at version {present['version']} now (digest {present.get('digest')}): train again"
     )
 
 
@@ -100,7 +105,9 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     run: Annotated[Path, typer.Argument(help="Folder of a run of train.py.", metavar="RUN")],
-    name: Annotated[str, typer.Option("--as", metavar="TASK/POLICY", help="What it is shipped as.")],
+    name: Annotated[
+        str, typer.Option("--as", metavar="TASK/POLICY", help="What it is shipped as; generalist: for all places.")
+    ],
     replace: Annotated[bool, typer.Option("--replace", help="Replace the shipped policy of that name.")] = False,
 ) -> None:
     """Ship the network of a training run, with a card that says how it was trained.

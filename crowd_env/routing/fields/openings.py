@@ -64,8 +64,8 @@ def _openings(field: NavigationField | None, geometry: Geometry) -> tuple[Floats
     width, rest = np.full(time.shape, np.nan), np.zeros(time.shape)
     _narrowest(
         time, direction, np.argsort(time, axis=None, kind="stable"), geometry.walls_when()[0], field.origin, spacing,
-        _widths_at_the_end(field, geometry)[nodes].copy(), _TURN, np.zeros((2, len(_TURN))), np.zeros(time.shape, dtype=np.int64), np.ones(time.shape, dtype=np.int64),
-        width, rest,
+        _widths_at_the_end(field, geometry)[nodes].copy(), _TURN, np.zeros((2, len(_TURN))),
+        np.zeros(time.shape, dtype=np.int64), np.ones(time.shape, dtype=np.int64), width, rest,
     )  # fmt: skip
     return field.origin, spacing, width, rest
 
@@ -84,7 +84,7 @@ def _narrowest(
 ) -> None:  # fmt: skip
     """Write ``width`` and ``rest`` of all nodes, in the ``order`` of their times, ``nan`` last.
 
-    ``down`` and ``behind`` (rows, cols) are scratch, the latter 1: the node that the way comes to next, and how many come to it.
+    ``down`` and ``behind`` (rows, cols) are scratch, the latter 1: the node that the way comes to next, how many come to it.
     """
     rows, cols = time.shape
     for n in order:
