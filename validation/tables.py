@@ -158,6 +158,16 @@ def training(source: Source) -> Grid:
     })  # fmt: skip
 
 
+def plans(source: Source) -> Grid:
+    """One row a policy in generated places, and one for the best rule of each of them in hindsight."""
+    return grid(source.read("rows.json")["rows"], **{
+        "policy": "`{policy}`", "places": "{plans}", "somebody left inside": "{left_in}", "everybody out": "{out:%} %",
+        "interval": "{out_interval[0]:%} to {out_interval[1]:%} %", "last person, interquartile mean, s": "{time:.1f}",
+        "of that of the best rule": "{over_hindsight:.2f}", "somebody above 1.6 kN/m": "{pressed:%} %",
+        "greatest pressure, median, kN/m": "{median_pressure:k}",
+    })  # fmt: skip
+
+
 def scenarios(source: Source) -> Grid:
     """One row a scenario in which arches hold, one column a scheme: 100 runs each."""
     rows = [
@@ -270,7 +280,7 @@ def _of_tasks(make: Callable[[], Grid]) -> Callable[[Source], Grid]:
 
 
 _OF_CASES = (schemes, halls, jambs, bodies_gate, bodies_doors, clogging, frozen, measured, criteria)
-_OF_POLICIES = (strategies, controller, training, dilemma, dilemma_shares)
+_OF_POLICIES = (strategies, controller, training, plans, dilemma, dilemma_shares)
 _OF_ROOMS = (scenarios, bodies, theatre, variants, clearance, flows)
 # Name of the table -> what makes it; made_by.csv says by which command its figures are measured.
 MAKERS: dict[str, Callable[[Source], Grid]] = {

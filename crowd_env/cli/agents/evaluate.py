@@ -12,21 +12,22 @@ from rich.table import Table
 
 from crowd_env import SCHEMES, Scenario, make_scheme
 from crowd_env.agents import starts_from
-from crowd_env.agents.evaluation import report, robustness
+from crowd_env.agents.evaluation import plans, report, robustness
 from crowd_env.agents.evaluation.entries import RULE, make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.evaluation.protocol import credible_lines, task_table
 from crowd_env.agents.evaluation.same_draws import compare, summary
 from crowd_env.agents.tasks import TASKS, Task
-from crowd_env.agents.training_config import RUNS
+from crowd_env.agents.tasks.presets import ALL_PLACES
+from crowd_env.agents.training_config import GENERATED, RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
 from crowd_env.cli.agents.options import People, Place, Policies, changes
 from crowd_env.cli.options import AsJson, CrowdName, Exits, Unit, of_output, of_people, of_physics, of_runs
 from crowd_env.cli.place import read_place
 from crowd_env.core.checks import Range, number, whole
-from crowd_env.core.console import friendly_errors, say
-from crowd_env.core.executors import Executor, Serial, make_executor
+from crowd_env.core.console import friendly_errors, progress_bar, say
+from crowd_env.core.executors import Executor, Processes, Serial, make_executor
 from crowd_env.core.files.json_file import write_json
 from crowd_env.core.files.own import own_or_name
 from crowd_env.core.files.store import Store
@@ -83,6 +84,8 @@ def main(
 
     crowd-env evaluate --scenario two-exit-hall-v0 --policies shortest fastest --physics dem nsm2 --runs 20
 
+    crowd-env evaluate --task generated --policies rule follow generalist --runs 200 --out runs/plans
+
     crowd-env evaluate --scenario my_plan.wkt --exit 6,2,6,3 --people 40 --policies shortest --runs 20
     """
     with friendly_errors("" if out is None else "the same command goes on"):
@@ -91,6 +94,18 @@ def main(
         threads = whole("--set threads", changed.get("threads", 1))
         if out is not None:
             context.with_resource(Store(out).alone())
+        if place == GENERATED:
+            given = {"--physics": physics, "--people": people, "--crowd": crowd, "--exit": exit, "--unit": unit}
+            given |= {"--robustness": vary or None, "--seed": seed or None}
+            given |= {f"--set {name}": changed[name] for name in changed if name != "threads"}
+            if beside := [name for name, value in given.items() if value is not None]:
+                raise ValueError(
+                    f"--task {GENERATED} draws places, people and laws itself, {beside[0]} too; leave it out"
+                )
+            count = whole("--runs", plans.PLANS if runs is None else runs, RUNS)
+            with closing(Processes(threads) if threads > 1 and not ray else _executor(ray, 1)) as executor:
+                _judge_plans(policies or plans.RULES, count, out, as_json, executor)
+            return
         if vary:
             if task is None:
                 raise ValueError("--robustness varies a task; name one by --task")
@@ -156,6 +171,20 @@ def _vary(task: Task, policies: Sequence[str], as_json: bool, executor: Executor
         return
     title = f"{task.name}, version {task.version}, and its variations: {runs} runs each"
     _print([robustness.robustness_table(found, title)], robustness.lines_of_trials(found))
+
+
+def _judge_plans(policies: Sequence[str], count: int, out: Path | None, as_json: bool, executor: Executor) -> None:
+    """Judge policies in generated places, and say what came out."""
+    with progress_bar("judging in generated places", count * len(policies)) as progress:
+        found = plans.judge_plans(policies, count, folder=out, executor=executor, progress=progress)
+    rows = plans.figures(found)
+    figures = {"task": dict(ALL_PLACES), "plans": count, "rows": rows}
+    if out is not None:
+        write_json(out / "rows.json", figures)
+    if as_json:
+        typer.echo(json.dumps(figures, allow_nan=False))
+    else:
+        _print([plans.table(rows, f"{count} generated places that training never draws")], [])
 
 
 def _place(

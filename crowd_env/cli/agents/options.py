@@ -6,6 +6,7 @@ from typing import Annotated, Any
 from crowd_env.agents import POLICIES, PRETRAINED
 from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.tasks import TASKS
+from crowd_env.agents.training_config import GENERATED
 from crowd_env.cli.options import of_people, of_place, of_runs, plain, section
 from crowd_env.cli.place import split_changes
 from crowd_env.routing.strategies import STRATEGIES
@@ -13,8 +14,8 @@ from crowd_env.scenarios import SCENARIOS
 
 of_learning = section("Learning")
 
-_PLACE = f"A task: {', '.join(TASKS)}; or a scenario, its file, or a floor plan."
-Place = Annotated[str | None, of_place(_PLACE, names=("--task", "--scenario"), among=(*TASKS, *SCENARIOS))]
+_PLACE = f"A task: {', '.join(TASKS)}, generated (places without end); or a scenario, its file, or a floor plan."
+Place = Annotated[str | None, of_place(_PLACE, names=("--task", "--scenario"), among=(*TASKS, GENERATED, *SCENARIOS))]
 People = Annotated[int | None, of_people("Another number of people of the same kinds.", min=1)]
 _POLICIES = (
     "rule: the strategy of a task; shortest, nearest, fastest, comfortable; a route or exit; rules: the shortest path "
