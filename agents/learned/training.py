@@ -26,6 +26,7 @@ from crowd_env.envs.routing.env import RoutingVectorEnv
 from ..evaluation.comparison import last_times
 from ..evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from ..networks import NETWORK, Network
+from ..policy import Policy
 from ..trained import LearnedController, LearnedPolicy
 from ..training_config import facts_of, judged_place, make_env, physics_of, task_of
 from .checkpoint import read_checkpoint, write_checkpoint
@@ -36,6 +37,7 @@ from .rate import FallingRate
 
 START = "start.safetensors"  # the network that training began with
 CURVE = "learning_curve.csv"
+SEARCH = "search_curve.csv"  # of a search that came before, in the same columns
 MARGIN = 0.5  # s: who is less than this later is as soon
 
 # evacuation_time and its standard error are over all validation draws, people left inside count as in
@@ -67,6 +69,7 @@ class Keeper:
         self._judged = {**physics_of(config), "learned_share": task.learned_share, "threads": threads}
         self._keeps_last = task.selfish
         self.returns: list[float] = []  # of the episodes that have ended since the last row
+        self._searched: list[dict[str, float]] = []
 
     @property
     def seconds(self) -> float:
@@ -90,6 +93,17 @@ class Keeper:
         """
         return max(0.0, 2.0 * self.share(0.0) - 1.0)
 
+    def saw(self, steps: int, policy: Policy) -> None:
+        """Judge the best of a search so far, and write its curve; ``steps`` are decisions of people inside."""
+        self._searched.append(self._row(policy, steps))
+        write_curve(self.folder / SEARCH, self._searched)
+
+    def _row(self, who: Policy | LearnedController, steps: float, cpu: float = 0.0) -> dict[str, float]:
+        spent = {"steps": steps, "seconds": self.seconds, "cpu_seconds": self.cpu_seconds + cpu}
+        place, runs = judged_place(self.config), self.config["eval_runs"]
+        result = evaluate(who, place, runs=runs, first_seed=VALIDATION_SEED, **self._judged)
+        return curve_row(result, spent, self.returns)
+
     def judge(
         self, who: LearnedPolicy | LearnedController, steps: float, checkpoint: Callable[[], None], *, cpu: float = 0.0
     ) -> dict[str, float]:
@@ -100,10 +114,7 @@ class Keeper:
         checkpoint : writes from where training goes on, before the curve says that it can.
         cpu : s, spent in other processes.
         """
-        place, runs = judged_place(self.config), self.config["eval_runs"]
-        result = evaluate(who, place, runs=runs, first_seed=VALIDATION_SEED, **self._judged)
-        spent = {"steps": steps, "seconds": self.seconds, "cpu_seconds": self.cpu_seconds + cpu}
-        row = curve_row(result, spent, self.returns)
+        row = self._row(who, steps, cpu)
         self.returns.clear()
         self.curve.append(row)
         checkpoint()
@@ -222,7 +233,7 @@ def train_here(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
         venv.seed((config["seed"] + model.num_timesteps) % HELD_OUT_SEED)  # other draws
         say(f"going on at {model.num_timesteps} steps")
     else:
-        begin(model, config, folder, threads)
+        begin(model, config, folder, threads, keeper.saw)
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     callback = TrainingCallback(keeper, env)
     left = config["steps"] - model.num_timesteps
