@@ -27,9 +27,9 @@ from ..walking import Evolved, WalkingRule, inputs
 FOUND = "search.json"  # weights, in the folder of a run
 SHARE = 0.5  # of the people: the same order clears a door for half of them, and four times the candidates are tried meanwhile
 _PATIENCE = 10.0  # s without anyone getting out, after which a run is given up
-_SECONDS = 2.5  # s a person, which a run may take: exits of 0.4 people a second
+_SECONDS = 1.5  # s a person, which a run may take: exits of 0.7 people a second
 _STEP = 1.0  # of the weights at first, and at every new beginning
-_WINDOW = 5  # generations whose mean is held against that of as many before
+_WINDOW = 10  # generations whose mean is held against that of as many before
 _BETTER = 0.98  # of the cost: what is more is no gain, but the luck of a draw
 MOST, SHOWN = 150, 10  # generations before a training, and between those that a learning curve shows
 

@@ -23,7 +23,7 @@ def network_of(model: Any) -> MLP:
         raise ValueError(f"its network is no {CrowdPolicy.__name__} on flat observations")
     layers = [policy.mlp_extractor.first, policy.mlp_extractor.second, policy.action_net]
     arrays = [[getattr(one, name).detach().cpu().numpy() for one in layers] for name in ("weight", "bias")]
-    return (BetaMLP if isinstance(policy, BetaPolicy) else MLP)(tuple(arrays[0]), tuple(arrays[1]))
+    return (BetaMLP if isinstance(policy, BetaPolicy) else MLP)(tuple(arrays[0]), tuple(arrays[1]), "relu")
 
 
 def spread_of(model: Any) -> list[float] | None:

@@ -7,10 +7,11 @@ from stable_baselines3.common.distributions import CategoricalDistribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.type_aliases import Schedule
 from torch import Tensor, nn
+from torch.nn.functional import relu
 
 
 class Layers(nn.Module):
-    """Two layers of tanh units for actions; for values one of its own on top of the first of these.
+    """Two layers of rectified units for actions; for values one of its own on top of the first of these.
 
     The critic reads the first layer and does not change it: actions that were cloned stay as they are while it still knows
     nothing.  Its way back through the layers costs a third of that of a network of its own.
@@ -28,12 +29,12 @@ class Layers(nn.Module):
 
     def forward(self, rows: Tensor) -> tuple[Tensor, Tensor]:
         """Return the last layers of actor and critic (K, H) for inputs (K, I)."""
-        first = torch.tanh(self.first(rows))
-        return torch.tanh(self.second(first)), torch.tanh(self.critic(first.detach()))
+        first = relu(self.first(rows))
+        return relu(self.second(first)), relu(self.critic(first.detach()))
 
     def forward_actor(self, rows: Tensor) -> Tensor:
         """Return the last layer of the actor."""
-        return torch.tanh(self.second(torch.tanh(self.first(rows))))
+        return relu(self.second(relu(self.first(rows))))
 
     def forward_critic(self, rows: Tensor) -> Tensor:
         """Return the last layer of the critic."""

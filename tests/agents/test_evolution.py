@@ -103,11 +103,11 @@ def test_a_search_finds_what_is_asked_for(monkeypatch):
 @looped(
     ("course", "ended"),
     [
-        ([9.0] * 9, False),  # too short to tell
-        ([9.0] * 10, True),
-        ([9.0, 8.9] * 5, True),  # the luck of draws
+        ([9.0] * 19, False),  # too short to tell
+        ([9.0] * 20, True),
+        ([9.0, 8.9] * 10, True),  # the luck of draws
         ([10.0 - 0.1 * k for k in range(30)], False),
-        ([9.0] * 30 + [8.0] * 5, False),
+        ([9.0] * 30 + [8.0] * 10, False),
     ],
 )
 def test_a_search_has_stalled_where_its_last_generations_are_no_better(course, ended):
