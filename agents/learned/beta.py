@@ -13,7 +13,7 @@ from torch.nn.functional import softplus
 from crowd_env.core.arrays.state import Floats
 
 from ..networks.network import LEAST
-from .policy import CrowdPolicy
+from .actor_critic import CrowdPolicy
 
 _MARGIN = 1e-6  # of samples from the bounds, where densities are infinite or zero
 _CONCENTRATION = 3.0  # at first: alpha + beta - 2

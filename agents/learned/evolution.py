@@ -7,6 +7,7 @@ actions, by which PPO explores, averages to nothing over the half second in whic
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -81,13 +82,13 @@ def evolve(
     search = _begun(np.zeros(len(Evolved.__dataclass_fields__)), population, seed)
     rng, steps, course, before = np.random.default_rng(seed), 0, list[float](), np.inf
     best = former = np.zeros(len(Evolved.__dataclass_fields__))
-    while goes_on(steps, lambda: Evolved(*best.tolist())):
+    while goes_on(steps, partial(_rule, best)):
         if stalled(course):
             reached = float(np.mean(course[-_WINDOW:]))
             if reached > before:
                 best = former
             if reached > _BETTER * before and not settings.endless:
-                goes_on(steps, lambda: Evolved(*best.tolist()))
+                goes_on(steps, partial(_rule, best))
                 return
             search, course = _begun(best, population, int(rng.integers(2**31))), []
             former, before = best, min(before, reached)
@@ -99,6 +100,10 @@ def evolve(
         course.append(float(means.min()))
         best = np.asarray(search.result.xfavorite)
         steps += decided
+
+
+def _rule(weights: Floats) -> Evolved:
+    return Evolved(*weights.tolist())
 
 
 def stalled(course: Sequence[float]) -> bool:
@@ -126,8 +131,8 @@ def first_rule(
 ) -> WalkingRule | None:
     """Return the rule whose clone a training begins at; None: it begins at full speed.
 
-    From nothing it is what a search finds, half a minute or a minute of a core.  The ``folder`` of a run keeps it, so that a run
-    that is gone on with does not search again.  ``saw`` is shown the best policy so far now and then.
+    From nothing it is what a search finds, a minute of a core.  The ``folder`` of a run keeps it, so that a run that is gone on
+    with does not search again.  ``saw`` is shown the best policy so far now and then.
     """
     if config["start"] == RULE:
         return None

@@ -6,8 +6,8 @@ from stable_baselines3.common.distributions import DiagGaussianDistribution
 from stable_baselines3.common.torch_layers import FlattenExtractor
 
 from ..networks import MLP, BetaMLP
+from .actor_critic import CrowdPolicy
 from .beta import BetaPolicy
-from .policy import CrowdPolicy
 
 
 def network_of(model: Any) -> MLP:

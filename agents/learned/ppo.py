@@ -17,8 +17,8 @@ from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer, Vector
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.envs.routing.env import RoutingVectorEnv
 
+from .actor_critic import CrowdPolicy
 from .beta import BetaPolicy, bias_at
-from .policy import CrowdPolicy
 from .rate import FallingRate
 
 # Distribution of a continuous action -> policy of stable-baselines3.

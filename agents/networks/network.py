@@ -137,7 +137,9 @@ class MLP(Network):
     def of(cls, tensors: Mapping[str, np.ndarray], settings: Mapping[str, Any]) -> "MLP":
         """Return the network of these tensors; see `Network.of`."""
         if set(settings) != {"activation"}:
-            raise ValueError(f"its settings are {dict(settings)}; a network {cls.kind!r} has an activation and no other")
+            raise ValueError(
+                f"its settings are {dict(settings)}; a network {cls.kind!r} has an activation and no other"
+            )
         layers = range(max(1, len(tensors) // 2))
         expected = [f"{array}{k}" for k in layers for array in ("weight", "bias")]
         if set(tensors) != set(expected):

@@ -86,7 +86,9 @@ def test_an_exported_network_has_the_same_units(tmp_path, activation):
     found.network = replace(found.network, activation=activation)
     runs, _ = exported(found, tmp_path)
     seen = rows(LAYOUT.size)
-    np.testing.assert_allclose(runs.run(["logits"], {"observation": seen})[0], found.network(seen), rtol=1e-5, atol=2e-4)
+    np.testing.assert_allclose(
+        runs.run(["logits"], {"observation": seen})[0], found.network(seen), rtol=1e-5, atol=2e-4
+    )
 
 
 def test_an_exported_controller_acts_as_it_does_here(tmp_path):
