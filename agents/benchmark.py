@@ -49,9 +49,10 @@ def _ppo(config: dict[str, Any], watch: "Watch") -> None:
 
 
 def _evolution(config: dict[str, Any], watch: "Watch") -> None:
-    from .learned.evolution import evolve
+    from .learned.evolution import EvolutionSettings, evolve
 
-    evolve(place_of(config), physics_of(config), config["seed"], watch.goes_on)
+    settings = EvolutionSettings(endless=True)
+    evolve(place_of(config), physics_of(config), config["seed"], watch.goes_on, settings)
 
 
 class Algorithm(NamedTuple):

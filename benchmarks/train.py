@@ -1,7 +1,7 @@
-"""The training loop: stable-baselines3 PPO with the settings of ``train.py`` on `CrowdVecEnv`, 64 rooms, one thread.
+"""The training loop: stable-baselines3 PPO on `competitive-door` with the preset of the task, started as a clone, one thread.
 
 It runs in turn with the same PPO on an empty environment of the same shapes, whose step returns the same arrays over and over:
-the ratio says how much of what is possible the environment leaves.  Samples are counted as the loss sees them: of people who
+the ratio says how much of what is possible the environment leaves.  Decisions are counted as the loss sees them: of people who
 were inside when they acted.  What stable-baselines3 itself calls timesteps counts all slots, also those of people who are out.
 The learning rate has fallen to nothing by the time of the measurement, so that no early stop (``target_kl``) shortens an
 update: every epoch runs.
@@ -12,33 +12,44 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks.measuring import Contender, Effort, Row, Sample, Stopwatch, in_turn, timed
-from crowd_env import CrowdEnv
 
 if TYPE_CHECKING:
     from crowd_env.agents.learned import PPOSettings
 
-RATE = "samples that count per CPU s"
+RATE = "decisions of people inside per CPU s"
 # Rollouts until as many are inside as later on: at first all rooms are full together.  Who counts in the empty environment is
 # taken from then: were it more, learning would be spread over more samples there, and the ratio not that of the environments.
 _SETTLE = 4
 
 
 class Training(Contender):
-    """PPO, rollout by rollout; with an environment that does nothing if ``inside`` is given."""
+    """PPO, rollout by rollout; with an environment that does nothing if ``inside`` is given.
 
-    def __init__(self, name: str, rooms: int, settings: "PPOSettings", inside: np.ndarray | None = None) -> None:
+    Parameters
+    ----------
+    config : of the run.
+    """
+
+    def __init__(
+        self, name: str, config: dict[str, Any], settings: "PPOSettings", inside: np.ndarray | None = None
+    ) -> None:
         from crowd_env.agents.learned import make_ppo
+        from crowd_env.agents.learned.cloning import begin
+        from crowd_env.agents.training_config import make_env
 
         self.name = name
-        env = CrowdEnv("room-v0", num_envs=rooms, physics="nsm2", autoreset=True)
+        env = make_env(config)
         self.model = make_ppo(env, settings, seed=0)
         self.venv: Any = self.model.get_env()
         self.rollout = settings.n_steps * env.num_people
-        if inside is not None:
+        if inside is None:
+            begin(self.model, config)
+        else:
             _empty(self.venv, inside)
         for _ in range(_SETTLE if inside is None else 1):  # compile, and let the rooms fall out of step
             self.model.learn(self.rollout, reset_num_timesteps=False)
         self.environment, self.learning = Stopwatch(self.venv, "step_wait"), Stopwatch(self.model, "train")
+        self.acting = Stopwatch(self.model.policy, "forward")
         self.slots = 0
 
     def once(self) -> Sample:
@@ -72,26 +83,30 @@ def _empty(venv: Any, inside: np.ndarray) -> None:
     venv.step_wait = step_wait
 
 
-def rows(effort: Effort, rooms: int = 64, n_steps: int | None = None) -> list[Row]:
-    """Return samples per CPU second, where the time goes, and the ratio to the empty environment."""
+def rows(effort: Effort, envs: int | None = None, people: int | None = None, start: str = "evolution") -> list[Row]:
+    """Return decisions per CPU second, where the time goes, and the ratio to the empty environment."""
     import torch
 
     from crowd_env.agents.learned import PPOSettings
+    from crowd_env.agents.training_config import task_config
 
     torch.set_num_threads(1)
-    settings = PPOSettings() if n_steps is None else PPOSettings(n_steps=n_steps, batch_size=rooms * 20)
-    effort.tell(f"{rooms} x 20: first rollout")
-    real = Training(f"{rooms} x 20, nsm2", rooms, settings)
+    asked = {"envs": envs, "people": people}
+    config = task_config("competitive-door", 0, start=start, **{name: n for name, n in asked.items() if n is not None})
+    settings = PPOSettings(**config["ppo"])
+    crowd = f"{config['envs']} x {config['people']}"
+    effort.tell(f"{crowd}: cloning, first rollouts")
+    real = Training(f"{crowd}, {config['scheme']}", config, settings)
     mask = real.model.rollout_buffer.mask.copy()  # type: ignore[attr-defined]
-    nothing = Training(f"{rooms} x 20, empty", rooms, settings, mask)
+    nothing = Training(f"{crowd}, empty", config, settings, mask)
     mine, empty = in_turn([real, nothing], effort)
-    share, learning = real.environment.seconds / real.all.cpu, real.learning.seconds / real.all.cpu
+    parts = {"environment": real.environment, "acting": real.acting, "learning": real.learning}
+    shares = {name: watch.seconds / real.all.cpu for name, watch in parts.items()}
+    shares["storing and the rest"] = 1.0 - sum(shares.values())
     return [
         Row(real.name, RATE, mine.rate),
         Row(real.name, "inside, of slots", real.all.steps / real.slots),
-        Row(real.name, "environment, of CPU time", share),
-        Row(real.name, "actions and storing, of CPU time", 1.0 - share - learning),
-        Row(real.name, "learning, of CPU time", learning),
+        *(Row(real.name, f"{name}, of CPU time", share) for name, share in shares.items()),
         Row(real.name, "times the same PPO on an empty environment", mine.rate / empty.rate),
         Row(nothing.name, RATE, empty.rate),
     ]

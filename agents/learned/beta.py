@@ -6,7 +6,6 @@ import gymnasium
 import numpy as np
 import torch
 from stable_baselines3.common.distributions import Distribution
-from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.type_aliases import Schedule
 from torch import Tensor, nn
 from torch.nn.functional import softplus
@@ -14,6 +13,7 @@ from torch.nn.functional import softplus
 from crowd_env.core.arrays.state import Floats
 
 from ..networks.network import LEAST
+from .actor_critic import CrowdPolicy
 
 _MARGIN = 1e-6  # of samples from the bounds, where densities are infinite or zero
 _CONCENTRATION = 3.0  # at first: alpha + beta - 2
@@ -67,7 +67,7 @@ class BetaActions(Distribution):
         return actions, self.log_prob(actions)
 
 
-class BetaPolicy(ActorCriticPolicy):
+class BetaPolicy(CrowdPolicy):
     """An actor-critic policy with `BetaActions`, for a Box over [-1, 1].
 
     A Gaussian whose mean lies beyond a bound draws nothing but the bound: what is clipped away has no gradient, and nothing

@@ -22,9 +22,9 @@ from crowd_env.core.console import say
 from crowd_env.envs.action import SpeedTable
 from crowd_env.envs.adapters.sb3 import CrowdVecEnv
 
-from .evolution import first_rule
+from .evolution import Saw, first_rule
 
-ROUNDS, DECISIONS, EPOCHS = 8, 300, 4  # of DAgger: decision steps of each, and passes over all that is kept
+ROUNDS, DECISIONS, EPOCHS = 5, 200, 4  # of DAgger: decision steps of each, and passes over all that is kept
 KEPT = 0.25  # of the samples: neighboring decisions are much alike
 _LEARNING_RATE, _BATCH = 1e-3, 4096
 _TEACHER_ROUNDS = 3  # until the policy acts for itself
@@ -41,14 +41,16 @@ class Teacher(Protocol):
         """Return what it wants (P, 2), along and to the left of the path."""
 
 
-def begin(model: Any, config: Mapping[str, Any], folder: Path | None = None, threads: int = 1) -> None:
+def begin(
+    model: Any, config: Mapping[str, Any], folder: Path | None = None, threads: int = 1, saw: Saw | None = None
+) -> None:
     """Let the policy of a new model begin as the config of a run says, see `first_rule`."""
     if config["places"] is not None:
         from .generalist import distil
 
         distil(model, config, folder, threads)
         return
-    rule = first_rule(config, folder, threads)
+    rule = first_rule(config, folder, threads, saw)
     if rule is not None:
         say(f"cloning {rule.name}, a fraction of a minute ...")
         clone(model, rule, config["seed"])
@@ -123,7 +125,7 @@ def _generator(rng: np.random.Generator) -> torch.Generator:
 
 def _head(policy: Any, observation: torch.Tensor) -> torch.Tensor:
     """Return logits, or the mean of a continuous action."""
-    return cast(torch.Tensor, policy.action_net(policy.mlp_extractor.policy_net(observation)))
+    return cast(torch.Tensor, policy.action_net(policy.mlp_extractor.forward_actor(observation)))
 
 
 def _loss(policy: Any, env: CrowdEnv, inputs: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:

@@ -5,8 +5,9 @@ together: what pays only where everyone does it, such as a gap that all keep, is
 actions, by which PPO explores, averages to nothing over the half second in which a body follows.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from crowd_env import CrowdEnv, Scenario
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.console import notes, progress_bar, say
+from crowd_env.core.console import say
 from crowd_env.core.files.json_file import read_json, write_json
 from crowd_env.envs.settings import arguments_of
 
@@ -25,21 +26,27 @@ from ..training_config import NOTHING, physics_of, place_of, start_of
 from ..walking import Evolved, WalkingRule, inputs
 
 FOUND = "search.json"  # weights, in the folder of a run
-GENERATIONS = 60
-_PATIENCE = 30.0  # s without anyone getting out, after which a run is given up
-_SECONDS = 2.5  # s a person, which a run may take: exits of 0.4 people a second
-
+SHARE = 0.5  # of the people: the same order clears a door for half of them, and four times the candidates are tried meanwhile
+_PATIENCE = 10.0  # s without anyone getting out, after which a run is given up
+_SECONDS = 1.5  # s a person, which a run may take: exits of 0.7 people a second
+_STEP = 1.0  # of the weights at first, and at every new beginning
+_WINDOW = 10  # generations whose mean is held against that of as many before
+_BETTER = 0.98  # of the cost: what is more is no gain, but the luck of a draw
+MOST, SHOWN = 150, 10  # generations before a training, and between those that a learning curve shows
 
 # Takes the steps so far and what returns the policy as it is now; returns whether to go on.
 GoesOn = Callable[[int, Callable[[], Policy]], bool]
+# Takes decisions so far, and the best policy so far.
+Saw = Callable[[int, Policy], object]
 
 
 @dataclass(frozen=True)
 class EvolutionSettings:
-    """Budget of a generation."""
+    """Budget of a search."""
 
     population: int = 12  # candidates of a generation, all of them judged on the same draws ...
     draws: int = 6  # ... which are others in every generation
+    endless: bool = False  # go on after a new beginning was in vain
 
 
 def evolve(
@@ -48,8 +55,11 @@ def evolve(
     """Search the weights of `Evolved` that let the last person out soonest, until ``goes_on`` says that it is enough.
 
     What is minimised is the mean time of the last person over the draws of a generation; a run in which somebody is left
-    counts as its time limit and a second for each of them.  All candidates run side by side in one batch.  ``goes_on`` looks at
-    the best so far.
+    counts as its time limit and a second for each of them.  All candidates run side by side in one batch, with half of the
+    people of the place.  ``goes_on`` looks at the best so far.
+
+    A search that gets no better begins anew where it is, with the step size it had at first: what looks like an end is often
+    a loose crowd that waits, from which there is a way on.  It ends when that was in vain.
 
     Parameters
     ----------
@@ -62,29 +72,67 @@ def evolve(
     ModuleNotFoundError
         If the library cma is not installed.
     """
-    import cma
-
     settings = settings or EvolutionSettings()
     population, draws = settings.population, settings.draws
-    short = replace(place, time_limit=_SECONDS * place.population.people, blocked_after=_PATIENCE)
+    people = max(1, round(SHARE * place.population.people))
+    crowd = place.population.changed(people=people)
+    short = replace(place, population=crowd, time_limit=_SECONDS * people, blocked_after=_PATIENCE)
     arguments = arguments_of({**options, **Evolved().env_options})
     env = CrowdEnv(short, num_envs=population * draws, **arguments)
-    told = {"popsize": population, "seed": seed + 1, "verbose": -9}  # 0 is the clock
-    search = cma.CMAEvolutionStrategy(np.zeros(len(Evolved.__dataclass_fields__)), 1.0, told)
-    rng, steps = np.random.default_rng(seed), 0
-    while goes_on(steps, lambda: Evolved(*search.result.xfavorite.tolist())):
+    search = _begun(np.zeros(len(Evolved.__dataclass_fields__)), population, seed)
+    rng, steps, course, before = np.random.default_rng(seed), 0, list[float](), np.inf
+    best = former = np.zeros(len(Evolved.__dataclass_fields__))
+    while goes_on(steps, partial(_rule, best)):
+        if stalled(course):
+            reached = float(np.mean(course[-_WINDOW:]))
+            if reached > before:
+                best = former
+            if reached > _BETTER * before and not settings.endless:
+                goes_on(steps, partial(_rule, best))
+                return
+            search, course = _begun(best, population, int(rng.integers(2**31))), []
+            former, before = best, min(before, reached)
         first = int(rng.integers(0, HELD_OUT_SEED - draws))
         candidates = search.ask()
         costs, decided = _race(env, np.repeat(candidates, draws, axis=0), [*range(first, first + draws)] * population)
-        search.tell(candidates, costs.reshape(population, draws).mean(axis=1))
+        means = costs.reshape(population, draws).mean(axis=1)
+        search.tell(candidates, means)
+        course.append(float(means.min()))
+        best = np.asarray(search.result.xfavorite)
         steps += decided
 
 
-def first_rule(config: Mapping[str, Any], folder: Path | None = None, threads: int = 1) -> WalkingRule | None:
+def _rule(weights: Floats) -> Evolved:
+    return Evolved(*weights.tolist())
+
+
+def stalled(course: Sequence[float]) -> bool:
+    """Return whether a search has stopped getting better: the best of its last generations are those of the ones before.
+
+    Parameters
+    ----------
+    course : the cost of the best candidate of each generation since the search began.
+    """
+    if len(course) < 2 * _WINDOW:
+        return False
+    return bool(np.mean(course[-_WINDOW:]) > _BETTER * np.mean(course[-2 * _WINDOW : -_WINDOW]))
+
+
+def _begun(mean: Floats, population: int, seed: int) -> Any:
+    """Return a search around a mean."""
+    import cma
+
+    told = {"popsize": population, "seed": seed + 1, "verbose": -9}  # 0 is the clock
+    return cma.CMAEvolutionStrategy(mean, _STEP, told)
+
+
+def first_rule(
+    config: Mapping[str, Any], folder: Path | None = None, threads: int = 1, saw: Saw | None = None
+) -> WalkingRule | None:
     """Return the rule whose clone a training begins at; None: it begins at full speed.
 
-    From nothing it is what a search finds in 60 generations, a minute or two of a core.  The ``folder`` of a run keeps it, so
-    that a run that is gone on with does not search again.
+    From nothing it is what a search finds, a minute of a core.  The ``folder`` of a run keeps it, so that a run that is gone on
+    with does not search again.  ``saw`` is shown the best policy so far now and then.
     """
     if config["start"] == RULE:
         return None
@@ -94,16 +142,16 @@ def first_rule(config: Mapping[str, Any], folder: Path | None = None, threads: i
     if kept is not None and kept.exists():
         return Evolved(**read_json(kept))
     found: list[Policy] = []
-    with progress_bar("searching from nothing, generations", GENERATIONS) as progress:
 
-        def goes_on(steps: int, policy: Callable[[], Policy]) -> bool:
-            found.append(policy())
-            progress(1)
-            if not notes.is_terminal and len(found) % 15 == 1:
-                say(f"searching from nothing: {len(found) - 1} of {GENERATIONS} generations")
-            return len(found) <= GENERATIONS
+    def goes_on(steps: int, policy: Callable[[], Policy]) -> bool:
+        if len(found) % SHOWN == 0:
+            say(f"searching from nothing: {len(found)} generations")
+            if saw is not None:
+                saw(steps, policy())
+        found.append(policy())
+        return len(found) <= MOST
 
-        evolve(place_of(config), {**physics_of(config), "threads": threads}, config["seed"], goes_on)
+    evolve(place_of(config), {**physics_of(config), "threads": threads}, config["seed"], goes_on)
     if kept is not None:
         write_json(kept, asdict(cast(Evolved, found[-1])))
     return cast(Evolved, found[-1])

@@ -4,9 +4,9 @@ from typing import Any
 
 from stable_baselines3.common.distributions import DiagGaussianDistribution
 from stable_baselines3.common.torch_layers import FlattenExtractor
-from torch import nn
 
 from ..networks import MLP, BetaMLP
+from .actor_critic import CrowdPolicy
 from .beta import BetaPolicy
 
 
@@ -16,17 +16,14 @@ def network_of(model: Any) -> MLP:
     Raises
     ------
     ValueError
-        If it is more than layers of tanh units on flat observations.
+        If it is another than a `CrowdPolicy` on flat observations.
     """
     policy = model.policy
-    if not isinstance(policy.pi_features_extractor, FlattenExtractor):
-        raise ValueError("its network does not take flat observations")
-    layers = [*policy.mlp_extractor.policy_net, policy.action_net]
-    kinds = [nn.Linear, nn.Tanh] * (len(layers) // 2) + [nn.Linear]
-    if len(layers) != len(kinds) or not all(map(isinstance, layers, kinds)):
-        raise ValueError("its network is not made of linear layers with tanh between them")
-    arrays = [[getattr(one, name).detach().cpu().numpy() for one in layers[::2]] for name in ("weight", "bias")]
-    return (BetaMLP if isinstance(policy, BetaPolicy) else MLP)(tuple(arrays[0]), tuple(arrays[1]))
+    if not isinstance(policy, CrowdPolicy) or not isinstance(policy.pi_features_extractor, FlattenExtractor):
+        raise ValueError(f"its network is no {CrowdPolicy.__name__} on flat observations")
+    layers = [policy.mlp_extractor.first, policy.mlp_extractor.second, policy.action_net]
+    arrays = [[getattr(one, name).detach().cpu().numpy() for one in layers] for name in ("weight", "bias")]
+    return (BetaMLP if isinstance(policy, BetaPolicy) else MLP)(tuple(arrays[0]), tuple(arrays[1]), "relu")
 
 
 def spread_of(model: Any) -> list[float] | None:

@@ -9,7 +9,6 @@ import gymnasium
 import numpy as np
 import torch
 from stable_baselines3 import PPO
-from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
 
 from crowd_env import CrowdEnv, GeneratedCrowds
@@ -18,11 +17,12 @@ from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer, Vector
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.envs.routing.env import RoutingVectorEnv
 
+from .actor_critic import CrowdPolicy
 from .beta import BetaPolicy, bias_at
 from .rate import FallingRate
 
 # Distribution of a continuous action -> policy of stable-baselines3.
-DISTRIBUTIONS = {"gaussian": ActorCriticPolicy, "beta": BetaPolicy}
+DISTRIBUTIONS = {"gaussian": CrowdPolicy, "beta": BetaPolicy}
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def make_ppo(
             venv,
             learning_rate=FallingRate(settings.learning_rate),
             batch_size=min(settings.batch_size, settings.n_steps * venv.num_envs),
-            policy_kwargs={"net_arch": [settings.hidden] * 2, **own},
+            policy_kwargs={"hidden": settings.hidden, **own},
             seed=seed,
             device="cpu",
             rollout_buffer_class=None if isinstance(env, RoutingVectorEnv) else MaskedRolloutBuffer,

@@ -38,6 +38,7 @@ from .rate import FallingRate
 
 START = "start.safetensors"  # the network that training began with
 CURVE = "learning_curve.csv"
+SEARCH = "search_curve.csv"  # of a search that came before, in the same columns
 MARGIN = 0.5  # s: who is less than this later is as soon
 
 # evacuation_time and its standard error are over all validation draws, people left inside count as in
@@ -69,6 +70,7 @@ class Keeper:
         self._judged = {**physics_of(config), "learned_share": task.learned_share, "threads": threads}
         self._keeps_last = task.selfish
         self.returns: list[float] = []  # of the episodes that have ended since the last row
+        self._searched: list[dict[str, float]] = []
 
     @property
     def seconds(self) -> float:
@@ -91,6 +93,11 @@ class Keeper:
         Training that needs less than half of it depends on its seed alone, and not on what else the machine does.
         """
         return max(0.0, 2.0 * self.share(0.0) - 1.0)
+
+    def saw(self, steps: int, policy: Policy) -> None:
+        """Judge the best of a search so far, and write its curve; ``steps`` are decisions of people inside."""
+        self._searched.append(self._row(policy, steps))
+        write_curve(self.folder / SEARCH, self._searched)
 
     def _row(self, who: Policy | LearnedController, steps: float, cpu: float = 0.0) -> dict[str, float]:
         spent = {"steps": steps, "seconds": self.seconds, "cpu_seconds": self.cpu_seconds + cpu}
@@ -260,7 +267,7 @@ def train_here(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
         venv.seed((config["seed"] + model.num_timesteps) % HELD_OUT_SEED)  # other draws
         say(f"going on at {model.num_timesteps} steps")
     else:
-        begin(model, config, folder, threads)
+        begin(model, config, folder, threads, keeper.saw)
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     callback = TrainingCallback(keeper, env)
     left = config["steps"] - model.num_timesteps

@@ -1,18 +1,20 @@
-"""Networks as numbers: what every kind has, layers of tanh units, and such layers that end in Beta distributions."""
+"""Networks as numbers: what every kind has, layers of units, and such layers that end in Beta distributions."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import known
 
 # Multiplications at once, of the largest layer: larger products are shared out to threads, which costs more than it saves, ten
 # times as much on busy cores.
 _AT_ONCE = 60 * 64 * 64
-_SETTINGS = {"activation": "tanh"}
+# Activation, as files call it -> what it does.
+ACTIVATIONS: dict[str, Callable[[Floats], Floats]] = {"tanh": np.tanh, "relu": lambda sums: np.maximum(sums, 0.0)}
 # Both parameters of a Beta distribution are at least this.  Below 1 the density is largest at a bound, which then is the mode.
 LEAST = 0.8
 
@@ -79,24 +81,27 @@ class Network(ABC):
 
 @dataclass(frozen=True, eq=False)
 class MLP(Network):
-    """Layers of tanh units with a linear one at the end.
+    """Layers of units with a linear one at the end.
 
     Parameters
     ----------
     weights : (outputs, inputs) of each layer.
     biases : (outputs,) of each layer.
+    activation : of all layers but the last, a name in `ACTIVATIONS`.
 
     Raises
     ------
     ValueError
-        If layers do not fit one another, or a number is not finite.
+        If layers do not fit one another, a number is not finite, or the activation is unknown.
     """
 
     kind: ClassVar[str] = "mlp"
     weights: tuple[Floats, ...]
     biases: tuple[Floats, ...]
+    activation: str = "tanh"
 
     def __post_init__(self) -> None:
+        known("activation", self.activation, ACTIVATIONS)
         if not self.weights or len(self.weights) != len(self.biases):
             raise ValueError(f"{len(self.weights)} arrays of weights and {len(self.biases)} of biases")
         object.__setattr__(self, "weights", tuple(np.array(one, dtype=np.float64) for one in self.weights))
@@ -128,25 +133,29 @@ class MLP(Network):
 
     def settings(self) -> dict[str, Any]:
         """Return the activation."""
-        return dict(_SETTINGS)
+        return {"activation": self.activation}
 
     @classmethod
     def of(cls, tensors: Mapping[str, np.ndarray], settings: Mapping[str, Any]) -> "MLP":
         """Return the network of these tensors; see `Network.of`."""
-        if settings != _SETTINGS:
-            raise ValueError(f"its settings are {dict(settings)}; those of a network {cls.kind!r} are {_SETTINGS}")
+        if set(settings) != {"activation"}:
+            raise ValueError(
+                f"its settings are {dict(settings)}; a network {cls.kind!r} has an activation and no other"
+            )
         layers = range(max(1, len(tensors) // 2))
         expected = [f"{array}{k}" for k in layers for array in ("weight", "bias")]
         if set(tensors) != set(expected):
             raise ValueError(
                 f"its tensors are {', '.join(sorted(tensors)) or 'none'} instead of weight0, bias0, weight1, ..."
             )
-        return cls(tuple(tensors[f"weight{k}"] for k in layers), tuple(tensors[f"bias{k}"] for k in layers))
+        weights, biases = (tuple(tensors[f"{array}{k}"] for k in layers) for array in ("weight", "bias"))
+        return cls(weights, biases, settings["activation"])
 
     def forward(self, rows: Floats) -> Floats:
         """Return the outputs (K, O) for inputs (K, I)."""
+        bend = ACTIVATIONS[self.activation]
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            rows = np.tanh(rows @ weight.T + bias)
+            rows = bend(rows @ weight.T + bias)
         return np.asarray(rows @ self.weights[-1].T + self.biases[-1])
 
 

@@ -4,6 +4,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
+from cases import looped
 from evaluations import hall
 from late import late
 
@@ -93,10 +94,60 @@ def test_a_search_begins_at_nothing_takes_training_draws_and_can_be_repeated(dra
 def test_a_search_finds_what_is_asked_for(monkeypatch):
     """With a made-up cost: the nearer to a weight of 0.9 the better."""
     index = list(asdict(NOTHING)).index("match")
-    monkeypatch.setattr(evolution, "_race", lambda env, weights, seeds: (10.0 + (weights[:, index] - 0.9) ** 2, 1))
+    monkeypatch.setattr(evolution, "_race", lambda env, weights, seeds: (0.01 + (weights[:, index] - 0.9) ** 2, 1))
     found = Generations(40)
-    evolution.evolve(hall(1), OPTIONS, 0, found)
+    evolution.evolve(hall(1), OPTIONS, 0, found, evolution.EvolutionSettings(endless=True))
     assert found.policies[-1].match == pytest.approx(0.9, abs=0.05)
+
+
+@looped(
+    ("course", "ended"),
+    [
+        ([9.0] * 19, False),  # too short to tell
+        ([9.0] * 20, True),
+        ([9.0, 8.9] * 10, True),  # the luck of draws
+        ([10.0 - 0.1 * k for k in range(30)], False),
+        ([9.0] * 30 + [8.0] * 10, False),
+    ],
+)
+def test_a_search_has_stalled_where_its_last_generations_are_no_better(course, ended):
+    assert evolution.stalled(course) is ended
+
+
+class Begun:
+    """Records where searches begin."""
+
+    def __init__(self, monkeypatch):
+        self.means, begun = [], evolution._begun
+        monkeypatch.setattr(evolution, "_begun", lambda mean, *rest: self.means.append(mean) or begun(mean, *rest))
+
+
+def test_a_search_that_stalls_begins_anew_where_it_is_and_ends_when_that_was_in_vain(monkeypatch):
+    """With made-up costs: a step to be found from a plateau, and then nothing more."""
+    begun, found = Begun(monkeypatch), Generations(500)
+
+    def race(env, weights, seeds):
+        return np.where(np.abs(weights).max(axis=1) > 5.0, 50.0, 100.0), 1
+
+    monkeypatch.setattr(evolution, "_race", race)
+    evolution.evolve(hall(1), OPTIONS, 0, found)
+    assert found.left > 0  # it ended by itself
+    assert len(begun.means) >= 2 and not begun.means[0].any() and begun.means[1].any()
+    endless, count = Generations(60), len(begun.means)
+    evolution.evolve(hall(1), OPTIONS, 0, endless, evolution.EvolutionSettings(endless=True))
+    assert endless.left < 0 and len(begun.means) > count + 1
+
+
+def test_a_new_beginning_in_vain_leaves_what_was_found_before(monkeypatch):
+    begun = Begun(monkeypatch)
+
+    def race(env, weights, seeds):
+        return np.full(len(weights), 10.0 * len(begun.means)), 1  # whatever comes later is worse
+
+    monkeypatch.setattr(evolution, "_race", race)
+    found = Generations(500)
+    evolution.evolve(hall(1), OPTIONS, 0, found)
+    assert len(begun.means) == 2 and list(asdict(found.policies[-1]).values()) == begun.means[1].tolist()
 
 
 def test_who_does_not_get_out_counts_more_than_any_time():
@@ -111,11 +162,13 @@ def test_who_does_not_get_out_counts_more_than_any_time():
 
 
 def test_what_was_found_is_kept_with_the_run(tmp_path, monkeypatch):
-    monkeypatch.setattr(evolution, "GENERATIONS", 1)
+    monkeypatch.setattr(evolution, "MOST", 1)
     settings = evolution.EvolutionSettings(**SMALL)
     monkeypatch.setattr(evolution, "EvolutionSettings", lambda: settings)
     config = default_config("room-v0", "nsm2", 3, 2, 5000, 5.0, people=5) | {"start": "nothing"}
-    found = evolution.first_rule(config, tmp_path)
+    seen = []
+    found = evolution.first_rule(config, tmp_path, saw=lambda steps, policy: seen.append((steps, policy)))
+    assert seen == [(0, NOTHING)]  # the curve of a search begins at nothing
     monkeypatch.setattr(evolution, "evolve", None)  # not again
     assert evolution.first_rule(config, tmp_path) == found != NOTHING
     assert evolution.first_rule(config | {"start": "rule"}) is None

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -78,6 +78,17 @@ def test_an_exported_policy_acts_as_it_does_here(tmp_path, action, outputs):
     best = np.sort(logits, axis=1)
     clear = best[:, -1] - best[:, -2] > 1e-4  # single precision may decide a tie otherwise
     assert clear.mean() > 0.99 and (chosen == expected)[clear].all() and len(set(chosen.tolist())) == outputs
+
+
+@looped("activation", ["tanh", "relu"])
+def test_an_exported_network_has_the_same_units(tmp_path, activation):
+    found = policy(SPEEDS, 3)
+    found.network = replace(found.network, activation=activation)
+    runs, _ = exported(found, tmp_path)
+    seen = rows(LAYOUT.size)
+    np.testing.assert_allclose(
+        runs.run(["logits"], {"observation": seen})[0], found.network(seen), rtol=1e-5, atol=2e-4
+    )
 
 
 def test_an_exported_controller_acts_as_it_does_here(tmp_path):

@@ -200,6 +200,16 @@ def test_a_finished_run_can_be_judged_again(job):
     assert json.loads((root / "tiny" / "results.json").read_text())["rows"][0]["runs"] == 1
 
 
+def test_the_curve_of_a_search_says_how_good_it_was_in_the_end_and_before(tmp_path):
+    config = tiny(tmp_path / "run", eval_runs=2)
+    keeper = training.Keeper(tmp_path / "run", config)
+    keeper.saw(0, make_policy("shortest"))
+    keeper.saw(900, make_policy("headway"))
+    rows = training.read_curve(tmp_path / "run" / training.SEARCH)
+    assert [row["steps"] for row in rows] == [0, 900] and rows[0]["evacuation_time"] != rows[1]["evacuation_time"]
+    assert not keeper.curve and not (tmp_path / "run" / training.CURVE).exists()  # no network was judged
+
+
 @pytest.mark.more
 def test_training_stops_when_its_time_is_up(tmp_path):
     folder = tmp_path / "run"

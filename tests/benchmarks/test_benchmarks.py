@@ -66,7 +66,7 @@ def test_dictionaries_are_held_against_arrays():
 @pytest.mark.more
 def test_train_shares_add_up():
     pytest.importorskip("stable_baselines3")
-    found = check(train.rows(TINY, rooms=2, n_steps=8))
+    found = check(train.rows(TINY, envs=2, people=6, start="rule"))
     assert sum(value for (_, quantity), value in found.items() if quantity.endswith("CPU time")) == pytest.approx(1)
 
 

@@ -20,13 +20,14 @@ from ..ppo import PPOSettings, make_ppo
 # Layers of the policy in RLlib's network for PPO, and the spread of a Gaussian.
 _LAYERS = ("encoder.actor_encoder.net.mlp.0", "encoder.actor_encoder.net.mlp.2", "pi.net.mlp.0")
 _SPREAD = "pi.log_std"
+_ACTIVATION = "relu"  # of the native network
 
 
 def model_config(env: CrowdEnv, settings: PPOSettings) -> DefaultModelConfig:
-    """Return what RLlib makes the network of: separate layers for actions and values, as the native one has them."""
+    """Return what RLlib makes the network of: the policy of the native one, and separate layers for values."""
     return DefaultModelConfig(
         fcnet_hiddens=[settings.hidden] * 2,
-        fcnet_activation="tanh",
+        fcnet_activation=_ACTIVATION,
         vf_share_layers=False,
         free_log_std=isinstance(env.single_action_space, gymnasium.spaces.Box),
     )
@@ -55,4 +56,4 @@ def state_with(state: Mapping[str, Any], policy: MLP, log_std: float) -> dict[st
 def policy_in(state: Mapping[str, Any]) -> MLP:
     """Return the policy in the state of RLlib's network: what it does without drawing actions at random."""
     weights, biases = ([np.asarray(state[f"{layer}.{name}"]) for layer in _LAYERS] for name in ("weight", "bias"))
-    return MLP(tuple(weights), tuple(biases))
+    return MLP(tuple(weights), tuple(biases), _ACTIVATION)

@@ -51,8 +51,11 @@ class Graph:
         return output
 
 
+_UNITS = {"tanh": "Tanh", "relu": "Relu"}  # activation -> node
+
+
 def _mlp(graph: Graph, network: Network, output: str) -> None:
-    """Add layers of tanh units."""
+    """Add layers of units."""
     assert isinstance(network, MLP)
     last, values = len(network.weights) - 1, "observation"
     for k, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
@@ -61,7 +64,7 @@ def _mlp(graph: Graph, network: Network, output: str) -> None:
         ]
         values = graph.node("Gemm", [values, *arrays], output if k == last else f"layer{k}", transB=1)
         if k < last:
-            values = graph.node("Tanh", [values], f"tanh{k}")
+            values = graph.node(_UNITS[network.activation], [values], f"units{k}")
 
 
 # Kind of network -> adds its nodes, from "observation" to the name that is given.

@@ -63,8 +63,8 @@ _CHANGES = (
 )
 _WHO_DECIDES = "walking: a policy of everyone's steps; routing: a controller that sends people to exits."
 _START = (
-    "What learning starts from: rule, full speed along the way, or a policy of rules that is cloned: "
-    "evolution, follow, density-cap, ..."
+    "What learning starts from: rule, full speed along the way; nothing, what a search from there finds; "
+    "or a policy of rules that is cloned: evolution, follow, density-cap, ..."
 )
 _STEPS = "Training steps, summed over all pedestrian slots, or over all controllers."
 _RUNS_SAID = f"the task's, or {_RUNS}"

@@ -11,6 +11,8 @@ from stable_baselines3.common.type_aliases import RolloutBufferSamples
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.envs.adapters.sb3.vec_env import Slots
 
+_SAMPLED = ("observations", "actions", "values", "log_probs", "advantages", "returns")  # as samples hold them
+
 
 class MaskedRolloutBuffer(RolloutBuffer):
     """A rollout buffer that hands out only the samples of pedestrians who were inside when they acted.
@@ -65,19 +67,23 @@ class MaskedRolloutBuffer(RolloutBuffer):
     def get(self, batch_size: int | None = None) -> Generator[RolloutBufferSamples, None, None]:
         """Yield shuffled minibatches of the masked samples; afterwards the buffer's arrays hold these samples alone.
 
-        A last minibatch of fewer than half the size is joined to the one before it: its gradient would be all noise.
+        Samples are shuffled once a rollout, and minibatches at every call: they are views, and no sample is copied twice.  A
+        last minibatch of fewer than half the size is joined to the one before it: its gradient would be all noise.
         """
         assert self.full, "the buffer is not full yet"
+        draw: Any = np.random  # the generator that stable-baselines3 seeds
         if not self.generator_ready:
-            valid = np.flatnonzero(self.swap_and_flatten(self.mask)[:, 0])
-            for name in ("observations", "actions", "values", "log_probs", "advantages", "returns"):
-                setattr(self, name, self.swap_and_flatten(getattr(self, name))[valid])
+            valid = draw.permutation(np.flatnonzero(self.mask))
+            for name in _SAMPLED:
+                array = getattr(self, name)
+                setattr(self, name, array.reshape(self.mask.size, *array.shape[2:])[valid])
             self.generator_ready = True
-        order = np.random.permutation(len(self.values))  # noqa: NPY002 - the generator that stable-baselines3 seeds
-        size = batch_size or len(order)
-        count = max(1, int(np.floor(len(order) / size + 0.5)))
-        for part in np.array_split(order, count):
-            yield self._get_samples(part)
+        tensors = [torch.as_tensor(getattr(self, name), device=self.device) for name in _SAMPLED]
+        total = len(self.values)
+        count = max(1, int(np.floor(total / (batch_size or total) + 0.5)))
+        bounds = np.linspace(0, total, count + 1).astype(int)
+        for k in draw.permutation(count):
+            yield RolloutBufferSamples(*(one[bounds[k] : bounds[k + 1]] for one in tensors))
 
 
 def _worth_of_having_left(values: np.ndarray, inside: Bools, slots: Slots) -> Floats:
