@@ -1,0 +1,93 @@
+"""One policy for all places: who teaches where, what a teacher wants, and places of one's own between generated ones."""
+
+import numpy as np
+import pytest
+from late import late
+
+from crowd_env import CrowdEnv, GeneratedCrowds, ObservationLayout, make_scenario
+from crowd_env.agents import make_policy, training_config
+from crowd_env.agents.tasks import TASKS
+from crowd_env.scenarios.generated import Conditions
+
+generalist = late("crowd_env.agents.learned.generalist")
+
+LAYOUT = ObservationLayout(terms=tuple(training_config.GENERALIST["terms"]))
+ROOM = make_scenario("room-v0", people=12)
+OURS = Conditions("nsm2", "competitive", 0.0)
+
+
+def crowds(share, num_envs=3, **more):
+    beside = [(ROOM, OURS)]
+    options = {"action": "speeds", "observation": LAYOUT, "routing": "shortest"}
+    return GeneratedCrowds(num_envs, people=14, level=0.0, beside=beside, share=share, **(options | more))
+
+
+def test_a_place_of_ones_own_is_what_it_is_alone(monkeypatch):
+    drawn, reset = [], CrowdEnv.reset
+    monkeypatch.setattr(CrowdEnv, "reset", lambda self, seed=None, mask=None: drawn.append(seed) or reset(self, seed, mask))
+    env = crowds(1.0, num_envs=1)
+    seen, _ = env.reset(seed=4)
+    alone = CrowdEnv(ROOM, physics="nsm2", walking="competitive", action="speeds", observation=LAYOUT, routing="shortest")
+    own, _ = reset(alone, drawn[-1])
+    rng = np.random.default_rng(0)
+    assert env.place_of_env == [-1]
+    for _ in range(30):
+        np.testing.assert_array_equal(seen[:12], own)
+        action = rng.integers(0, env.single_action_space.n, env.num_people)
+        seen, own = env.step(action).observation, alone.step(action[:12]).observation
+
+
+def test_places_take_turns_by_their_share():
+    assert set(crowds(0.0)._next(np.random.default_rng(0)).place for _ in range(1)) != {-1}
+    env = crowds(0.5)
+    env.reset(seed=0)
+    rng, places = np.random.default_rng(1), []
+    for _ in range(60):
+        places.append(env._next(rng).place)
+    assert 15 <= places.count(-1) <= 45
+    env.reset(seed=0)
+    before = list(env.place_of_env)
+    env.reset(seed=0)
+    assert env.place_of_env == before
+
+
+@pytest.mark.parametrize("name", ["evolution", "hertz-room/ppo"])
+def test_a_teacher_wants_what_it_wants_alone(name):
+    env = crowds(0.5, num_envs=6)
+    seen, _ = env.reset(seed=2)
+    assert -1 in env.place_of_env and max(env.place_of_env) >= 0
+    seeds = {place: "rule" for place in env.place_of_env if place >= 0}
+    teacher = generalist.Hindsight(env, generalist.Teachers(seeds, [name]))
+    wanted = teacher.act(seen, env.layout, np.random.default_rng(0))
+    policy = make_policy(name)
+    own = policy.env_options["observation"]
+    for e, place in enumerate(env.place_of_env):
+        rows = np.arange(env.people(e).start, env.people(e).stop)
+        if place >= 0:
+            np.testing.assert_array_equal(wanted[rows], np.tile([1.0, 0.0], (len(rows), 1)))
+            continue
+        alone = CrowdEnv(ROOM, observation=own, action=policy.env_options["action"])
+        columns = np.concatenate([np.arange(LAYOUT[term].start, LAYOUT[term].stop) for term in own.names])
+        action = policy.act(seen[rows][:, columns], own, np.random.default_rng(0))
+        np.testing.assert_allclose(wanted[rows], np.asarray(alone.action_kind.decoded(np.asarray(action))[0]))
+
+
+def test_all_tasks_of_everyone_that_are_small_enough_are_trained_in():
+    names = {one.name for one in generalist.places_of_tasks(150)}
+    assert names == {name for name, task in TASKS.items() if task.people <= 150 and not task.selfish}
+    assert all(one.place.time_limit <= 150.0 for one in generalist.places_of_tasks(150))
+
+
+def test_who_leaves_fewer_people_teaches_before_who_is_sooner(monkeypatch):
+    times = {"rule": (0.0, 30.0), "evolution": (0.0, 20.0), "hertz-room/ppo": (3.0, 1.0)}
+    monkeypatch.setattr(generalist, "_cost_beside", lambda piece, stopped: times.get(piece[1], (9.0, 9.0)))
+    places = [generalist.Beside("a", ROOM, OURS), generalist.Beside("b", ROOM, OURS)]
+    assert generalist._best_beside(places, generalist.Serial()) == ["evolution", "evolution"]
+
+
+def test_the_parameters_of_a_training_in_all_places_are_plain_and_checked():
+    config = training_config.generalist_config(3, people=40, envs=2, minutes=1.0)
+    assert config["task"] is None and config["places"]["people"] == 40 and config["seed"] == 3
+    assert training_config.facts_of(config)["task"] == {"name": "generated", "version": 1}
+    env = training_config.make_env(config)
+    assert isinstance(env, GeneratedCrowds) and env.layout.names == LAYOUT.names and env.num_envs == 2
