@@ -9,9 +9,11 @@ import numpy as np
 from crowd_env.agents import PRETRAINED, starts_from
 from crowd_env.agents.evaluation.comparison import order_of, paired
 from crowd_env.agents.evaluation.submission import REFERENCES, read_submission
+from crowd_env.agents.evaluation.tiers import Standing, standing
 from crowd_env.agents.tasks import PRESETS, TASKS
 from crowd_env.agents.tasks.floors import RECORDED_FLOW, exit_widths, free_walk_time, touching_flow
-from crowd_env.agents.tasks.variations import variations
+from crowd_env.agents.tasks.tiers import SETTINGS
+from crowd_env.agents.tasks.variations import AS_IT_STANDS, variations
 from crowd_env.analysis.figures import cell
 from validation.pages import ROOT, Grid
 
@@ -92,6 +94,43 @@ def floors() -> Grid:
             "width of the exits, m": f"{width:.3g}",
         })  # fmt: skip
     return _upright(rows)
+
+
+def tiers(folder: Path = ROOT / "docs/tasks/tiers") -> Grid:
+    """One row a setting of the benchmark: its bound, and how near to it the best known policies are."""
+    rows = []
+    for one in SETTINGS:
+        there = standing(one, folder)
+        alike = one.variation is AS_IT_STANDS or one.variation.about.startswith("the task")
+        rows.append({
+            "tier": one.tier,
+            "task": f"`{one.task.name}`",
+            "setting": "as it stands" if alike else one.variation.about,
+            "draws": str(one.runs),
+            **(_stands(there) if there else dict.fromkeys(_STANDS, "not tried")),
+        })  # fmt: skip
+    return _upright(rows)
+
+
+_STANDS = (
+    "bound, s",
+    "best learned policy",
+    "half of all draws, s",
+    "gap to the bound",
+    "best rule, s",
+    "hindsight, s",
+)
+
+
+def _stands(one: Standing) -> dict[str, str]:
+    def told(left: int, time: float) -> str:
+        return ("never" if np.isinf(time) else f"{time:.1f}") + (f", left in {left}" if left else "")
+
+    gap = "–" if np.isinf(one.gap) else f"{100.0 * one.gap:+.0f} %".replace("-", "−")
+    half = told(one.best_left, one.best_time)
+    rule = f"{told(one.rule_left, one.rule_time)} (`{one.rule}`)"
+    soonest = "never" if np.isinf(one.hindsight) else f"{one.hindsight:.1f}"
+    return dict(zip(_STANDS, (f"{one.bound:.1f}", f"`{one.best}`", half, gap, rule, soonest), strict=True))
 
 
 # ----------------------------------------------------------------------------------------------------------- submissions
@@ -215,6 +254,7 @@ MAKERS: dict[str, Callable[[], Grid]] = {
     "task-facts": facts,
     "task-presets": presets,
     "task-floors": floors,
+    "tiers": tiers,
     "submissions": submissions,
     "variations": varied,
 }
