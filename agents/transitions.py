@@ -103,7 +103,7 @@ def runs_of(policy: Policy, task: Task, runs: int, seed: int = 0) -> Iterator[tu
         yield facts, Run(np.concatenate([observation, last[None]]), *others)
 
 
-def write_runs(path: Path, policy: Policy, task: Task, runs: int, seed: int = 0) -> int:
+def write_runs(path: str | Path, policy: Policy, task: Task, runs: int, seed: int = 0) -> int:
     """Write runs of a policy to a file, one after the other, and return how many.
 
     The file appears when it is whole.  At Ctrl-C it is whole with the runs that have ended, if there is one.
@@ -113,7 +113,7 @@ def write_runs(path: Path, policy: Policy, task: Task, runs: int, seed: int = 0)
     ValueError
         If the name does not end in .npz, or as `runs_of`.
     """
-    check_suffix(path, (".npz",))
+    path = check_suffix(path, (".npz",))
     facts: dict[str, Any] = {}
     stopped: KeyboardInterrupt | None = None
     with written(path) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
