@@ -2,13 +2,7 @@
 
 The actor sees what a pedestrian sees, and is all that acts afterwards.  The critic also sees the mean of what everyone inside
 the same room sees, and how many they are: a state of fixed width that knows no order of people.  The rest is PPO by
-stable-baselines3, but for how it explores.
-
-A room explores as one.  What an order at a door is worth shows only where all keep it for a while, and choices that everyone
-draws anew every 0.1 s average to nothing.  To draw from a softmax is to take the largest of logits and independent Gumbel
-numbers.  Here these numbers are a random function of what is seen, one for all people of a room for some seconds: each choice
-alone is still drawn from the softmax, as PPO asks for, but who is in a like situation chooses alike.  It is to choices what
-state-dependent exploration (Raffin, Kober, Stulp 2021) is to Gaussian actions.
+stable-baselines3, which starts at the rule.
 """
 
 from typing import Any, cast
@@ -35,50 +29,12 @@ from .watch import Watch, watch_ppo
 CROWD_SCALE = 50.0  # people inside of whom the critic is told 1/2
 
 
-class RoomDice:
-    """Gumbel numbers that people of one room share where they see the like.
-
-    Of every person and choice they are Gumbel distributed, over functions that are drawn; those of one person are independent.
-
-    Parameters
-    ----------
-    env : whose people choose.
-    held : decisions for which a room keeps its function; rooms change one after the other.
-    """
-
-    def __init__(self, env: CrowdEnv, held: int, seed: int) -> None:
-        layout, self.env, self.held = env.layout, env, held
-        self._rng = np.random.default_rng(seed)
-        self._weight = np.concatenate(
-            [np.full(layout.width(name), layout.width(name) ** -0.5) for name in layout.names]
-        )
-        self.choices = int(env.single_action_space.n)  # type: ignore[attr-defined]
-        self._function = self._rng.standard_normal((env.num_envs, self.choices, layout.size + 1))
-        self._age = np.arange(env.num_envs) * held // env.num_envs
-
-    def roll(self, observation: np.ndarray) -> np.ndarray:
-        """Return the numbers (P, A) of a decision."""
-        if self.held == 0:  # everyone for himself
-            return self._rng.gumbel(size=(len(observation), self.choices)).astype(np.float32)
-        self._age += 1
-        for e in np.flatnonzero(self._age >= self.held):
-            self._function[e], self._age[e] = self._rng.standard_normal(self._function.shape[1:]), 0
-        seen = np.hstack([observation * self._weight, np.ones((len(observation), 1))])
-        seen /= np.linalg.norm(seen, axis=1, keepdims=True)
-        start = self.env.env_start
-        normal = [seen[a:b] @ one.T for a, b, one in zip(start[:-1], start[1:], self._function, strict=True)]
-        share = torch.special.ndtr(torch.from_numpy(np.concatenate(normal))).clamp(1e-7, 1.0 - 1e-7).numpy()
-        return np.asarray(-np.log(-np.log(share)), dtype=np.float32)
-
-
 class CentralVecEnv(CrowdVecEnv):
-    """A `CrowdVecEnv` whose rows (P, 2 D + 1 + A) also hold what the crowd of the room sees in the mean, its size, and dice."""
+    """A `CrowdVecEnv` whose rows (P, 2 D + 1) also hold what the crowd of the room sees in the mean, and its size."""
 
-    def __init__(self, env: CrowdEnv, dice: RoomDice) -> None:
+    def __init__(self, env: CrowdEnv) -> None:
         super().__init__(env)
-        self.dice = dice
-        wide = 2 * env.layout.size + 1 + dice.choices
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (wide,), np.float32)
+        self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (2 * env.layout.size + 1,), np.float32)
 
     def _begin(self, seed: int | None) -> np.ndarray:
         return self.widened(super()._begin(seed), self.env.active)
@@ -96,16 +52,16 @@ class CentralVecEnv(CrowdVecEnv):
         return super()._close_episodes(reward, done, truncated, last_observation)
 
     def widened(self, observation: np.ndarray, inside: Bools) -> np.ndarray:
-        """Return the rows (P, 2 D + 1 + A) of those whose crowd are the people ``inside``."""
+        """Return the rows (P, 2 D + 1) of those whose crowd are the people ``inside``."""
         start = self.env.env_start[:-1]
         count = np.add.reduceat(inside.astype(np.float32), start)[:, None]
         total = np.add.reduceat(np.where(inside[:, None], observation, np.float32(0.0)), start)
         crowd = np.hstack([total / np.maximum(count, 1.0), count / (count + CROWD_SCALE)])
-        return np.hstack([observation, crowd[self.env.env_of_person], self.dice.roll(observation)], dtype=np.float32)
+        return np.hstack([observation, crowd[self.env.env_of_person]], dtype=np.float32)
 
 
 class _Central(nn.Module):
-    """Two layers for the actor, of the first columns alone, and two for the critic, of all but the dice."""
+    """Two layers for the actor, of the first columns alone, and two for the critic, of all."""
 
     def __init__(self, own: int, hidden: int) -> None:
         super().__init__()
@@ -120,26 +76,18 @@ class _Central(nn.Module):
         return torch.as_tensor(self.policy_net(features[:, : self.own]))
 
     def forward_critic(self, features: Tensor) -> Tensor:
-        return torch.as_tensor(self.value_net(features[:, : 2 * self.own + 1]))
+        return torch.as_tensor(self.value_net(features))
 
 
 class CentralPolicy(ActorCriticPolicy):
-    """Actor and critic of a `CentralVecEnv`; in a rollout the dice of the rows choose."""
+    """Actor and critic of a `CentralVecEnv`."""
 
     def __init__(self, *args: Any, hidden: int, **kwargs: Any) -> None:
         self.hidden = hidden
         super().__init__(*args, **kwargs)
 
     def _build_mlp_extractor(self) -> None:
-        own = (self.features_dim - 1 - int(self.action_space.n)) // 2  # type: ignore[attr-defined]
-        self.mlp_extractor = _Central(own, self.hidden)  # type: ignore[assignment]
-
-    def forward(self, obs: Tensor, deterministic: bool = False) -> tuple[Tensor, Tensor, Tensor]:
-        """Return actions, values and log probabilities of rows."""
-        latent, crowd = self.mlp_extractor(obs)
-        logits = self.action_net(latent).log_softmax(dim=-1)
-        action = (logits + obs[:, -logits.shape[-1] :]).argmax(dim=-1)
-        return action, self.value_net(crowd), logits.gather(-1, action[:, None]).squeeze(-1)
+        self.mlp_extractor = _Central((self.features_dim - 1) // 2, self.hidden)  # type: ignore[assignment]
 
     def network(self) -> MLP:
         """Return the actor as plain numbers."""
@@ -148,13 +96,12 @@ class CentralPolicy(ActorCriticPolicy):
         return MLP(tuple(arrays[0]), tuple(arrays[1]))
 
 
-def train_mappo(env: CrowdEnv, settings: PPOSettings, seed: int, watch: Watch, held: int = 40) -> None:
+def train_mappo(env: CrowdEnv, settings: PPOSettings, seed: int, watch: Watch) -> None:
     """Train by MAPPO from the rule until ``watch`` says that it is enough.
 
     Parameters
     ----------
     env : made with ``autoreset=True`` and a discrete action.
-    held : decisions for which a room explores in one direction.
 
     Raises
     ------
@@ -164,11 +111,10 @@ def train_mappo(env: CrowdEnv, settings: PPOSettings, seed: int, watch: Watch, h
     if not isinstance(env.single_action_space, gymnasium.spaces.Discrete):
         raise ValueError(f"action {env.action_kind.name!r} is not discrete; take one such as 'speeds'")
     torch.set_num_threads(1)
-    venv = CentralVecEnv(env, RoomDice(env, held, seed))
     taken = ("n_steps", "batch_size", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "target_kl")
     model = PPO(
         CentralPolicy,
-        venv,
+        CentralVecEnv(env),
         learning_rate=FallingRate(settings.learning_rate),
         policy_kwargs={"hidden": settings.hidden},
         seed=seed,

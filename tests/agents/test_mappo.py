@@ -1,10 +1,10 @@
-"""MAPPO: a critic that sees the crowd, an actor that does not, and rooms that explore as one."""
+"""MAPPO: a critic that sees the crowd, and an actor that does not."""
 
 import numpy as np
 import pytest
 
 from crowd_env import CrowdEnv, ObservationLayout
-from crowd_env.agents.learned.mappo import CentralPolicy, CentralVecEnv, RoomDice, train_mappo
+from crowd_env.agents.learned.mappo import CentralPolicy, CentralVecEnv, train_mappo
 from crowd_env.agents.learned.ppo import PPOSettings
 
 SEEN = ObservationLayout(terms=("velocity", "travel_time", "ahead"))
@@ -15,44 +15,26 @@ def room(num_envs=2, **options):
     return CrowdEnv("room-v0", num_envs=num_envs, autoreset=True, action="speeds", observation=SEEN, **options)
 
 
-def test_dice_are_gumbel_numbers_that_people_of_a_room_share_where_they_see_the_like():
-    env = room(num_envs=400, people=2)
-    dice = RoomDice(env, 3, seed=0)
-    seen = np.tile(np.linspace(-0.5, 0.5, SEEN.size), (env.num_people, 1)).astype(np.float32)
-    rolled = dice.roll(seen).reshape(400, 2, 5)
-    np.testing.assert_array_equal(rolled[:, 0], rolled[:, 1])
-    one = rolled[:, 0]
-    assert one.mean() == pytest.approx(np.euler_gamma, abs=0.1) and one.var() == pytest.approx(np.pi**2 / 6, rel=0.1)
-    assert abs(np.corrcoef(one.T) - np.eye(5)).max() < 0.2  # choices are independent
-    assert len(np.unique(one[:, 0])) == 400
-    logits = np.array([0.0, 0.5, 1.0, 1.5, 2.0])
-    drawn = np.bincount((one + logits).argmax(axis=1), minlength=5) / 400
-    np.testing.assert_allclose(drawn, np.exp(logits) / np.exp(logits).sum(), atol=0.07)  # the softmax
-    near = dice.roll(seen + np.float32(1e-3)).reshape(400, 2, 5)[:, 0]
-    same = (np.abs(near - one) < 0.1).all(axis=1).mean()
-    assert 0.5 < same < 0.75  # a third of the rooms has another function, the others choose alike in a like situation
-
-
 def test_the_critic_is_told_of_those_inside_alone_in_no_order():
     env = room()
-    venv = CentralVecEnv(env, RoomDice(env, 4, seed=0))
+    venv = CentralVecEnv(env)
     venv.seed(0)
     first = venv.reset()
-    assert first.shape == venv.observation_space.shape[:0] + (env.num_people, 2 * SEEN.size + 1 + 5)
+    assert first.shape == (env.num_people, 2 * SEEN.size + 1) and venv.observation_space.contains(first[0])
     inside = np.ones(env.num_people, dtype=bool)
     inside[[1, 4, 25]] = False
     observation = np.random.default_rng(0).uniform(-1, 1, (env.num_people, SEEN.size)).astype(np.float32)
-    crowd = venv.widened(observation, inside)[:, SEEN.size : -5]
+    crowd = venv.widened(observation, inside)[:, SEEN.size :]
     for people in (slice(0, 20), slice(20, 40)):
         rows = inside[people]
         mean = observation[people][rows].mean(axis=0)
         np.testing.assert_allclose(
             crowd[people], np.tile([*mean, rows.sum() / (rows.sum() + 50.0)], (20, 1)), rtol=1e-5
         )
-    turned = np.concatenate([np.random.default_rng(1).permutation(20), np.arange(20, 40)])
-    np.testing.assert_allclose(venv.widened(observation[turned], inside[turned])[:, SEEN.size : -5], crowd, atol=1e-6)
+    turned = np.array([*np.random.default_rng(1).permutation(20), *range(20, 40)])
+    np.testing.assert_allclose(venv.widened(observation[turned], inside[turned])[:, SEEN.size :], crowd, atol=1e-6)
     nobody = venv.widened(observation, np.zeros_like(inside))
-    assert np.isfinite(nobody).all() and not nobody[:, SEEN.size : -5].any()
+    assert np.isfinite(nobody).all() and not nobody[:, SEEN.size :].any()
 
 
 class Counted:
@@ -81,7 +63,7 @@ def test_training_begins_at_the_rule_and_moves_from_it_and_what_is_kept_does_not
     assert watch.steps[0] == 0 < watch.steps[1] <= 8 * 40 and watch.steps[1] < watch.steps[2]
 
 
-def test_the_actor_sees_neither_the_crowd_nor_the_dice(monkeypatch):
+def test_the_actor_does_not_see_the_crowd(monkeypatch):
     kept = []
     monkeypatch.setattr("crowd_env.agents.learned.mappo.watch_ppo", lambda model, *_: kept.append(model))
     train_mappo(room(), SETTINGS, 0, None)
@@ -89,20 +71,16 @@ def test_the_actor_sees_neither_the_crowd_nor_the_dice(monkeypatch):
     assert isinstance(policy, CentralPolicy)
     import torch
 
-    rows = torch.rand(6, 2 * SEEN.size + 1 + 5)
+    rows = torch.rand(6, 2 * SEEN.size + 1)
     logits = policy.get_distribution(rows).distribution.logits.detach().numpy()
-    own = rows[:, : SEEN.size].numpy()
-    there = policy.network()(own)
+    there = policy.network()(rows[:, : SEEN.size].numpy())
     np.testing.assert_allclose(there - there.mean(axis=1)[:, None], logits - logits.mean(axis=1)[:, None], atol=1e-5)
     other = rows.clone()
-    other[:, SEEN.size :] = torch.rand(6, SEEN.size + 1 + 5)
+    other[:, SEEN.size :] = torch.rand(6, SEEN.size + 1)
     assert not torch.allclose(policy.predict_values(rows), policy.predict_values(other))
-    other[:, :-5] = rows[:, :-5]
-    assert torch.equal(policy.predict_values(rows), policy.predict_values(other))
-    action, _, chance = policy(rows)
-    best = (torch.from_numpy(logits) + rows[:, -5:]).argmax(dim=1)
-    assert torch.equal(action, best)
-    np.testing.assert_allclose(chance.detach().numpy(), logits[np.arange(6), best], atol=1e-5)
+    assert torch.equal(
+        policy.get_distribution(other).distribution.logits, policy.get_distribution(rows).distribution.logits
+    )
 
 
 def test_actions_that_are_not_discrete_are_refused():
