@@ -48,6 +48,13 @@ def _ppo(config: dict[str, Any], watch: "Watch") -> None:
     train_ppo(make_env(config), PPOSettings(**config["ppo"]), config["seed"], watch, first_rule(config))
 
 
+def _mappo(config: dict[str, Any], watch: "Watch") -> None:
+    from .learned.mappo import train_mappo
+    from .learned.ppo import PPOSettings
+
+    train_mappo(make_env(config), PPOSettings(**config["ppo"]), config["seed"], watch)
+
+
 def _evolution(config: dict[str, Any], watch: "Watch") -> None:
     from .learned.evolution import EvolutionSettings, evolve
 
@@ -74,6 +81,7 @@ ALGORITHMS: Mapping[str, Algorithm] = MappingProxyType(
     {
         "ppo": Algorithm("PPO by stable-baselines3, begun at the rule", _ppo),
         "ppo-cloned": Algorithm("the same, begun as a training of the task is", _ppo, None),
+        "mappo": Algorithm("MAPPO, PPO whose critic sees the crowd, begun at the rule", _mappo),
         "evolution": Algorithm("CMA-ES over seven weights of what is seen, begun at full speed", _evolution),
     }
 )

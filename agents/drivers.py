@@ -16,6 +16,7 @@ from .controllers import Controller
 from .mixed import MixedEnv
 from .policy import Policy
 from .rules import ShortestPath, StandStill, StrategyPolicy
+from .sight import Sight
 from .trained import LearnedPolicy
 from .walking import DensityCap, Evolved, Follow, RuleAtShare, Zipper
 
@@ -42,21 +43,32 @@ class PolicyDriver(Driver):
         [-1, 1]; a run's seed alone draws it.
     delay : s, after which a decision takes effect; until the first does, people follow the rule of the environment.  That rule
         itself, and what a manner makes of a policy's wish, is neither disturbed nor late.
+    unseen : share of the others whom a person does not see, others in every decision, see `crowd_env.agents.sight.Sight`.
     """
 
     def __init__(
-        self, policy: Policy, env: CrowdEnv, passes_rest: bool = False, noise: float = 0.0, delay: float = 0.0
+        self,
+        policy: Policy,
+        env: CrowdEnv,
+        passes_rest: bool = False,
+        noise: float = 0.0,
+        delay: float = 0.0,
+        unseen: float = 0.0,
     ) -> None:
         super().__init__(env)
         self.policy, self.noise = policy, noise
+        self._sight = Sight(env, unseen) if unseen else None
         self._late = round(delay / env.decision_dt)  # decisions
-        self._rests = passes_rest and rests_for_good(policy, env) and (not noise or isinstance(policy, ShortestPath))
+        self._rests = passes_rest and rests_for_good(policy, env)
+        self._rests &= not (noise or unseen) or isinstance(policy, ShortestPath)
 
     def reset(self, seeds: list[int]) -> None:
         """Start new evacuations, each from its seed."""
         self._observation, _ = self.env.reset(seeds)
         self.policy.reset(np.ones(len(seeds), dtype=np.bool_))
         self._rng = np.random.default_rng(seeds[0])
+        if self._sight is not None:
+            self._sight.reset(seeds)
         self._noises = [np.random.default_rng((seed, _NOISE)) for seed in seeds]
         self._decided: list[np.ndarray | None] = [None] * self._late  # what is yet to take effect
         self._moved = np.zeros(len(seeds))  # s  when someone was last faster than `REST`
@@ -72,15 +84,16 @@ class PolicyDriver(Driver):
 
     def _seen(self) -> np.ndarray:
         """Return the observation that the policy is given."""
+        observation = self._observation if self._sight is None else self._sight.observe()
         if not self.noise:
-            return self._observation
-        start, width = self.env.env_start, self._observation.shape[1]
+            return observation
+        start, width = self.env.env_start, observation.shape[1]
         drawn = [
             rng.standard_normal((n, width), np.float32)
             for rng, n in zip(self._noises, np.diff(start).tolist(), strict=True)
         ]
-        seen = self._observation + np.float32(self.noise) * np.concatenate(drawn)
-        return np.where(self._observation != 0.0, np.clip(seen, -1.0, 1.0), 0.0)
+        seen = observation + np.float32(self.noise) * np.concatenate(drawn)
+        return np.where(observation != 0.0, np.clip(seen, -1.0, 1.0), 0.0)
 
     def _pass_rest(self) -> None:
         """Let the wait be over where people are at rest for good, and have all begun to walk."""
@@ -112,7 +125,7 @@ class PolicyBatches:
         None: all, and a manner is everyone's.
     others : moves the others; None: the rule does.
     passes_rest : see `PolicyDriver`: the figures are those of the whole wait, but nobody can look on.
-    noise, delay : see `PolicyDriver`.
+    noise, delay, unseen : see `PolicyDriver`.
     """
 
     policy: Policy
@@ -123,6 +136,7 @@ class PolicyBatches:
     passes_rest: bool = False
     noise: float = 0.0
     delay: float = 0.0
+    unseen: float = 0.0
 
     @property
     def constants(self) -> dict[str, Any]:
@@ -140,7 +154,7 @@ class PolicyBatches:
                 options["observation"] = max((one["observation"] for one in both if "observation" in one), key=_size)
             mixed: dict[str, Any] = {"share": self.learned_share, "others": self.others, "num_envs": num_envs}
             env = MixedEnv(self.scenario, **mixed, **arguments_of(options))
-        return PolicyDriver(self.policy, env, self.passes_rest, self.noise, self.delay)
+        return PolicyDriver(self.policy, env, self.passes_rest, self.noise, self.delay, self.unseen)
 
 
 def _size(layout: ObservationLayout) -> int:
@@ -154,6 +168,7 @@ def policy_driver(
     learned_share: float | None = None,
     noise: float = 0.0,
     delay: float = 0.0,
+    unseen: float = 0.0,
     **options: Any,
 ) -> PolicyBatches:
     """Return a maker of batches of a scenario under a policy, whose own options of `CrowdEnv` override ``options``.
@@ -162,7 +177,7 @@ def policy_driver(
     """
     if isinstance(policy, RuleAtShare) and policy.share is None:
         policy = RuleAtShare(best_share(scenario, learned_share=learned_share, **options))
-    return PolicyBatches(policy, scenario, options, learned_share, noise=noise, delay=delay)
+    return PolicyBatches(policy, scenario, options, learned_share, noise=noise, delay=delay, unseen=unseen)
 
 
 def best_share(scenario: Scenario, **options: Any) -> float:
@@ -244,7 +259,7 @@ def driver_of(
     options : of `CrowdEnv`; a controller chooses routes, and decides at its own interval.
     """
     if not isinstance(who, Policy):
-        not_own = ("strategy", "decision_dt", "rules", "noise", "delay")
+        not_own = ("strategy", "decision_dt", "rules", "noise", "delay", "unseen")
         own = {name: value for name, value in options.items() if name not in not_own}
         return partial(_controlled, who, scenario, own)
     return policy_driver(who, scenario, learned_share=learned_share, **options)

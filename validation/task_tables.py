@@ -4,15 +4,21 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 
 from crowd_env.agents import PRETRAINED, starts_from
 from crowd_env.agents.evaluation.comparison import order_of, paired
 from crowd_env.agents.evaluation.submission import REFERENCES, read_submission
+from crowd_env.agents.evaluation.tiers import Standing, standing
+from crowd_env.agents.networks import network_digest
 from crowd_env.agents.tasks import PRESETS, TASKS
 from crowd_env.agents.tasks.floors import RECORDED_FLOW, exit_widths, free_walk_time, touching_flow
-from crowd_env.agents.tasks.variations import variations
+from crowd_env.agents.tasks.tiers import SETTINGS
+from crowd_env.agents.tasks.variations import AS_IT_STANDS, variations
 from crowd_env.analysis.figures import cell
+from crowd_env.core.files.json_file import read_json
+from crowd_env.envs.action import make_action
 from validation.pages import ROOT, Grid
 
 SUBMISSIONS = ROOT / "docs/tasks/submissions"
@@ -92,6 +98,43 @@ def floors() -> Grid:
             "width of the exits, m": f"{width:.3g}",
         })  # fmt: skip
     return _upright(rows)
+
+
+def tiers(folder: Path = ROOT / "docs/tasks/tiers") -> Grid:
+    """One row a setting of the benchmark: its bound, and how near to it the best known policies are."""
+    rows = []
+    for one in SETTINGS:
+        there = standing(one, folder)
+        alike = one.variation is AS_IT_STANDS or one.variation.about.startswith("the task")
+        rows.append({
+            "tier": one.tier,
+            "task": f"`{one.task.name}`",
+            "setting": "as it stands" if alike else one.variation.about,
+            "draws": str(one.runs),
+            **(_stands(there) if there else dict.fromkeys(_STANDS, "not tried")),
+        })  # fmt: skip
+    return _upright(rows)
+
+
+_STANDS = (
+    "bound, s",
+    "best learned policy",
+    "half of all draws, s",
+    "gap to the bound",
+    "best rule, s",
+    "hindsight, s",
+)
+
+
+def _stands(one: Standing) -> dict[str, str]:
+    def told(left: int, time: float) -> str:
+        return ("never" if np.isinf(time) else f"{time:.1f}") + (f", left in {left}" if left else "")
+
+    gap = "–" if np.isinf(one.gap) else f"{100.0 * one.gap:+.0f} %".replace("-", "−")
+    half = told(one.best_left, one.best_time)
+    rule = f"{told(one.rule_left, one.rule_time)} (`{one.rule}`)"
+    soonest = "never" if np.isinf(one.hindsight) else f"{one.hindsight:.1f}"
+    return dict(zip(_STANDS, (f"{one.bound:.1f}", f"`{one.best}`", half, gap, rule, soonest), strict=True))
 
 
 # ----------------------------------------------------------------------------------------------------------- submissions
@@ -196,6 +239,51 @@ def _worse(content: dict[str, Any]) -> str:
     return ", ".join(name for name in tried if left[name, mine] > left[name, REFERENCES[0]]) or "none"
 
 
+def cards(folder: Path = SUBMISSIONS) -> Grid:
+    """One row a shipped policy: what it sees and does, how it was trained, its digest, its figures and its limits."""
+    judged = {one["policy"]["name"]: one for those in read_submissions(folder).values() for one in those}
+    return _upright(
+        [_card(name, read_json(path.with_suffix(".json")), judged.get(name)) for name, path in PRETRAINED.items()]
+    )
+
+
+def _card(name: str, made: dict[str, Any], judged: dict[str, Any] | None) -> dict[str, str]:
+    config, spent, action = made["config"], made["spent"], make_action(made["config"]["action"])
+    seen, prices = config["observation"], _listed(config["reward"]["weights"])
+    figures, limits = "not submitted", "unchecked"
+    if judged is not None:
+        row, worse = _row(judged), _worse(judged)
+        figures = f"half of all draws {_half(row)} s; left somebody inside in {row['unfinished']} of {row['runs']}"
+        figures += cell("; above 1.6 kN/m {crushed_share[mean]:%} %", row)
+        known = ", ".join(_known_limits(judged)) or "none"
+        limits = f"leaves people in more draws than the rule on: {worse}; 10 % slower than the rule on: {known}"
+    choices = f", {action.space.n} choices" if isinstance(action.space, gymnasium.spaces.Discrete) else ""
+    return {
+        "card": name.replace("/", "-"),
+        "policy": f"`{name}`",
+        "network, SHA-256": f"`{network_digest(PRETRAINED[name])}`",
+        "sees": ", ".join(f"`{term}`" for term in seen["terms"])
+        + f"; {seen['neighbors']} neighbors, {seen['rays']} rays; along the own way, no compass",
+        "does": f"`{action.name}`{choices}, every {config['decision_dt']:g} s",
+        "trained in": f"{config['people']} people, `{config['scenario']}`: {_listed(config['options'])}; "
+        f"`{config['scheme']}`, {config['dt']:g} s",
+        "starts from": starts_from(name),
+        "is paid": f"{prices}; team share {config['reward'].get('team_share', 0.0):g}",
+        "took": f"{spent['steps'] / 1e6:.1f} million steps, {spent['cpu_seconds']:.0f} CPU s, seed {config['seed']}",
+        "held-out draws": figures,
+        "limits": f"{limits}; other tasks than its own: see the tiers",
+    }
+
+
+def _known_limits(content: dict[str, Any]) -> list[str]:
+    """Return the variations on which half of a policy's draws are over 10 % later than half of the rule's."""
+    rows = () if content["robustness"] is None else content["robustness"]["rows"]
+    half = {(row["variation"], row["policy"]): row["median_time"] for row in rows}
+    mine = content["policy"]["name"]
+    pairs = {name: (half[name, mine], half[name, REFERENCES[0]]) for name, policy in half if policy == mine}
+    return [name for name, (own, rule) in pairs.items() if rule is not None and (own is None or own > 1.1 * rule)]
+
+
 def varied(folder: Path = SUBMISSIONS) -> Grid:
     """One row a task and variation, one column a policy: when half of all draws were over, and those with people left."""
     found: dict[tuple[str, str], dict[str, str]] = {}
@@ -215,6 +303,8 @@ MAKERS: dict[str, Callable[[], Grid]] = {
     "task-facts": facts,
     "task-presets": presets,
     "task-floors": floors,
+    "tiers": tiers,
     "submissions": submissions,
     "variations": varied,
+    "cards": cards,
 }

@@ -60,16 +60,17 @@ def make_trials(task: Task, policies: Sequence[str]) -> list[Trial]:
     ValueError
         As `make_entries`, and if people do not fit.
     """
-    return [_trial(task, one, policies) for one in variations(task)]
+    return [make_trial(task, one, policies) for one in variations(task)]
 
 
-def _trial(task: Task, one: Variation, policies: Sequence[str]) -> Trial:
+def make_trial(task: Task, one: Variation, policies: Sequence[str]) -> Trial:
+    """Return a trial of one variation; see `make_trials`."""
     place, named = one.place(task), list(policies)
     left_out: list[str] = []
     while True:
         try:
             entries = make_entries(named, place, task, learned_share=one.learned_share)
-            hindered = [replace(e, driver=partial(e.driver, noise=one.noise, delay=one.delay)) for e in entries]
+            hindered = [replace(e, driver=partial(e.driver, **one.hindrances())) for e in entries]
             return Trial(one, place, one.scheme or task.scheme, hindered, left_out)
         except Unsuited as error:
             if one is AS_IT_STANDS:

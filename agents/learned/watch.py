@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, cast
 
+from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from crowd_env import CrowdEnv
@@ -88,15 +89,20 @@ def train_ppo(env: CrowdEnv, settings: PPOSettings, seed: int, watch: Watch, sta
     if start is not None:
         clone(model, start, seed)
         decided = ROUNDS * DECISIONS * env.num_people
-    model.learn(_ENDLESS, callback=_Watched(env, watch, decided))
+    watch_ppo(model, watch, lambda: LearnedPolicy(network_of(model), env_options_of(env)), decided)
+
+
+def watch_ppo(model: PPO, watch: Watch, policy: Callable[[], Policy], decided: int = 0) -> None:
+    """Let a model learn until ``watch`` says that it is enough of ``policy``; so many decisions were made before."""
+    model.learn(_ENDLESS, callback=_Watched(watch, policy, decided))
 
 
 class _Watched(BaseCallback):
     """Asks the watch after every rollout, before the update on it; counts decisions of people who are inside."""
 
-    def __init__(self, env: CrowdEnv, watch: Watch, decided: int) -> None:
+    def __init__(self, watch: Watch, policy: Callable[[], Policy], decided: int) -> None:
         super().__init__()
-        self.env, self.watch, self.decided = env, watch, decided
+        self.watch, self.policy, self.decided = watch, policy, decided
         self.enough = False
 
     def _on_training_start(self) -> None:
@@ -111,7 +117,4 @@ class _Watched(BaseCallback):
         cast(FallingRate, self.model.learning_rate).time_spent = self.watch.share
 
     def _ask(self) -> None:
-        self.enough = not self.watch.goes_on(self.decided, self._policy)
-
-    def _policy(self) -> LearnedPolicy:
-        return LearnedPolicy(network_of(self.model), env_options_of(self.env))
+        self.enough = not self.watch.goes_on(self.decided, self.policy)

@@ -1,5 +1,7 @@
 """What no crowd can do better than in a place, and what recorded crowds do there."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from crowd_env import Scenario
@@ -7,6 +9,7 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.rollout import run_episodes
 
 from .task import Task
+from .variations import AS_IT_STANDS, Variation
 
 # 1/(m s)  79 published flows through doors of 0.4 to 2.8 m, among them Kretz, Grünebohm, Schreckenberg 2006 (J. Stat. Mech.
 # P10014), Seyfried et al. 2009 (Transp. Sci. 43:395) and Nagai 2006, lie from 1.6 to 2.8; Seyfried's door of 1 m passes 1.9.
@@ -39,21 +42,28 @@ def touching_flow(place: Scenario) -> float:
     return float(abreast.sum()) * speed / width
 
 
-def free_walk_time(task: Task) -> float:
-    """Return when the last person [s] of a task would be out if nobody stood in the way: the mean over crowds.
+def capacity_time(place: Scenario) -> float:
+    """Return how long all people of a place [s] take through its exits at the largest flow that was recorded."""
+    return float(place.population.people / (LARGEST_RECORDED_FLOW * exit_widths(place).sum()))
+
+
+def free_walk_time(task: Task, one: Variation = AS_IT_STANDS) -> float:
+    """Return when the last person [s] of a task, varied, would be out if nobody stood in the way: the mean over crowds.
 
     People walk alone (of crowds of several groups, one of each) as the rule says, from places and with bodies that are drawn
     anew in each of 100 runs; of as many of these as the task has people, the last one is out after
 
         E[max] = sum_k t_(k) [(k / n)^N - ((k - 1) / n)^N]
     """
-    alone = task.place(len(task.place().population.parts))
-    options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
+    people, parts = round(one.people * task.people), len(task.place().population.parts)
+    alone = replace(one, people=parts / task.people).place(task)
+    scheme = one.scheme or task.scheme
+    options = {"scheme": scheme, "rules": False, **task.env_options(scheme)}
     if (
         not alone.zones
     ):  # nobody is slow anywhere: the fastest way of someone alone is the shortest, which takes no planning
         options["strategy"] = "shortest"
     times = np.sort(np.concatenate([one.exit_time for one in run_episodes(alone, _ALONE, seed=0, **options)]))
     times = times[np.isfinite(times)]
-    share = (np.arange(len(times) + 1) / len(times)) ** task.people
+    share = (np.arange(len(times) + 1) / len(times)) ** people
     return float(times @ np.diff(share))

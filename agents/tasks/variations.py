@@ -34,7 +34,7 @@ class Variation:
     learned_share : of the people who follow the policy; None: all.
     angle : rad, by which the whole place is turned to the left.
     mirrored : the place is, before it is turned.
-    noise, delay : of what a policy sees and decides, see `crowd_env.agents.drivers.PolicyDriver`.
+    noise, delay, unseen : of what a policy sees and decides, see `crowd_env.agents.drivers.PolicyDriver`.
     """
 
     name: str
@@ -49,6 +49,11 @@ class Variation:
     mirrored: bool = False
     noise: float = 0.0
     delay: float = 0.0
+    unseen: float = 0.0
+
+    def hindrances(self) -> dict[str, float]:
+        """Return by what policies are hindered, as `crowd_env.agents.drivers.policy_driver` takes it."""
+        return {name: value for name in ("noise", "delay", "unseen") if (value := getattr(self, name))}
 
     def place(self, task: Task) -> Scenario:
         """Return the scenario of the task, varied.

@@ -1,23 +1,29 @@
-"""BenchMARL: python examples/clients/benchmarl_mappo.py --iterations 10
+"""BenchMARL: python examples/clients/benchmarl_mappo.py --iterations 10 [--task competitive-door]
 
+With a task, the room is the one that the task's preset trains in, and what was learned is judged on held-out draws of the task.
 The task wraps the environment as for TorchRL, and gives the critic of MAPPO the state of the whole crowd.  BenchMARL has no
 mask for people: the rows of those who have left, zeros that earn nothing, stay in its loss.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
+import torch
 import typer
 from benchmarl.algorithms import MappoConfig
 from benchmarl.environments.pettingzoo.common import PettingZooClass
 from benchmarl.experiment import Experiment, ExperimentConfig
 from benchmarl.models.mlp import MlpConfig
+from tensordict import TensorDict
 from torch import nn
 from torchrl.envs import EnvBase
 from torchrl.envs.libs.pettingzoo import PettingZooWrapper
+from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from crowd_env import parallel_env
+from crowd_env.agents.evaluation.outside import Outside, judge_outside, line_of, training_options
 
 ROOM = {"scenario": "room-v0", "people": 8, "time_limit": 20.0, "action": "speeds"}
 GROUP = "pedestrian"
@@ -55,7 +61,9 @@ class Evacuation(PettingZooClass):
         return "crowd_env"
 
 
-def make_experiment(iterations: int, seed: int, folder: Path) -> Experiment:
+def make_experiment(
+    iterations: int, seed: int, folder: Path, name: str = "room-v0", room: Mapping[str, Any] = ROOM
+) -> Experiment:
     config = ExperimentConfig.get_from_yaml()
     config.max_n_iters, config.max_n_frames = iterations, None
     config.on_policy_collected_frames_per_batch, config.on_policy_n_envs_per_worker = 200, 1
@@ -66,7 +74,7 @@ def make_experiment(iterations: int, seed: int, folder: Path) -> Experiment:
     folder.mkdir(parents=True, exist_ok=True)
     net = MlpConfig(num_cells=[64], activation_class=nn.Tanh, layer_class=nn.Linear)
     return Experiment(
-        task=Evacuation("room-v0", ROOM),
+        task=Evacuation(name, dict(room)),
         algorithm_config=MappoConfig.get_from_yaml(),
         model_config=net,
         critic_model_config=net,
@@ -75,14 +83,37 @@ def make_experiment(iterations: int, seed: int, folder: Path) -> Experiment:
     )
 
 
+def outside(experiment: Experiment, task: str) -> Outside:
+    """Return what was learned as a policy of a task: the likeliest choice of each person."""
+    people = experiment.group_map[GROUP]
+
+    def choose(observation: np.ndarray) -> np.ndarray:
+        # The network takes as many people at once as it was trained with.
+        rows = -(-len(observation) // len(people)) * len(people)
+        seen = np.zeros((rows, observation.shape[1]), dtype=np.float32)
+        seen[: len(observation)] = observation
+        groups = torch.from_numpy(seen).reshape(-1, len(people), seen.shape[1])
+        crowd = TensorDict({GROUP: TensorDict({"observation": groups}, groups.shape[:2])}, groups.shape[:1])
+        with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
+            return experiment.policy(crowd)[GROUP, "action"].reshape(-1).numpy()[: len(observation)]
+
+    return Outside("benchmarl-mappo", task, choose)
+
+
 def main(
     iterations: Annotated[int, typer.Option(min=1)] = 10,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     folder: Path = Path("runs/benchmarl"),
+    task: str = "",
+    runs: Annotated[int, typer.Option(min=1)] = 40,
 ) -> Experiment:
-    """Train for as many rollouts of 200 decision steps."""
-    experiment = make_experiment(iterations, seed, folder)
+    """Train for as many rollouts of 200 decision steps; of a task, judge on so many held-out draws."""
+    torch.set_num_threads(1)  # for networks this small a second thread costs more than it brings
+    named = {"name": task, "room": training_options(task)} if task else {}
+    experiment = make_experiment(iterations, seed, folder, **named)
     experiment.run()
+    if task:
+        print(line_of(judge_outside(outside(experiment, task), runs)))
     return experiment
 
 

@@ -1,12 +1,15 @@
-"""TorchRL: python examples/clients/torchrl_ppo.py --steps 2000
+"""TorchRL: python examples/clients/torchrl_ppo.py --steps 2000 [--task competitive-door]
 
+With a task, the room is the one that the task's preset trains in, and what was learned is judged on held-out draws of the task.
 All pedestrians are one group that shares a network.  Two flags matter: ``use_mask=True``, since the wrapper keeps a row for
 those who have left and the mask says whose rows count, and ``done_on_any=False``, without which an episode ends when the
 first one is out.
 """
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
+import numpy as np
 import torch
 import typer
 from tensordict import TensorDict
@@ -14,11 +17,13 @@ from tensordict.nn import TensorDictModule
 from torch.distributions import Categorical
 from torchrl.collectors import Collector
 from torchrl.envs.libs.pettingzoo import PettingZooWrapper
+from torchrl.envs.utils import ExplorationType, set_exploration_type
 from torchrl.modules import MLP, ProbabilisticActor
 from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
 from crowd_env import parallel_env
+from crowd_env.agents.evaluation.outside import Outside, judge_outside, line_of, training_options
 
 ROOM = {
     "scenario": "room-v0",
@@ -30,8 +35,8 @@ GROUP = "pedestrian"  # the wrapper groups agents by name: pedestrian_0, pedestr
 ROLLOUT = 100  # decision steps between two updates
 
 
-def make_room() -> PettingZooWrapper:
-    return PettingZooWrapper(parallel_env(**ROOM), use_mask=True, done_on_any=False)
+def make_room(room: Mapping[str, Any] = ROOM) -> PettingZooWrapper:
+    return PettingZooWrapper(parallel_env(**room), use_mask=True, done_on_any=False)
 
 
 def make_networks(room: PettingZooWrapper) -> tuple[ProbabilisticActor, TensorDictModule]:
@@ -60,13 +65,27 @@ def got_out(rollout: TensorDict) -> int:
     return int(rollout["next", GROUP, "terminated"][rollout[GROUP, "mask"]].sum())
 
 
+def outside(actor: ProbabilisticActor, task: str) -> Outside:
+    """Return what was learned as a policy of a task: the likeliest choice of each person."""
+
+    def choose(observation: np.ndarray) -> np.ndarray:
+        seen = TensorDict({GROUP: {"observation": torch.from_numpy(observation)}}, [len(observation)])
+        with torch.no_grad(), set_exploration_type(ExplorationType.DETERMINISTIC):
+            return actor(seen)[GROUP, "action"].numpy()
+
+    return Outside("torchrl-ppo", task, choose)
+
+
 def main(
-    steps: Annotated[int, typer.Option(min=1)] = 2000, seed: Annotated[int, typer.Option(min=0)] = 0
+    steps: Annotated[int, typer.Option(min=1)] = 2000,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    task: str = "",
+    runs: Annotated[int, typer.Option(min=1)] = 40,
 ) -> ProbabilisticActor:
-    """Train for this many decision steps of the room."""
+    """Train for this many decision steps of the room; of a task, judge on so many held-out draws."""
     torch.manual_seed(seed)
     torch.set_num_threads(1)  # for networks this small a second thread costs more than it brings
-    room = make_room()
+    room = make_room(training_options(task) if task else ROOM)
     actor, critic = make_networks(room)
     keys = {name: (GROUP, name) for name in ("reward", "done", "terminated", "advantage", "value_target")}
     advantage = GAE(gamma=0.98, lmbda=0.95, value_network=critic)
@@ -94,6 +113,8 @@ def main(
                 torch.nn.utils.clip_grad_norm_(loss.parameters(), 0.5)
                 optimizer.step()
         print(f"{len(samples)} decisions, {got_out(rollout)} people got out in {ROLLOUT / 10:g} s")
+    if task:
+        print(line_of(judge_outside(outside(actor, task), runs)))
     return actor
 
 

@@ -76,3 +76,17 @@ def test_the_same_seed_learns_the_same(tmp_path):
 def test_the_example_runs(tmp_path):
     experiment = example.main(iterations=1, seed=0, folder=tmp_path / "new")
     assert experiment.total_frames == 200 and experiment.n_iters_performed == 1
+
+
+def test_a_task_is_trained_on_and_judged(tmp_path, capsys):
+    example.main(iterations=1, seed=0, folder=tmp_path, task="room", runs=2)
+    assert "benchmarl-mappo: left inside in" in capsys.readouterr().out
+
+
+def test_the_policy_of_a_task_takes_any_number_of_people(tmp_path):
+    experiment = example.make_experiment(1, 0, tmp_path)
+    policy = example.outside(experiment, "room")
+    width = parallel_env(**example.ROOM).observation_space("pedestrian_0").shape[0]
+    seen = torch.rand(11, width).numpy()
+    chosen = policy.choose(seen)
+    assert chosen.shape == (11,) and (chosen[:4] == policy.choose(seen[:4])).all()

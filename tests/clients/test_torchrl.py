@@ -86,3 +86,8 @@ def test_the_same_seed_learns_the_same(capsys):
     assert first.isfinite().all() and torch.equal(first, parameters(1))
     assert not torch.equal(first, parameters(2))
     assert capsys.readouterr().out.count("people got out in 10 s") == 6
+
+
+def test_a_task_is_trained_on_and_judged(capsys):
+    example.main(steps=100, task="room", runs=2)
+    assert "torchrl-ppo: left inside in" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""Write a trained network as ONNX, for programs without Python: ``crowd-env export NAME_OR_PATH --onnx FILE``.
+"""Write a trained network as ONNX, for programs without Python: ``crowd-env export NAME_OR_PATH --onnx FILE``; or what it does.
 
 The graph is put together from the numbers themselves; no learning library is needed.  It takes ``observation`` (N, D) float32
 and returns ``action``, as acting here does, in single precision: of choices also ``logits``, whose largest is taken.
@@ -13,9 +13,12 @@ import gymnasium
 import numpy as np
 import typer
 
+from crowd_env.agents import make_policy
 from crowd_env.agents.networks import MLP, Network
 from crowd_env.agents.pretrained import load
+from crowd_env.agents.tasks import make_task
 from crowd_env.agents.trained import LearnedController, LearnedPolicy
+from crowd_env.agents.transitions import write_runs
 from crowd_env.cli.options import plain
 from crowd_env.core.checks import known
 from crowd_env.core.console import check_folder, friendly_errors, say
@@ -147,30 +150,52 @@ def _onnx() -> Any:
     return onnx
 
 
-_NETWORK = "A shipped policy (TASK/NAME), or the path of a network (.safetensors)."
+_NETWORK = "A shipped policy (TASK/NAME), or the path of a network (.safetensors); of runs any policy."
+_RUNS = "File of runs to write (.npz): observations, actions, rewards and masks of draws that are not held out."
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 @app.command()
 def main(
     network: Annotated[str, typer.Argument(help=_NETWORK)],
-    onnx: Annotated[Path, plain("File to write (.onnx).", metavar="FILE")],
+    onnx: Annotated[Path | None, plain("File to write (.onnx).", metavar="FILE")] = None,
+    transitions: Annotated[Path | None, plain(_RUNS, metavar="FILE")] = None,
+    task: Annotated[str, plain("Task of the runs.", metavar="NAME")] = "competitive-door",
+    runs: Annotated[int, plain("Runs to write.")] = 10,
     as_json: Annotated[bool, plain("Print one JSON object about the file, not a line.", names=("--json",))] = False,
 ) -> None:
-    """Write a trained network as ONNX; the file's metadata says what its observation and action mean.
+    """Write a trained network as ONNX, or runs of a policy as arrays; the file says what its numbers mean.
 
-    Example: crowd-env export competitive-door/ppo --onnx ppo.onnx
+    Examples
+    --------
+    crowd-env export competitive-door/ppo --onnx ppo.onnx
+
+    crowd-env export evolution --transitions runs.npz --task competitive-door --runs 10
     """
     with friendly_errors():
+        if (onnx is None) == (transitions is None):
+            raise ValueError("give one of --onnx FILE and --transitions FILE")
+        if transitions is not None:
+            check_folder("--transitions", transitions.parent)
+            done = write_runs(transitions, make_policy(network), make_task(task), runs)
+            content = {"file": str(transitions), "bytes": transitions.stat().st_size, "runs": done}
+            _say(content, f"{transitions}: {done} runs, {content['bytes']} bytes", as_json)
+            return
+        assert onnx is not None
         check_suffix(onnx, (".onnx",))
         check_folder("--onnx", onnx.parent)
         found = load(network)
-        content = to_onnx(found).SerializeToString()
+        graph = to_onnx(found).SerializeToString()
         with written(onnx) as part:
-            part.write_bytes(content)
-        if as_json:
-            inputs = {"observation": ["N", found.network.inputs]}
-            about = {"file": str(onnx), "bytes": len(content), "inputs": inputs, "metadata": _metadata(found)}
-            typer.echo(json.dumps(about))
-        else:
-            say(f"{onnx}: {len(content)} bytes")
+            part.write_bytes(graph)
+        inputs = {"observation": ["N", found.network.inputs]}
+        about = {"file": str(onnx), "bytes": len(graph), "inputs": inputs, "metadata": _metadata(found)}
+        _say(about, f"{onnx}: {len(graph)} bytes", as_json)
+
+
+def _say(about: dict[str, Any], line: str, as_json: bool) -> None:
+    """Print what is in a file as JSON, or say it in a line."""
+    if as_json:
+        typer.echo(json.dumps(about))
+    else:
+        say(line)

@@ -4,7 +4,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Ints
 from crowd_env.core.kernels.struct_ref import struct_ref
-from crowd_env.envs.observation.layout import ObservationLayout
+from crowd_env.envs.observation.layout import ALL_PAIRS, ObservationLayout
 from crowd_env.envs.observation.perception import perceive
 from crowd_env.envs.observation.view import View, Ways
 from crowd_env.physics.neighbors.lists import allocate_neighbors
@@ -22,13 +22,22 @@ class Observer:
     simulation, layout : whom, and what of them.
     ways : that people may choose among.
     in_world : vectors along x and y, else along and to the left of the shortest path.
+    all_pairs : see `ObservationLayout.plan`; cells hold everyone inside, whether observed or not.
 
     Attributes
     ----------
     view : a reference to the `View`.
     """
 
-    def __init__(self, simulation: Simulation, layout: ObservationLayout, ways: Ways, *, in_world: bool) -> None:
+    def __init__(
+        self,
+        simulation: Simulation,
+        layout: ObservationLayout,
+        ways: Ways,
+        *,
+        in_world: bool,
+        all_pairs: int = ALL_PAIRS,
+    ) -> None:
         people, environments = len(simulation.bodies.radius), len(simulation.state.time)
         self.layout, self._width = layout, layout.size
         direction = np.zeros((people, 2))
@@ -37,7 +46,7 @@ class Observer:
         self._update_openings()
         self._everywhere = np.arange(environments)
         largest = int(np.diff(simulation.bodies.env_start).max())
-        self._plans = {first: struct_ref(layout.plan(largest)) for first, _ in simulation.ranges}
+        self._plans = {first: struct_ref(layout.plan(largest, all_pairs)) for first, _ in simulation.ranges}
         world, batch, history, results = simulation.world, simulation.batch, simulation.history, simulation.results
         # The parts of `simulation.batch` stay the same references when doors or growth replace what they refer to.
         self.view = struct_ref(

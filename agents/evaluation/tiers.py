@@ -1,0 +1,173 @@
+"""Policies on the settings of the benchmark: ``python -m crowd_env.agents.evaluation.tiers``.
+
+A file for each setting holds the runs of all policies that were tried there; a policy that is finished is not run again.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+import typer
+
+from crowd_env import Scenario
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import known
+from crowd_env.core.console import friendly_errors, say
+from crowd_env.core.files.json_file import json_number
+from crowd_env.core.files.store import Store
+
+from .. import PRETRAINED, starts_from
+from ..networks import network_digest
+from ..tasks.task import place_digest
+from ..tasks.tiers import SETTINGS, TIERS, Setting, bound_time
+from ..trained import names_file
+from .comparison import clearing_times, order_of
+from .credible import credibility
+from .entries import RULE
+from .evaluation import Evaluation
+from .robustness import make_trial
+from .same_draws import compare
+
+FOLDER = Path("docs/tasks/tiers")  # of a checkout
+# The generalist of the doors and, where it ships, that of all places.
+_ROWS = (RULE, "follow", "evolution", "hertz-room/ppo", "generalist")
+_KEPT = ("policy", "scheme", "runs", "unfinished_runs", "escaped", "max_overlap", "max_speed")  # for `credibility`
+
+
+def usual(setting: Setting) -> list[str]:
+    """Return the policies that are tried in a setting: rules, the search, shipped generalists, and those of its task."""
+    own = [name for name in PRETRAINED if name.startswith(f"{setting.task.name}/")]
+    return [name for name in dict.fromkeys((*_ROWS, *own)) if name != "generalist" or name in PRETRAINED]
+
+
+def identity(setting: Setting) -> dict[str, Any]:
+    """Return what decides the runs of a setting, ready for JSON, but for the policy."""
+    one = setting.variation
+    return {
+        "task": setting.task.identity(),
+        "place": place_digest(one.place(setting.task)),
+        "scheme": one.scheme or setting.task.scheme,
+        "learned_share": one.learned_share or setting.task.learned_share or 1.0,
+        "hindrances": one.hindrances(),
+        "runs": setting.runs,
+    }
+
+
+def judge(setting: Setting, policies: Sequence[str], folder: Path = FOLDER) -> dict[str, dict[str, Any]]:
+    """Return what policies did in a setting, by name; what is in the folder is taken from there, what is not is made.
+
+    Raises
+    ------
+    ValueError
+        As `crowd_env.agents.evaluation.entries.make_entries`.
+    """
+    store, made_by = Store(folder), identity(setting)
+    for name in policies:
+        rows = (store.load(setting.title, made_by, redo=True) or {}).get("rows", {})
+        network = _network(name)
+        if name in rows and rows[name]["network"] == network:
+            continue
+        trial = make_trial(setting.task, setting.variation, [name])
+        if trial.left_out:
+            say(f"{setting.title}: {name} cannot move these people there")
+            continue
+        (result,) = compare(trial.entries, trial.place, [trial.scheme], runs=setting.runs)
+        rows[name] = {"network": network, **_figures(result)}
+        store.keep(setting.title, {"bound": bound_time(setting), "rows": rows}, made_by)
+        say(f"{setting.title}: {name}: {order_of(clearing_times(result))}")
+    return dict((store.load(setting.title, made_by, redo=True) or {}).get("rows", {}))
+
+
+def _network(name: str) -> str | None:
+    return network_digest(PRETRAINED.get(name, Path(name))) if name in PRETRAINED or names_file(name) else None
+
+
+def _figures(result: Evaluation) -> dict[str, Any]:
+    """Return when the last person of each run was out [s], and what says whether that can be believed."""
+    row = result.row()
+    kept = {name: row[name] for name in _KEPT} | {"flow": row["flow"]["mean"], "hurry": row["hurry"]["max"]}
+    return {"last_time": [json_number(round(float(one), 3)) for one in clearing_times(result)], **kept}
+
+
+class Standing(NamedTuple):
+    """How a setting stands; times are the medians of all draws, of runs in which somebody was left infinite."""
+
+    setting: Setting
+    bound: float  # s
+    best: str  # learned policy; "" = none was tried that is credible
+    best_left: int  # draws in which it left somebody inside
+    best_time: float  # s
+    rule: str  # the best policy that is a rule
+    rule_left: int
+    rule_time: float
+    hindsight: (
+        float  # s  if the policy that is soonest could be picked in every draw; nan where all leave somebody in one
+    )
+
+    @property
+    def gap(self) -> float:
+        """How much later than the bound the best learned policy is, as a share."""
+        return self.best_time / self.bound - 1.0
+
+    @property
+    def tier(self) -> str:
+        """The tier that the figures amount to, see `crowd_env.agents.tasks.tiers`."""
+        if self.best_left or (self.best_left, self.best_time) > (self.rule_left, self.rule_time):
+            return "open"
+        return next(name for name, most in TIERS.items() if self.gap <= most)
+
+
+def standing(setting: Setting, folder: Path) -> Standing | None:
+    """Return how a setting stands by what is in a folder; None if no rule and no learned policy were tried.
+
+    Raises
+    ------
+    ValueError
+        If the runs there are of another version of the task or of another setting.
+    """
+    content = Store(folder).load(setting.title, identity(setting))
+    if content is None:
+        return None
+    place, rows = setting.variation.place(setting.task), content["rows"]
+    times = {name: np.array(row["last_time"], dtype=np.float64) for name, row in rows.items()}
+    times = {name: of for name, of in times.items() if _credible(name, rows, place)}
+    learned = {name: of for name, of in times.items() if starts_from(name) != "a rule"}
+    rules = {name: of for name, of in times.items() if name not in learned}
+    if not learned or not rules:
+        return None
+    _, hindsight = order_of(np.fmin.reduce(list(times.values())))
+    return Standing(setting, content["bound"], *_best(learned), *_best(rules), hindsight)
+
+
+def _credible(name: str, rows: Mapping[str, Mapping[str, Any]], place: Scenario) -> bool:
+    told = {k: {**row, "flow": {"mean": row["flow"]}, "hurry": {"max": row["hurry"]}} for k, row in rows.items()}
+    return credibility(told[name], list(told.values()), place)["ok"] is not False
+
+
+def _best(times: Mapping[str, Floats]) -> tuple[str, int, float]:
+    name = min(times, key=lambda one: order_of(times[one]))
+    return name, *order_of(times[name])
+
+
+_TIERS = f"Tiers: {', '.join(TIERS)}; default all."
+_POLICIES = "Policy to try, may be repeated; default rules, the search and what ships."
+
+
+def main(
+    tiers: Annotated[list[str] | None, typer.Argument(help=_TIERS)] = None,
+    policy: Annotated[list[str] | None, typer.Option(help=_POLICIES)] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the results, a file for each setting.")] = FOLDER,
+) -> None:
+    """Try policies in the settings of the benchmark, and keep every one that is finished.
+
+    Then `python -m validation pages tiers` makes the table.
+    """
+    with friendly_errors("the same command goes on"):
+        chosen = [known("tier", one, TIERS) for one in tiers or TIERS]
+        for setting in (one for one in SETTINGS if one.tier in chosen):
+            judge(setting, policy or usual(setting), out)
+
+
+if __name__ == "__main__":
+    typer.run(main)
