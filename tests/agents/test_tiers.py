@@ -117,6 +117,7 @@ def test_tiers_follow_from_the_figures(tried):
         assert one._replace(bound=5.0, best_left=left, best_time=time, rule_time=rule).tier == tier
 
 
+@pytest.mark.more
 def test_the_table_of_tiers_is_what_was_measured():
     for one in SETTINGS:
         found = standing(one, tiers.FOLDER)
