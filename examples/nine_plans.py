@@ -17,7 +17,7 @@ from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.palette import BACKGROUND, FULL_PRESSURE
 from crowd_env.scenarios.generated import KINDS, conditions_of, draw_place, kind_of
 
-CELL, COLUMNS, FPS, SECONDS, FEWEST, MOST = 300, 3, 10.0, 12.0, 25, 120
+CELL, COLUMNS, FPS, SECONDS, FEWEST, MOST = 270, 3, 10.0, 9.0, 25, 120
 
 
 def places() -> dict[int, Scenario]:

@@ -251,7 +251,12 @@ def _card(name: str, made: dict[str, Any], judged: dict[str, Any] | None) -> dic
     config, spent, action = made["config"], made["spent"], make_action(made["config"]["action"])
     seen, prices = config["observation"], _listed(config["reward"]["weights"])
     figures, limits = "not submitted", "unchecked"
-    if judged is not None:
+    trained = f"{config['people']} people, `{config['scenario']}`: {_listed(config['options'])}; `{config['scheme']}`, "
+    trained += f"{config['dt']:g} s"
+    if places := config.get("places"):
+        trained = f"generated places of up to {places['people']} people and those of the tasks, under their laws"
+        figures, limits = "[generated places](training.md#one-policy-for-every-place); the pages of the tasks", "there"
+    elif judged is not None:
         row, worse = _row(judged), _worse(judged)
         figures = f"half of all draws {_half(row)} s; left somebody inside in {row['unfinished']} of {row['runs']}"
         figures += cell("; above 1.6 kN/m {crushed_share[mean]:%} %", row)
@@ -265,13 +270,12 @@ def _card(name: str, made: dict[str, Any], judged: dict[str, Any] | None) -> dic
         "sees": ", ".join(f"`{term}`" for term in seen["terms"])
         + f"; {seen['neighbors']} neighbors, {seen['rays']} rays; along the own way, no compass",
         "does": f"`{action.name}`{choices}, every {config['decision_dt']:g} s",
-        "trained in": f"{config['people']} people, `{config['scenario']}`: {_listed(config['options'])}; "
-        f"`{config['scheme']}`, {config['dt']:g} s",
+        "trained in": trained,
         "starts from": starts_from(name),
         "is paid": f"{prices}; team share {config['reward'].get('team_share', 0.0):g}",
         "took": f"{spent['steps'] / 1e6:.1f} million steps, {spent['cpu_seconds']:.0f} CPU s, seed {config['seed']}",
         "held-out draws": figures,
-        "limits": f"{limits}; other tasks than its own: see the tiers",
+        "limits": limits if places else f"{limits}; other tasks than its own: see the tiers",
     }
 
 
