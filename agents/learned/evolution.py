@@ -36,7 +36,7 @@ _LAST, _LAST_STEP = (
 )  # generations with everybody, and their first step: what half of the people find is nearly it
 _WINDOW = 10  # generations whose mean is held against that of as many before
 _BETTER = 0.98  # of the cost: what is more is no gain, but the luck of a draw
-MOST, SHOWN = 150, 10  # generations before a training, and between those that a learning curve shows
+MOST, SHOWN = 150, 20  # generations before a training, and between those that a learning curve shows
 
 # Takes the steps so far and what returns the policy as it is now; returns whether to go on.
 GoesOn = Callable[[int, Callable[[], Policy]], bool]
