@@ -30,9 +30,13 @@ SHARE = 0.5  # of the people: the same order clears a door for half of them, and
 _PATIENCE = 10.0  # s without anyone getting out, after which a run is given up
 _SECONDS = 1.5  # s a person, which a run may take: exits of 0.7 people a second
 _STEP = 1.0  # of the weights at first, and at every new beginning
+_LAST, _LAST_STEP = (
+    12,
+    0.3,
+)  # generations with everybody, and their first step: what half of the people find is nearly it
 _WINDOW = 10  # generations whose mean is held against that of as many before
 _BETTER = 0.98  # of the cost: what is more is no gain, but the luck of a draw
-MOST, SHOWN = 150, 10  # generations before a training, and between those that a learning curve shows
+MOST, SHOWN = 150, 20  # generations before a training, and between those that a learning curve shows
 
 # Takes the steps so far and what returns the policy as it is now; returns whether to go on.
 GoesOn = Callable[[int, Callable[[], Policy]], bool]
@@ -59,7 +63,7 @@ def evolve(
     people of the place.  ``goes_on`` looks at the best so far.
 
     A search that gets no better begins anew where it is, with the step size it had at first: what looks like an end is often
-    a loose crowd that waits, from which there is a way on.  It ends when that was in vain.
+    a loose crowd that waits, from which there is a way on.  When that was in vain, the last generations have all the people.
 
     Parameters
     ----------
@@ -74,23 +78,21 @@ def evolve(
     """
     settings = settings or EvolutionSettings()
     population, draws = settings.population, settings.draws
-    people = max(1, round(SHARE * place.population.people))
-    crowd = place.population.changed(people=people)
-    short = replace(place, population=crowd, time_limit=_SECONDS * people, blocked_after=_PATIENCE)
-    arguments = arguments_of({**options, **Evolved().env_options})
-    env = CrowdEnv(short, num_envs=population * draws, **arguments)
-    search = _begun(np.zeros(len(Evolved.__dataclass_fields__)), population, seed)
-    rng, steps, course, before = np.random.default_rng(seed), 0, list[float](), np.inf
+    everybody = place.population.people
+    env = _rooms(place, options, max(1, round(SHARE * everybody)), population * draws)
     best = former = np.zeros(len(Evolved.__dataclass_fields__))
-    while goes_on(steps, partial(_rule, best)):
-        if stalled(course):
-            reached = float(np.mean(course[-_WINDOW:]))
+    search = _begun(best, _STEP, population, seed)
+    rng, steps, course, before, left = np.random.default_rng(seed), 0, list[float](), np.inf, np.inf
+    while goes_on(steps, partial(_rule, best)) and left > 0:
+        left -= 1
+        if left == np.inf and stalled(course):
+            reached, step = float(np.mean(course[-_WINDOW:])), _STEP
             if reached > before:
                 best = former
             if reached > _BETTER * before and not settings.endless:
-                goes_on(steps, partial(_rule, best))
-                return
-            search, course = _begun(best, population, int(rng.integers(2**31))), []
+                left, step = _LAST - 1, _LAST_STEP
+                env = _rooms(place, options, everybody, population * draws)
+            search, course = _begun(best, step, population, int(rng.integers(2**31))), []
             former, before = best, min(before, reached)
         first = int(rng.integers(0, HELD_OUT_SEED - draws))
         candidates = search.ask()
@@ -118,12 +120,19 @@ def stalled(course: Sequence[float]) -> bool:
     return bool(np.mean(course[-_WINDOW:]) > _BETTER * np.mean(course[-2 * _WINDOW : -_WINDOW]))
 
 
-def _begun(mean: Floats, population: int, seed: int) -> Any:
+def _rooms(place: Scenario, options: dict[str, Any], people: int, rooms: int) -> CrowdEnv:
+    """Return a batch of a place with so many of its people, who are given up early."""
+    crowd = place.population.changed(people=people)
+    short = replace(place, population=crowd, time_limit=_SECONDS * people, blocked_after=_PATIENCE)
+    return CrowdEnv(short, num_envs=rooms, **arguments_of({**options, **Evolved().env_options}))
+
+
+def _begun(mean: Floats, step: float, population: int, seed: int) -> Any:
     """Return a search around a mean."""
     import cma
 
     told = {"popsize": population, "seed": seed + 1, "verbose": -9}  # 0 is the clock
-    return cma.CMAEvolutionStrategy(mean, _STEP, told)
+    return cma.CMAEvolutionStrategy(mean, step, told)
 
 
 def first_rule(

@@ -94,7 +94,7 @@ def test_a_search_begins_at_nothing_takes_training_draws_and_can_be_repeated(dra
 def test_a_search_finds_what_is_asked_for(monkeypatch):
     """With a made-up cost: the nearer to a weight of 0.9 the better."""
     index = list(asdict(NOTHING)).index("match")
-    monkeypatch.setattr(evolution, "_race", lambda env, weights, seeds: (0.01 + (weights[:, index] - 0.9) ** 2, 1))
+    monkeypatch.setattr(evolution, "_race", lambda env, weights, seeds: ((weights[:, index] - 0.9) ** 2, 1))
     found = Generations(40)
     evolution.evolve(hall(1), OPTIONS, 0, found, evolution.EvolutionSettings(endless=True))
     assert found.policies[-1].match == pytest.approx(0.9, abs=0.05)
@@ -115,11 +115,17 @@ def test_a_search_has_stalled_where_its_last_generations_are_no_better(course, e
 
 
 class Begun:
-    """Records where searches begin."""
+    """Records where searches begin, and with which step."""
 
     def __init__(self, monkeypatch):
-        self.means, begun = [], evolution._begun
-        monkeypatch.setattr(evolution, "_begun", lambda mean, *rest: self.means.append(mean) or begun(mean, *rest))
+        self.means, self.steps, begun = [], [], evolution._begun
+
+        def recorded(mean, step, *rest):
+            self.means.append(mean)
+            self.steps.append(step)
+            return begun(mean, step, *rest)
+
+        monkeypatch.setattr(evolution, "_begun", recorded)
 
 
 def test_a_search_that_stalls_begins_anew_where_it_is_and_ends_when_that_was_in_vain(monkeypatch):
@@ -132,22 +138,27 @@ def test_a_search_that_stalls_begins_anew_where_it_is_and_ends_when_that_was_in_
     monkeypatch.setattr(evolution, "_race", race)
     evolution.evolve(hall(1), OPTIONS, 0, found)
     assert found.left > 0  # it ended by itself
-    assert len(begun.means) >= 2 and not begun.means[0].any() and begun.means[1].any()
+    assert len(begun.means) >= 3 and not begun.means[0].any() and begun.means[1].any()
+    assert begun.steps == [1.0] * (len(begun.steps) - 1) + [0.3]
     endless, count = Generations(60), len(begun.means)
     evolution.evolve(hall(1), OPTIONS, 0, endless, evolution.EvolutionSettings(endless=True))
-    assert endless.left < 0 and len(begun.means) > count + 1
+    assert (
+        endless.left < 0 and len(begun.means) > count + 1 and begun.steps[count:] == [1.0] * (len(begun.means) - count)
+    )
 
 
-def test_a_new_beginning_in_vain_leaves_what_was_found_before(monkeypatch):
-    begun = Begun(monkeypatch)
+def test_a_new_beginning_in_vain_is_forgotten_and_everybody_walks_in_the_end(monkeypatch):
+    begun, people = Begun(monkeypatch), []
 
     def race(env, weights, seeds):
+        people.append(env.num_people // env.num_envs)
         return np.full(len(weights), 10.0 * len(begun.means)), 1  # whatever comes later is worse
 
     monkeypatch.setattr(evolution, "_race", race)
     found = Generations(500)
-    evolution.evolve(hall(1), OPTIONS, 0, found)
-    assert len(begun.means) == 2 and list(asdict(found.policies[-1]).values()) == begun.means[1].tolist()
+    evolution.evolve(hall(6), OPTIONS, 0, found)
+    assert len(begun.means) == 3 and (begun.means[2] == begun.means[1]).all()
+    assert people == [3] * 40 + [6] * 12 and len(found.policies) == 53
 
 
 def test_who_does_not_get_out_counts_more_than_any_time():
