@@ -24,7 +24,7 @@ from crowd_env.envs.adapters.sb3 import CrowdVecEnv
 
 from .evolution import Saw, first_rule
 
-ROUNDS, DECISIONS, EPOCHS = 5, 200, 4  # of DAgger: decision steps of each, and passes over all that is kept
+ROUNDS, DECISIONS, EPOCHS = 8, 300, 4  # of DAgger: decision steps of each, and passes over all that is kept
 KEPT = 0.25  # of the samples: neighboring decisions are much alike
 _LEARNING_RATE, _BATCH = 1e-3, 4096
 _TEACHER_ROUNDS = 3  # until the policy acts for itself
@@ -57,7 +57,14 @@ def begin(
 
 
 def clone(
-    model: Any, rule: Teacher, seed: int, *, rounds: int = ROUNDS, decisions: int = DECISIONS, kept: float = KEPT
+    model: Any,
+    rule: Teacher,
+    seed: int,
+    *,
+    rounds: int = ROUNDS,
+    decisions: int = DECISIONS,
+    kept: float = KEPT,
+    cooled: float = 0.0,
 ) -> float:
     """Let the policy of an actor-critic model do as a rule does; return the loss of the last pass.
 
@@ -72,6 +79,7 @@ def clone(
     seed : of the draws and of who acts.
     rounds, decisions : of DAgger, and decision steps of each.
     kept : share of the samples that is kept.
+    cooled : share of the rounds, the last ones, over which the learning rate falls to a tenth.
 
     Raises
     ------
@@ -100,6 +108,7 @@ def clone(
             seen.append(observation[rows])
             wanted.append(command[rows])
             observation = env.step(_mixed(policy, env, observation, command, share, rng)).observation
+        optimizer.param_groups[0]["lr"] = _LEARNING_RATE * _cooling((round_ + 1) / rounds, cooled)
         inputs = torch.as_tensor(np.concatenate(seen))
         labels = torch.as_tensor(_labels(env, np.concatenate(wanted)), dtype=torch.float32)
         for _ in range(EPOCHS):
@@ -109,6 +118,11 @@ def clone(
                 loss.backward()
                 optimizer.step()
     return loss.item()
+
+
+def _cooling(share: float, cooled: float) -> float:
+    """Return the factor of the learning rate when this share of the rounds is over."""
+    return 1.0 - 0.9 * max(0.0, share - (1.0 - cooled)) / cooled if cooled > 0.0 else 1.0
 
 
 def batch_of(model: Any) -> Any:

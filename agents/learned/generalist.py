@@ -27,7 +27,7 @@ from crowd_env.scenarios.generated import Conditions
 from .. import make_policy
 from ..drivers import policy_driver
 from ..evaluation.entries import RULE
-from ..evaluation.plans import BLOCK, judge_plans, routing_of
+from ..evaluation.plans import BLOCK, judge_plans
 from ..policy import Policy
 from ..rules import StrategyPolicy
 from ..tasks import TASKS
@@ -58,7 +58,10 @@ def places_of_tasks(people: int) -> list[Beside]:
         if name in PRESETS and (PRESETS[name].people, PRESETS[name].options) != (task.people, {}):
             preset = PRESETS[name]
             places.append(training_place(task.scenario, {**task.options, **preset.options}, preset.people))
-        found += [Beside(name, replace(one, time_limit=min(one.time_limit, _LONGEST)), conditions) for one in places]
+        found += [
+            Beside(name, replace(one, time_limit=min(one.time_limit, _LONGEST), strategy=task.rule), conditions)
+            for one in places
+        ]
     return found
 
 
@@ -69,7 +72,7 @@ def make_crowds(config: Mapping[str, Any], envs: int) -> GeneratedCrowds:
     options = {name: config[name] for name in ("action", "observation", "reward", "decision_dt")}
     options["observation"] = ObservationLayout(**config["observation"])
     drawn = {name: places[name] for name in ("people", "seeds", "share")}
-    return GeneratedCrowds(envs, beside=beside, routing="shortest", **drawn, **options)
+    return GeneratedCrowds(envs, beside=beside, **drawn, **options)
 
 
 class Teachers(NamedTuple):
@@ -127,7 +130,11 @@ def _best_beside(places: Sequence[Beside], executor: Executor) -> list[str]:
 def _cost_beside(piece: tuple[Beside, str], stopped: Callable[[], bool] = never) -> tuple[float, float]:
     """Return how many people a policy leaves in some draws of a place, and the mean time of the last [s]."""
     (_, place, conditions), name = piece
-    options: dict[str, Any] = {"scheme": conditions.law, "manner": conditions.manner, "strategy": routing_of(place)}
+    options: dict[str, Any] = {
+        "scheme": conditions.law,
+        "manner": conditions.manner,
+        "strategy": place.strategy_of_run(),
+    }
     driver = replace(policy_driver(_policy(name, place), place, **options), passes_rest=True)
     episodes = run_episodes(place, _DRAWS, driver=driver)
     left = float(sum(episode.metrics.unfinished for episode in episodes))
@@ -135,7 +142,7 @@ def _cost_beside(piece: tuple[Beside, str], stopped: Callable[[], bool] = never)
 
 
 def _policy(name: str, place: Scenario) -> Policy:
-    return StrategyPolicy(routing_of(place), name=RULE) if name == RULE else make_policy(name)
+    return StrategyPolicy(place.strategy_of_run(), name=RULE) if name == RULE else make_policy(name)
 
 
 class Hindsight:
@@ -192,5 +199,5 @@ def distil(model: Any, config: Mapping[str, Any], folder: Path | None, threads: 
     places = config["places"]
     env = batch_of(model)
     env.seeds = -(-places["taught"] // BLOCK) * BLOCK
-    clone(model, Hindsight(env, teachers), config["seed"], rounds=places["rounds"], decisions=200, kept=0.1)
+    clone(model, Hindsight(env, teachers), config["seed"], rounds=places["rounds"], decisions=200, kept=0.1, cooled=0.4)
     env.seeds = places["seeds"]
