@@ -150,6 +150,7 @@ def short_trainings(monkeypatch: pytest.MonkeyPatch) -> None:
     for backend in learn.BACKENDS:
         monkeypatch.setitem(learn.BACKENDS, backend, trained)
     monkeypatch.setattr(learn, "check_cluster", lambda: None)
+    monkeypatch.setattr(learn, "judge_in_plans", lambda *arguments: "")
     monkeypatch.setattr(learn, "judge", lambda *arguments, **options: {})
     monkeypatch.setattr(learn, "tables", lambda config, results: ())
     monkeypatch.setattr(learn, "draw", lambda folder, config, results: None)
