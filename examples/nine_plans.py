@@ -73,7 +73,9 @@ def main(policy: str = "generalist", path: str = "nine-plans.gif") -> None:
     end = max(recording.end for _, recording, _ in films)
     times = np.append(np.arange(0.0, end, end / (FPS * SECONDS)), [end] * 15)
     step = round(100.0 / FPS) / 100.0
-    write_gif(Path(path), (frame(films, time) for time in times), step, [frame(films, t) for t in np.linspace(0.0, end, 5)])
+    write_gif(
+        Path(path), (frame(films, time) for time in times), step, [frame(films, t) for t in np.linspace(0.0, end, 5)]
+    )
 
 
 if __name__ == "__main__":

@@ -24,10 +24,14 @@ def crowds(share, num_envs=3, **more):
 
 def test_a_place_of_ones_own_is_what_it_is_alone(monkeypatch):
     drawn, reset = [], CrowdEnv.reset
-    monkeypatch.setattr(CrowdEnv, "reset", lambda self, seed=None, mask=None: drawn.append(seed) or reset(self, seed, mask))
+    monkeypatch.setattr(
+        CrowdEnv, "reset", lambda self, seed=None, mask=None: drawn.append(seed) or reset(self, seed, mask)
+    )
     env = crowds(1.0, num_envs=1)
     seen, _ = env.reset(seed=4)
-    alone = CrowdEnv(ROOM, physics="nsm2", walking="competitive", action="speeds", observation=LAYOUT, routing="shortest")
+    alone = CrowdEnv(
+        ROOM, physics="nsm2", walking="competitive", action="speeds", observation=LAYOUT, routing="shortest"
+    )
     own, _ = reset(alone, drawn[-1])
     rng = np.random.default_rng(0)
     assert env.place_of_env == [-1]
