@@ -31,8 +31,8 @@ CEILINGS = {
     "code lines of crowd_env, commands of agents within": 24_360,
     # A submission is made anew from its runs; policies in run; crowds at rest are passed over, what rules do ships; probes of
     # tasks, noise and delay, networks and own draws in submissions; a dilemma, and crowds of two policies; tiers, people
-    # who are unseen, MAPPO, runs as arrays, tasks for other libraries; one policy for all places, its teachers and its judges, a
-    # search that begins anew, a critic on the layers of its actor.
+    # who are unseen, MAPPO, runs as arrays, tasks for other libraries; one policy for all places, its teachers and judges,
+    # a search that begins anew, a critic on the layers of its actor.
     "code lines of agents": 5_160,
     "code lines of validation": 2_610,  # sharper criteria of walking; tiers, cards, generated places
     "code lines of benchmarks": 1_140,  # the wheel of kernels; processes beside threads; two pictures; where a training goes
