@@ -66,6 +66,7 @@ def test_wide_floors_count_as_the_widest():
     assert width.max() == WIDEST and np.median(width) == WIDEST
 
 
+@pytest.mark.kernels
 def test_it_is_seen_in_bodies_and_seconds():
     """The term holds 1 - diameter / width, and the time to the opening at the own speed, as it says."""
     layout = ObservationLayout(terms=("opening", "travel_time"))
