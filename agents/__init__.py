@@ -4,7 +4,7 @@ from .policy import Policy
 from .pretrained import PRETRAINED, load
 from .rules import RandomWalk, ShortestPath, StandStill
 from .trained import LearnedPolicy, names_file
-from .walking import DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, Zipper
+from .walking import DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, YieldWhenStuck, Zipper
 
 # Name -> policy.  The names in `PRETRAINED` and paths to trained networks (.safetensors) are policies too: see `make_policy`.
 POLICIES: dict[str, type[Policy]] = {
@@ -16,6 +16,7 @@ POLICIES: dict[str, type[Policy]] = {
     "headway": HeadwayRule,
     "follow": Follow,
     "evolution": Evolved,
+    "yield-when-stuck": YieldWhenStuck,
     "zipper": Zipper,
 }
 
@@ -72,6 +73,7 @@ __all__ = [
     "RuleAtShare",
     "ShortestPath",
     "StandStill",
+    "YieldWhenStuck",
     "Zipper",
     "load",
     "make_policy",

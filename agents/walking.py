@@ -15,7 +15,7 @@ from crowd_env.core.arrays.headway import Manner, make_manner
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 from crowd_env.envs.observation.neighbors import DENSITY_RADIUS, DENSITY_SCALE
-from crowd_env.envs.observation.view import SPEED_SCALE
+from crowd_env.envs.observation.view import SPEED_SCALE, TIME_SCALE
 
 from .surroundings import LEADER, PREDECESSOR, read_leader
 
@@ -258,13 +258,44 @@ class Evolved(WalkingRule):
     always: float = 6.21
 
     def __post_init__(self) -> None:
-        check_fields(self.name, self, **dict.fromkeys(self.__dataclass_fields__, _ANY))
+        check_fields(self.name, self, **dict.fromkeys(Evolved.__dataclass_fields__, _ANY))
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
         """Return the speed along the way."""
-        weights = np.array([getattr(self, name) for name in self.__dataclass_fields__])
+        weights = np.array([getattr(self, name) for name in Evolved.__dataclass_fields__])
         share = 1.0 + inputs(observation, layout) @ weights
         return np.column_stack([np.clip(share, -1.0, 1.0), np.zeros(len(share))])
+
+
+@dataclass(frozen=True)
+class YieldWhenStuck(Evolved):
+    """Full speed for those who get on, `Evolved` for those who have not got on for ``patience``.
+
+    Streams that press against each other, or people who arch in front of a door, stand for good at full speed: who is stuck
+    goes on pushing.  `Evolved` steps back from the next one ahead, which loosens them.  It sees the term ``stood`` too.
+
+    Parameters
+    ----------
+    patience : s, within which one has to get nearer to the end of the way than ever before; set by hand.
+
+    Raises
+    ------
+    ValueError
+        If a constant is out of range.
+    """
+
+    name = "yield-when-stuck"
+    terms = (*Evolved.terms, "stood")
+    patience: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_fields(self.name, self, patience=NOT_NEGATIVE)
+
+    def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
+        """Return full speed, or what loosens a crowd that is stuck."""
+        stuck = observation[:, layout["stood"]] > self.patience / (self.patience + TIME_SCALE)
+        return np.where(stuck, super().decide(observation, layout), [1.0, 0.0])
 
 
 def inputs(observation: np.ndarray, layout: ObservationLayout) -> Floats:

@@ -38,7 +38,7 @@ from .folder import source_stamp
 
 PLANS = 2000
 # Rules that a pedestrian could walk by: `zipper` knows more, and `rule-best-speed` asks for a search in every plan.
-RULES = (RULE, "density-cap", "headway", "follow", "evolution")
+RULES = (RULE, "density-cap", "headway", "follow", "evolution", "yield-when-stuck")
 HINDSIGHT = "best rule in hindsight"
 BLOCK = 20  # plans of a piece of work
 

@@ -33,9 +33,9 @@ from ..rules import StrategyPolicy
 from ..tasks import TASKS
 from ..tasks.presets import PRESETS, training_place
 
-TEACHERS = (RULE, "evolution", "hertz-room/ppo", "narrow-door/ppo", "counter-flow/ppo")
+TEACHERS = (RULE, "yield-when-stuck", "evolution", "hertz-room/ppo", "narrow-door/ppo", "counter-flow/ppo")
 KEPT = "teachers.json"
-_DRAWS = 4  # of each place of a task, below those that are held out
+_DRAWS = 12  # of each place of a task, below those that are held out
 _LONGEST = 150.0  # s  of a run in the place of a task
 
 

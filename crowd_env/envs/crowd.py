@@ -315,6 +315,7 @@ class CrowdEnv:
             self.simulation.checkpoint(),
             copy_arrays(self._transition.fields),
             self._choice.chosen_at.copy(),
+            self._observer.view.reached.copy(),
             tuple(copy.deepcopy(rng.bit_generator.state) for rng in self._generators),
             self._started,
             self._interrupted,
@@ -335,6 +336,7 @@ class CrowdEnv:
         self.simulation.restore(checkpoint.simulation)
         write_arrays(self._transition, checkpoint.step)
         self._choice.chosen_at[:] = checkpoint.chosen_at
+        self._observer.view.reached[:] = checkpoint.reached
         for rng, state in zip(self._generators, checkpoint.generators, strict=True):
             rng.bit_generator.state = copy.deepcopy(state)
         self._started, self._interrupted = checkpoint.started, checkpoint.interrupted
@@ -367,6 +369,7 @@ class CrowdEnv:
         begun[chosen] = True
         people = begun[self.env_of_person]
         self._choice.chosen_at[people], transition.impulse[people], transition.inside[people] = -np.inf, 0.0, True
+        self._observer.view.reached[people] = np.inf, 0.0
         transition.last_exit[chosen], transition.step_start[chosen], transition.finished[chosen] = 0.0, 0.0, False
 
     def _command(

@@ -22,6 +22,7 @@ class EnvCheckpoint(NamedTuple):
     simulation: "Checkpoint"
     step: "Arrays"  # of the `Transition`
     chosen_at: Floats  # of the `RouteChoice`
+    reached: Floats  # of the `View`
     generators: tuple[Any, ...]  # states
     started: bool
     interrupted: bool

@@ -68,6 +68,8 @@ TERMS: Mapping[str, CompiledTerm] = {
     "travel_time": CompiledTerm(1),
     # the narrowest opening on the way ahead: 1 - own diameter / width, at least 0, and the time t to it as t / (t + 5 s)
     "opening": CompiledTerm(2, usual=False),
+    # time t since one last got nearer to the end of the way than ever before, as t / (t + 5 s)
+    "stood": CompiledTerm(1, usual=False),
     # sum of the contact impulses since the last decision / (own mass * 1 m/s), in the frame
     "push": CompiledTerm(2),
     # sum of the magnitudes of these impulses / (own mass * 1 m/s): large between two who push from both sides

@@ -69,6 +69,7 @@ class Observer:
                 direction=direction,
                 travel_time=np.zeros(people),
                 potential=np.zeros(people),
+                reached=np.tile([np.inf, 0.0], (people, 1)),
                 distance_to_go=np.zeros(people),
                 openings=self._openings,
                 ways=ways,

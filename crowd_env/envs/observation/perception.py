@@ -8,7 +8,19 @@ processor.
 from crowd_env.core.arrays.state import Bools, Ints
 from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.envs.observation.neighbors import clipped, neighbor_features
-from crowd_env.envs.observation.view import SIGHT, SLOWEST, SPEED_SCALE, TIME_SCALE, Cells, Columns, Plan, Rows, View
+from crowd_env.envs.observation.view import (
+    GAIN,
+    LOSS,
+    SIGHT,
+    SLOWEST,
+    SPEED_SCALE,
+    TIME_SCALE,
+    Cells,
+    Columns,
+    Plan,
+    Rows,
+    View,
+)
 from crowd_env.envs.observation.ways import way_features
 from crowd_env.routing.fields.lookup import travel_time_at, way_at
 from crowd_env.routing.fields.openings import opening_at
@@ -73,7 +85,7 @@ def write_own_features(e: int, begin: int, end: int, view: View, column: Columns
     axis, velocity, impulse = view.axis, view.state.velocity, view.impulse
     at_velocity, at_speed, at_direction = column.velocity, column.desired_speed, column.direction
     at_time, at_push, at_crush = column.travel_time, column.push, column.crush
-    at_opening = column.opening
+    at_opening, at_stood = column.opening, column.stood
     for n in range(index(begin), index(end)):
         i = view.listed[n]
         ax, ay = axis[i, 0], axis[i, 1]
@@ -89,6 +101,9 @@ def write_own_features(e: int, begin: int, end: int, view: View, column: Columns
             out[i, at_time] = clipped(time / (time + TIME_SCALE))
         if at_opening >= 0:
             write_opening(e, i, at_opening, view, out)
+        if at_stood >= 0:
+            stood = time_stood(i, view.state.time[e], view)
+            out[i, at_stood] = stood / (stood + TIME_SCALE)
         if view.impulse_magnitude[i] > 0.0:
             scale = view.bodies.mass[i] * KICK_SCALE
             if at_push >= 0:
@@ -107,6 +122,15 @@ def write_opening(e: int, i: int, k: int, view: View, out: Rows) -> None:
         time = max(view.potential[i] - rest / speed, 0.0)
         out[i, k] = max(1.0 - 2.0 * view.bodies.radius[i] / width, 0.0)
         out[i, k + 1] = clipped(time / (time + TIME_SCALE))
+
+
+@inner_kernel
+def time_stood(i: int, now: float, view: View) -> float:
+    """Return for how long [s] person ``i`` has not got nearer to the end of the way, and keep what has been reached."""
+    reached, potential = view.reached, view.potential[i]
+    if not reached[i, 0] - GAIN < potential < reached[i, 0] + LOSS:
+        reached[i, 0], reached[i, 1] = potential, now
+    return now - reached[i, 1]
 
 
 @inner_kernel

@@ -19,6 +19,8 @@ SPEED_SCALE = 2.0  # m/s
 TIME_SCALE = 5.0  # s     a travel time of 5 s is observed as 1/2
 # Travel times of those who want to be slower are those at this speed: at none they would be infinite.
 SLOWEST = 0.1  # m/s
+# s of the way by which one has got on, and by which one is so far behind that another way begins: a door that has closed.
+GAIN, LOSS = 0.1, 5.0
 
 
 class Ways(NamedTuple):
@@ -50,6 +52,7 @@ class View(NamedTuple):
     direction: Floats  # (P, 2)  of the shortest path, along x and y
     travel_time: Floats  # (P,)    s, at the own desired speed; 0 for those who are out
     potential: Floats  # (P,)    s, travel time by which progress is counted: that of the `RouteField.potential`
+    reached: Floats  # (P, 2)  s, least potential so far, and when; kept where it is observed
     distance_to_go: Floats  # (P,)    m   scratch: the rest of the route of those who are seen
     ways: Ways
     openings: Openings  # a reference; of no field where nobody observes them
@@ -65,6 +68,7 @@ class Columns(NamedTuple):
     direction: int
     travel_time: int
     opening: int
+    stood: int
     push: int
     crush: int
     density: int
