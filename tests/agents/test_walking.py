@@ -8,15 +8,16 @@ from cases import looped
 from evaluations import call, hall, run
 
 from crowd_env import CrowdEnv, ObservationLayout
-from crowd_env.agents import POLICIES, DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, Zipper
+from crowd_env.agents import POLICIES, DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, YieldWhenStuck, Zipper
 from crowd_env.agents.drivers import PolicyDriver, best_share
 from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
+from crowd_env.agents.evaluation.plans import judge_plan
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.envs.settings import arguments_of
 
-RULES = (RuleAtShare(1.0), DensityCap(), HeadwayRule(), Follow(), Evolved(), Zipper())
+RULES = (RuleAtShare(1.0), DensityCap(), HeadwayRule(), Follow(), Evolved(), YieldWhenStuck(), Zipper())
 FOLLOWING = (Follow(), Zipper())
 RNG = np.random.default_rng(0)
 
@@ -70,6 +71,27 @@ def test_the_first_of_a_row_walks_freely_and_the_others_do_not_walk_into_it(poli
     assert (action[1:, 0] < 0.3).all()
     result = evaluate(policy, scenario, runs=1)
     assert np.argsort(result.exit_times[0]).tolist() == list(range(6)) and result.column("contact_impulse")[0] == 0.0
+
+
+def test_who_is_stuck_walks_as_evolved_and_the_others_at_full_speed():
+    rule = YieldWhenStuck(patience=1.0)
+    env, _ = observed(rule, hall(30, speed=1.8))
+    walk = np.column_stack([np.arange(env.num_people) % 3 == 0, np.zeros(env.num_people)])
+    for _ in range(15):  # two in three stand
+        observation = env.step(walk).observation
+    stood = observation[:, env.layout["stood"]][:, 0]
+    stuck = stood > 1.0 / 6.0
+    assert 5 < stuck.sum() < env.active.sum()
+    evolved, action = Evolved().act(observation, env.layout, RNG), rule.act(observation, env.layout, RNG)
+    np.testing.assert_array_equal(action[stuck], evolved[stuck])
+    np.testing.assert_array_equal(action[~stuck], np.tile([1.0, 0.0], (int((~stuck).sum()), 1)))
+
+
+@pytest.mark.more
+@looped("seed", [33, 51, 143])
+def test_streams_that_lock_at_full_speed_come_loose_when_those_who_are_stuck_yield(seed):
+    rule, yielding = (judge_plan(name, 1_000_000 + seed) for name in ("rule", YieldWhenStuck.name))
+    assert rule.left > 30 and yielding.left == 0
 
 
 @looped("scheme", ["dem", "nsm2"])

@@ -75,6 +75,35 @@ def test_who_has_just_restarted_sees_what_a_fresh_environment_shows(seed):
                 waiting.discard(e)
 
 
+def test_stood_counts_from_when_one_last_got_nearer_and_knows_nothing_of_the_episode_before():
+    layout = ObservationLayout(("stood",))
+    env = CrowdEnv([HALL, CLUTTERED], num_envs=3, observation=layout, autoreset=True, time_limit=4.0)
+    kept, now, rng = env.reset(seed=0)[0], 0.0, np.random.default_rng(0)
+    assert not kept.any()
+    least, since = env._observer.view.potential.copy(), np.zeros(env.num_people)
+    stands = rng.random(env.num_people) < 0.3
+    for step in range(75):
+        if step == 20:
+            checkpoint, before = env.checkpoint(), (since.copy(), now)
+        inside = env.active
+        shown = env.step(np.where(stands[:, None], 0.0, rng.uniform((-1.0, -0.4), (1.0, 0.4), (env.num_people, 2))))
+        now += env.decision_dt
+        if shown.info["finished"].any():  # all at once, at the time limit
+            assert not shown.observation.any()
+            least, since, now = env._observer.view.potential.copy(), np.zeros(env.num_people), 0.0
+            continue
+        potential = env._observer.view.potential
+        got_on = (potential <= least - 0.1) | (potential >= least + 5.0)
+        least[got_on], since[got_on] = potential[got_on], now
+        expected = (now - since) / (now - since + 5.0)
+        np.testing.assert_allclose(shown.observation[inside, 0], expected[inside], atol=1e-6)
+    assert shown.observation.max() > 0.3 and now < 4.0
+    env.restore(checkpoint)
+    (since, now), inside = before, env.active
+    shown = env.step(np.zeros((env.num_people, 2))).observation[inside, 0]
+    assert (shown >= (now - since[inside]) / (now - since[inside] + 5.0) - 1e-6).mean() > 0.9
+
+
 def test_what_was_shown_stays_as_it_was():
     env = CrowdEnv("room-v0", num_envs=2, people=6, autoreset=True)
     kept = [env.reset(seed=0)[0]]
