@@ -79,7 +79,8 @@ def write_submissions(
     Parameters
     ----------
     policies : names in ``results``, with the file of the network if there is one.
-    results : of the policies and of `REFERENCES` on the held-out draws of the task.
+    results : of the policies and of `REFERENCES` on the held-out draws of the task; where the references lie there already
+        (`references_known`) the rule on some of the draws is enough, to hold the code against them.
     own : by policy, its results and those of the rule on its own draws.
     found : trials of at least the policies and the rule on the variations of the task, with their results; empty: none.
 
@@ -113,18 +114,31 @@ def write_submissions(
         facts = {"format": FORMAT, "task": task.identity(), "policies": digests, "networks": networks}
         return {**facts, "columns": list(_COLUMNS), "trials": of, "versions": versions()}
 
-    references, path = content(dict.fromkeys(REFERENCES)), folder / f"{task.name}.json"
+    path, by_name = folder / f"{task.name}.json", {one.policy: one for one in results}
+    anew = by_name.keys() >= set(REFERENCES)
     if path.exists():
-        both = read_json(path), references
-        before, now = (_runs_of(one["trials"][0]["of"][RULE], one["columns"])["last_time"] for one in both)
-        if len(before) != len(now) or not np.allclose(before, now, rtol=1e-4, equal_nan=True):
+        before = read_json(path)["trials"][0]["of"][RULE]["runs"]
+        now = _kept(by_name[RULE])["runs"]
+        both = (_runs_of({"runs": one[: len(now)]}, _COLUMNS)["last_time"] for one in (before, now))
+        if (anew and len(before) != len(now)) or not np.allclose(*both, rtol=1e-4, equal_nan=True):
             raise ValueError(f"{path}: the rule does other things here, so the code is another; submit all of it again")
-    write_content(path, references)
+    if anew:
+        write_content(path, content(dict.fromkeys(REFERENCES)))
     paths = []
     for name, source in policies.items():
         paths.append(folder / task.name / f"{name.replace('/', '-')}.json")
         write_content(paths[-1], content({name: source}))
     return paths
+
+
+def references_known(path: Path, task: Task, few: int) -> bool:
+    """Return whether ``path`` holds the references of a task as it is now, on ``few`` draws of each variation."""
+    try:
+        trials = _read(path)["trials"]
+    except (ValueError, KeyError):
+        return False
+    beside = {len(kept["runs"]) for trial in trials[1:] for kept in trial["of"].values()}
+    return len(trials[0]["of"][RULE]["runs"]) == task.runs and beside == ({few} if few else set())
 
 
 def write_content(path: Path, content: Mapping[str, Any]) -> None:

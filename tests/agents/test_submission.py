@@ -241,6 +241,24 @@ def test_a_new_version_of_the_task_refuses_files_of_the_old_one(files, monkeypat
         read_submission(files[0])
 
 
+def test_a_policy_that_comes_later_is_submitted_alone_and_is_the_same_as_beside_the_references(files, tmp_path, monkeypatch):
+    rule, walked = files[0], []
+    write_content(tmp_path / "small.json", json.loads(rule.parent.with_suffix(".json").read_text()))
+    before = (tmp_path / "small.json").stat().st_mtime_ns
+
+    def seen(entries, *args, **options):
+        walked.extend((entry.name, options["runs"]) for entry in entries)
+        return compare(entries, *args, **options)
+
+    monkeypatch.setattr("crowd_env.cli.agents.submit.compare", seen)
+    code, _, err = call("--task", "small", "--policy", "follow", "--robustness-runs", 2, "--out", tmp_path)
+    assert code == 0, err
+    assert walked.count(("rule", 3)) == 1 and ("rule-best-speed", 3) not in walked and ("rule", 2) not in walked
+    assert (tmp_path / "small.json").stat().st_mtime_ns == before
+    ours, theirs = (json.loads(path.read_text()) for path in (tmp_path / "small" / "follow.json", rule))
+    assert ours["trials"] == theirs["trials"]
+
+
 def test_another_rule_in_the_folder_is_refused(files, tmp_path):
     content = json.loads(files[0].parent.with_suffix(".json").read_text())
     runs = content["trials"][0]["of"]["rule"]["runs"]

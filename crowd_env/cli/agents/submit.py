@@ -5,12 +5,19 @@ from typing import Annotated, Any
 
 import typer
 
-from crowd_env.agents.evaluation.entries import RULE, make_entries
+from crowd_env.agents.evaluation.entries import RULE, Entry, make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.evaluation.robustness import Found, Trial, few_runs, judge_trial, make_trials
 from crowd_env.agents.evaluation.same_draws import compare
-from crowd_env.agents.evaluation.submission import OWN_DRAWS, REFERENCES, own_runs, own_seed, write_submissions
+from crowd_env.agents.evaluation.submission import (
+    OWN_DRAWS,
+    REFERENCES,
+    own_runs,
+    own_seed,
+    references_known,
+    write_submissions,
+)
 from crowd_env.agents.networks import network_digest
 from crowd_env.agents.rules import RandomWalk
 from crowd_env.agents.tasks import make_task
@@ -25,6 +32,7 @@ from crowd_env.core.console import check_folder, friendly_errors
 _POLICY = "As for agents.evaluate: names, shipped policies (TASK/NAME), or networks (.safetensors)."
 _FOLDER = "Keeps what has been evaluated, so that an interrupted submission goes on."
 _RUNS = "Other draws are no submission, but a trial of one."
+_CHECKED = 10  # draws of the rule that are held against those that lie there
 _FEW = "Draws of each variation of the task; 0: none."
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -44,7 +52,8 @@ def main(
 
     A submission holds the network, a line for each run, and the digests of task and network.  The rule at full and at its best
     speed on the same draws lie beside all policies of a task in TASK.json.  Each policy is also judged, beside the rule, on
-    draws that follow from its network or, of a rule, from its name and constants.
+    draws that follow from its network or, of a rule, from its name and constants.  Where TASK.json lies in --out, the rule is
+    run on its first draws alone, to see that the code is still that one.
 
     Example:
 
@@ -64,11 +73,19 @@ def main(
             raise ValueError(
                 "--policy random: what a run draws depends on the runs beside it; submit what draws nothing"
             )
-        place, named = chosen.place(), list(dict.fromkeys((*REFERENCES, *policy)))
+        place, known = chosen.place(), runs == chosen.runs and not set(policy) & set(REFERENCES)
+        known = known and references_known(out / f"{chosen.name}.json", chosen, few)
+        beside = (RULE,) if known else REFERENCES
+        named = list(dict.fromkeys((*beside, *policy)))
         entries = make_entries(named, place, chosen)
-        trials = make_trials(chosen, list(dict.fromkeys((RULE, *policy)))) if few else []
-        kept = None if folder is None else EvaluationFolder(folder / "all", settings_of(place, runs, 0, chosen))
-        results = compare(entries, place, [chosen.scheme], runs=runs, threads=threads, folder=kept)
+        trials = make_trials(chosen, list(dict.fromkeys(policy if known else (RULE, *policy)))) if few else []
+
+        def judged(who: list[Entry], draws: int, name: str) -> list[Evaluation]:
+            kept = None if folder is None else EvaluationFolder(folder / name, settings_of(place, draws, 0, chosen))
+            return compare(who, place, [chosen.scheme], runs=draws, threads=threads, folder=kept)
+
+        results = judged(entries[:1], min(_CHECKED, runs), "checked") if known else []
+        results += judged(entries[1:] if known else entries, runs, "all")
         found: Found = [
             (one, judge_trial(chosen, one, compare, runs=few, threads=threads, out=folder)) for one in trials
         ]
