@@ -241,7 +241,9 @@ def test_a_new_version_of_the_task_refuses_files_of_the_old_one(files, monkeypat
         read_submission(files[0])
 
 
-def test_a_policy_that_comes_later_is_submitted_alone_and_is_the_same_as_beside_the_references(files, tmp_path, monkeypatch):
+def test_a_policy_that_comes_later_is_submitted_alone_and_is_the_same_as_beside_the_references(
+    files, tmp_path, monkeypatch
+):
     rule, walked = files[0], []
     write_content(tmp_path / "small.json", json.loads(rule.parent.with_suffix(".json").read_text()))
     before = (tmp_path / "small.json").stat().st_mtime_ns
