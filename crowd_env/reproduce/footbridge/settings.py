@@ -19,8 +19,8 @@ class FootbridgeSettings(Settings):
         In one sentence, if an option is out of range.
     """
 
-    runs: int = option(4, "Number of draws", COUNT)
+    runs: int = option(3, "Number of draws", COUNT)
     scheme: SchemeName = option("dem", "Contact scheme of the walkers on the deck: dem, nsm1, nsm2 or hertz")
     people: int = option(400, "Number of people in the film", COUNT)
     duration: float = option(400.0, "Length of each run, s; figures are means over its last quarter", POSITIVE)
-    dt: float = option(0.005, "Time step of the crowd, s", POSITIVE)
+    dt: float = option(0.01, "Time step of the crowd, s; hertz takes at most 0.005", POSITIVE)
