@@ -71,7 +71,14 @@ def reproduce(settings: FootbridgeSettings, runs: Mapping[str, object]) -> Resul
     ]
     rows = [
         Row("omega_0 of the deck", "6.47", DECK.frequency, "rad/s", 1, "sqrt(K / M)"),
-        Row("damping ratio of the deck", "0.0075", DECK.damping_ratio, "1", 1, "B / (2 sqrt(K M)); printed value unchecked"),
+        Row(
+            "damping ratio of the deck",
+            "0.0075",
+            DECK.damping_ratio,
+            "1",
+            1,
+            "B / (2 sqrt(K M)); printed value unchecked",
+        ),
     ]
     for sweep in sweeps:
         reading = f"mean amplitude over {settings.runs} draws passes {1000 * LARGE:g} mm"
@@ -93,7 +100,14 @@ def reproduce(settings: FootbridgeSettings, runs: Mapping[str, object]) -> Resul
     table = RawTable(
         ("where", "people", "draw", "amplitude_m", "order", "critical"),
         [
-            (sweep.name, n, settings.seed + k, f"{sweep.amplitude[i, k]:.6f}", f"{sweep.order[i, k]:.4f}", f"{sweep.critical:.2f}")
+            (
+                sweep.name,
+                n,
+                settings.seed + k,
+                f"{sweep.amplitude[i, k]:.6f}",
+                f"{sweep.order[i, k]:.4f}",
+                f"{sweep.critical:.2f}",
+            )
             for sweep in sweeps
             for i, n in enumerate(sweep.people)
             for k in range(sweep.amplitude.shape[1])

@@ -68,7 +68,6 @@ def step_up(coupling: Synchrony | Pendulum, numbers: Sequence[int], hold: float,
     """Let the numbers of walkers at mid-span follow each other, each for ``hold`` [s]; a motion beyond `LOST` ends it."""
     rng, most = np.random.default_rng(seed), max(numbers)
     zero = np.zeros(())
-    advance: Callable[[Floats], None]
     if isinstance(coupling, Synchrony):
         omega = draw_strides(rng, (most,))
         state = (zero, zero, np.exp(2j * np.pi * rng.random(most)))
@@ -97,9 +96,7 @@ def crowd(people: int, scheme: str, dt: float, seed: int) -> Simulation:
     """Return people all over the deck who walk along it, as fast as their strides say, and keep a distance."""
     rng = np.random.default_rng(seed)
     x = (-_BEFORE, DECK.length + _BEHIND)
-    place = Geometry.from_polygon(
-        box(x[0], 0.0, x[1], WIDTH), regions={"deck": box(0.0, 0.0, DECK.length, WIDTH)}
-    )
+    place = Geometry.from_polygon(box(x[0], 0.0, x[1], WIDTH), regions={"deck": box(0.0, 0.0, DECK.length, WIDTH)})
     bodies = make_bodies(
         rng.uniform(0.15, 0.19, people),
         rng.uniform(60.0, 100.0, people),
