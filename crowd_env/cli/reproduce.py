@@ -177,6 +177,8 @@ def _write(result: Result, out: Path) -> list[Path]:
         paths = result.save(out)
         try:
             paths.append(save_figure(result.draw(), out / f"{result.name}.png"))
+            if result.film is not None:
+                paths.append(result.film(out / f"{result.name}.gif"))
         except ModuleNotFoundError as error:
             say(f"no figure: {error}", "yellow")
     except OSError as error:
