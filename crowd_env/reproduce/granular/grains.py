@@ -26,8 +26,8 @@ RIGID = NSM1(trial="inertial")
 
 
 def sand(friction: float) -> Hertz:
-    """Return grains so stiff that a silo of them overlaps by about one percent, and damped at half the critical rate."""
-    return Hertz(1e8, 0.25, 0.5, 0.5, "critical", friction, friction, rotation=friction > 0.0, social=None)
+    """Return grains so stiff that a silo of them overlaps by two percent, and damped at half the critical rate."""
+    return Hertz(3e7, 0.25, 0.5, 0.5, "critical", friction, friction, rotation=friction > 0.0, social=None)
 
 
 def weight(bodies: Bodies, gravity: float) -> Floats:

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 TITLE = "Discharge of a silo against the width of its outlet"
 
 WIDTHS = (3.0, 4.0, 5.0, 6.0, 8.0)  # D / d
-_SILO = 24.0  # its width over d
-_SETTLE, JAMMED = 4.0, 5.0  # s; 25 times sqrt(d / g) without a grain: it is jammed
+_SILO = 20.0  # its width over d
+_SETTLE, JAMMED = 3.0, 5.0  # s; 25 times sqrt(d / g) without a grain: it is jammed
 _LONGEST = 60.0  # s
 _SKIP, _COUNT = 0.05, 0.3  # shares of the grains: the flow is that of the exits between
 _LARGEST_STEP = 5e-3  # s, of the rigid schemes
