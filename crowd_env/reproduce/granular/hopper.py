@@ -42,7 +42,9 @@ def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
             if friction and jams:  # the widest that arches
                 arch = done.simulation, done.jammed.index(True), f"an arch over D = {outlet:g} d, {name}"
     table = RawTable(("grains", "outlet_over_d", "seed", "out", "jammed"), lines)
-    remarks = ["An arch is grains that bear each other over the outlet. Friction lets it be of any shape; without, it must be convex."]
+    remarks = [
+        "An arch is grains that bear each other over the outlet. Friction lets it be of any shape; without, it must be convex."
+    ]
     return Result("hopper", TITLE, rows, {"fillings": table}, lambda: draw(shares, arch), remarks, settings.changed())
 
 

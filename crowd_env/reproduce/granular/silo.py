@@ -16,7 +16,8 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.metrics import t_quantile
 from crowd_env.physics import ContactScheme
 from crowd_env.physics.simulation.simulation import Simulation
-from crowd_env.rendering.canvas import draw_bodies, draw_geometry, name_panel, new_figure, quiet_axes, series
+from crowd_env.rendering.canvas import draw_bodies, draw_lines, name_panel, new_figure, quiet_axes, series
+from crowd_env.rendering.palette import SERIES, WALL
 from crowd_env.reproduce.granular.grains import (
     DIAMETER,
     GATE,
@@ -32,6 +33,7 @@ from crowd_env.reproduce.granular.settings import GranularSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 TITLE = "Discharge of a silo against the width of its outlet"
@@ -76,7 +78,9 @@ def discharge(
 ) -> Discharge:
     """Let silos of ``width`` and ``outlet`` [d] settle behind a gate, open it, and wait for ``count`` grains or a jam."""
     wanted = grains if count is None else count
-    parts = [fill(grains, width * DIAMETER, outlet * DIAMETER, slope, np.random.default_rng([seed, 0])) for seed in seeds]
+    parts = [
+        fill(grains, width * DIAMETER, outlet * DIAMETER, slope, np.random.default_rng([seed, 0])) for seed in seeds
+    ]
     radius, position = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
     place = silo(width * DIAMETER, outlet * DIAMETER, float(position[:, 1].max()) + DIAMETER, slope)
     simulation = passive(place, radius, position, scheme, dt, environments=len(seeds))
@@ -116,7 +120,7 @@ class Fit(NamedTuple):
 def beverloo(width: Floats, flow: Floats) -> Fit:
     """Fit q = C (D / d - k)^n to flows (N,) in sqrt(g / d), by least squares of their logarithms.
 
-    The interval of n holds what fits with some k and C no worse than F allows: profile of the sum of squares, t^2 = F(1, N - 3).
+    The interval of n holds what fits with some k and C no worse than F allows: t^2 = F(1, N - 3) of the sum of squares.
     """
     powers, offsets = np.linspace(0.5, 3.0, 501), np.linspace(-2.0, width.min() - 0.05, 400)
     log_flow, log_width = np.log(flow), np.log(width - offsets[:, None])
@@ -157,13 +161,23 @@ def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
             Row(f"{name}: exponent, k = 1", None, fit.at_one, "1", n, "k = 1: what lets one grain pass", expected=1.5),
             Row(f"{name}: k", None, fit.offset, "1", n, "with the exponent 3/2"),
             Row(f"{name}: C", None, fit.factor, "1", n, "with the exponent 3/2, grains in sqrt(g/d)"),
-            Row(f"{name}: late over early", None, float(np.nanmean(ratios)), "1", n, "flow of two halves", expected=1.0),
-            Row(f"{name}: jams", None, jams, "runs", len(WIDTHS) * len(seeds), f"{JAMMED:g} s without a grain", closes=True),
+            Row(
+                f"{name}: late over early", None, float(np.nanmean(ratios)), "1", n, "flow of two halves", expected=1.0
+            ),
+            Row(
+                f"{name}: jams",
+                None,
+                jams,
+                "runs",
+                len(WIDTHS) * len(seeds),
+                f"{JAMMED:g} s without a grain",
+                closes=True,
+            ),
         ]
     table = RawTable(("grains", "outlet_over_d", "seed", "flow_over_sqrt_g_d", "jammed"), lines)
     remarks = [
-        f"{settings.draws_are} fillings of {settings.grains} grains, {_SILO:g} d wide; the flow is that of the exits {first} to "
-        f"{last}. The paper has no silo: 3/2 is Beverloo's law in two dimensions.",
+        f"{settings.draws_are} fillings of {settings.grains} grains, {_SILO:g} d wide; the flow is that of the exits {first} "
+        f"to {last}. The paper has no silo: 3/2 is Beverloo's law in two dimensions.",
     ]
     assert shown is not None
     last_seen = shown
@@ -189,13 +203,8 @@ def draw(points: Mapping[str, tuple[Floats, Floats]], simulation: Simulation) ->
     return figure
 
 
-def draw_silo(axes: "object", simulation: Simulation, e: int) -> None:
+def draw_silo(axes: "Axes", simulation: Simulation, e: int) -> None:
     """Draw the silo of environment ``e``, its grains, and the forces between them as lines."""
-    from matplotlib.axes import Axes
-
-    from crowd_env.rendering.canvas import draw_lines
-
-    assert isinstance(axes, Axes)
     place, bodies, state = simulation.geometries[0], simulation.bodies, simulation.state
     people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
     inside, position, radius = state.active[people], state.position[people], bodies.radius[people]
@@ -203,8 +212,10 @@ def draw_silo(axes: "object", simulation: Simulation, e: int) -> None:
     axes.set(xlim=(x0 - 0.1, x1 + 0.1), ylim=(y0 - 0.1, position[inside, 1].max(initial=1.0) + 0.5), aspect="equal")
     axes.set_axis_off()
     standing, _ = place.walls_when()
-    draw_lines(axes, standing, (55, 65, 77), 2.0, 4.0)
-    draw_bodies(axes, position[inside], radius[inside], facecolor="#d5ecec", edgecolor="#8ecbcd", linewidth=0.5, zorder=2)
+    draw_lines(axes, standing, WALL, 2.0, 4.0)
+    draw_bodies(
+        axes, position[inside], radius[inside], facecolor="#d5ecec", edgecolor="#8ecbcd", linewidth=0.5, zorder=2
+    )
     touching = simulation.contacts(e)
     start = position[touching.i]
     ends = start - radius[touching.i, None] * touching.normal
@@ -212,5 +223,5 @@ def draw_silo(axes: "object", simulation: Simulation, e: int) -> None:
     ends[pair] = position[touching.j[pair]]
     force = touching.impulse[:, 0] / simulation.dt
     widths = 3.0 * np.minimum(1.0, force / max(1e-9, float(np.percentile(force, 99)) if len(force) else 1.0))
-    draw_lines(axes, np.stack([start, ends], axis=1), (137, 71, 145), 1.0, 3.0)
+    draw_lines(axes, np.stack([start, ends], axis=1), SERIES[1], 1.0, 3.0)
     axes.collections[-1].set_linewidths(widths)

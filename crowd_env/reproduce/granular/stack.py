@@ -1,8 +1,8 @@
 """A stack of discs at rest in a shaft: weights add up from disc to disc, walls take the rest, and nothing drifts.
 
 Discs of diameter d in a shaft of width w lean left and right in turn; neighbors are joined by lines that stand at an angle
-theta off the vertical, sin(theta) = (w - d) / d.  Below m discs without friction a contact carries N_m = m W / cos(theta), and the
-wall beside a disc takes the sum of the thrusts N sin(theta) of its two neighbors.
+theta off the vertical, sin(theta) = (w - d) / d.  Below m discs without friction a contact carries N_m = m W / cos(theta), and
+the wall beside a disc takes the sum of the thrusts N sin(theta) of its two neighbors.
 """
 
 from collections.abc import Mapping
@@ -101,10 +101,14 @@ def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
             weights = stack.vertical[0] / above[-1]
             rows.append(Row(f"{what}: floor", None, weights, "1", steps, "force over one weight", expected=float(n)))
             worst = float(np.abs(stack.vertical / above - 1.0).max())
-            rows.append(Row(f"{what}: worst force between discs", None, worst, "1", steps, "off the weight above, share"))
+            rows.append(
+                Row(f"{what}: worst force between discs", None, worst, "1", steps, "off the weight above, share")
+            )
             if beside.any():
                 off = float(np.abs(stack.wall - beside).max() / beside.max())
-                rows.append(Row(f"{what}: worst force of a wall", None, off, "1", steps, "off that of rigid discs, share"))
+                rows.append(
+                    Row(f"{what}: worst force of a wall", None, off, "1", steps, "off that of rigid discs, share")
+                )
             rows.append(Row(f"{what}: displacement [mm]", None, 1e3 * stack.drift, "1", steps, "largest, of any disc"))
             rows.append(Row(f"{what}: speed at the end", None, stack.speed, "m/s", 1, f"after {_DURATION:g} s"))
             if name == "dem":
@@ -121,7 +125,13 @@ def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
         "compared; hertz sags by its overlaps and is at rest. nsm1 and nsm2 are rigid.",
     ]
     return Result(
-        "stack", TITLE, rows, {"discs": RawTable(header, lines)}, lambda: draw(n, settings, found), remarks, settings.changed()
+        "stack",
+        TITLE,
+        rows,
+        {"discs": RawTable(header, lines)},
+        lambda: draw(n, settings, found),
+        remarks,
+        settings.changed(),
     )
 
 
@@ -142,6 +152,8 @@ def draw(n: int, settings: GranularSettings, found: Mapping[tuple[str, str], Sta
         axes.plot(exact, np.arange(1, n + 1), "k-", lw=1.0, label="closed form")
         for k, name in enumerate(SCHEMES):
             force = getattr(found[name, "leaning"], what) / unit
-            axes.plot(force, np.arange(1, n + 1), "o+x^"[k], color=series(k), markersize=6, fillstyle="none", label=name)
+            axes.plot(
+                force, np.arange(1, n + 1), "o+x^"[k], color=series(k), markersize=6, fillstyle="none", label=name
+            )
     curves[0].legend(frameon=False, fontsize=9)
     return figure
