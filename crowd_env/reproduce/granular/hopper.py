@@ -20,7 +20,7 @@ TITLE = "Arches in a hopper, with friction and without"
 
 OUTLETS = (1.5, 2.0, 2.5, 3.0)  # D / d
 _GRAINS, _WIDTH, _SLOPE = 100, 12.0, 1.0  # width over d; floors at 45 degrees
-DRAWS = 8
+DRAWS = 4
 
 
 def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
