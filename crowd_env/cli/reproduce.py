@@ -52,7 +52,7 @@ def reproduce(
     fresh: Annotated[bool, of_kept(_FRESH, names=("--fresh",))] = False,
     ray: Annotated[bool, plain(_RAY, names=("--ray",))] = False,
 ) -> None:
-    """Redo a table or figure of a paper, Pécol et al. 2011 or Lin, Ma, Lo, and print its numbers beside ours.
+    """Redo a table or figure of a paper, Pécol et al. 2011 or Lin, Ma, Lo, or grains under gravity, beside ours.
 
     Writes NAME.csv, the numbers behind it and NAME.png into the folder --out.
 
