@@ -154,6 +154,10 @@ _TIERS = f"Tiers: {', '.join(TIERS)}; default all."
 _POLICIES = "Policy to try, may be repeated; default rules, the search and what ships."
 
 
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
+@app.command()
 def main(
     tiers: Annotated[list[str] | None, typer.Argument(help=_TIERS)] = None,
     policy: Annotated[list[str] | None, typer.Option(help=_POLICIES)] = None,
@@ -170,4 +174,4 @@ def main(
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    app()

@@ -71,7 +71,7 @@ def _place(name: str) -> tuple[dict[str, Any], Path]:
     task, _, policy = name.partition("/")
     if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", policy):
         raise ValueError(
-            f"--as {name}: it must be generalist or TASK/POLICY, the policy of small letters, digits and hyphens"
+            f"--as {name}: it must be TASK/POLICY, the policy of small letters, digits and hyphens, or generalist"
         )
     return make_task(task).identity(), FOLDER / task / f"{policy}{NUMBERS}"
 

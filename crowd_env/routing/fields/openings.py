@@ -6,14 +6,16 @@ are apart.  Openings wider than `WIDEST` count as that wide.
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.core.kernels.jit import inner_kernel, kernel
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.routing.fields.field import NavigationField
+
+if TYPE_CHECKING:  # no part of what kernels are made of
+    from crowd_env.routing.fields.field import NavigationField
 
 WIDEST = 5.0  # m
 _SPACING, _NODES = 0.1, 40_000  # m between nodes, more in large places, of which so many are enough
@@ -39,7 +41,7 @@ def no_openings() -> Openings:
     return Openings(np.zeros(1, dtype=np.int64), none, np.zeros((0, 2)), nothing, nothing.copy(), nothing.copy())
 
 
-def openings_of(fields: list[NavigationField | None], geometries: list[Geometry]) -> Openings:
+def openings_of(fields: "list[NavigationField | None]", geometries: list[Geometry]) -> Openings:
     """Return the openings of some fields, each of its geometry."""
     every = [_openings(field, geometry) for field, geometry in zip(fields, geometries, strict=True)]
     return Openings(
@@ -53,7 +55,7 @@ def openings_of(fields: list[NavigationField | None], geometries: list[Geometry]
 
 
 @lru_cache(maxsize=16)
-def _openings(field: NavigationField | None, geometry: Geometry) -> tuple[Floats, float, Floats, Floats]:
+def _openings(field: "NavigationField | None", geometry: Geometry) -> tuple[Floats, float, Floats, Floats]:
     """Return origin [m] and spacing [m] of a grid, and width [m] and rest [s] of its nodes (rows, cols)."""
     if field is None:
         return np.zeros(2), 1.0, np.zeros((0, 0)), np.zeros((0, 0))
@@ -70,7 +72,7 @@ def _openings(field: NavigationField | None, geometry: Geometry) -> tuple[Floats
     return field.origin, spacing, width, rest
 
 
-def _widths_at_the_end(field: NavigationField, geometry: Geometry) -> Floats:
+def _widths_at_the_end(field: "NavigationField", geometry: Geometry) -> Floats:
     """Return the width [m] of the exit that every node (rows, cols) reaches in a straight line; else `WIDEST`."""
     widths = geometry.exit_widths
     of_row = np.array([min(widths[name], WIDEST) for name in geometry.exit_names] + [WIDEST])

@@ -57,7 +57,7 @@ def test_the_narrower_of_two_doors_counts_until_it_is_passed(angle):
     assert np.mean(np.abs(before - 0.8) < 0.07) > 0.98  # lines through nodes are a little longer than from jamb to jamb
     assert np.median(beyond) == pytest.approx(1.4)
     far = rest[x < 3.9]  # from the door to the exit
-    assert np.mean(np.abs(far - np.hypot(4.0, 1.5)) < 0.5) > 0.99
+    assert np.mean(np.abs(far - np.hypot(4.0, 1.5)) < 0.5) > 0.98
 
 
 def test_wide_floors_count_as_the_widest():
@@ -66,6 +66,7 @@ def test_wide_floors_count_as_the_widest():
     assert width.max() == WIDEST and np.median(width) == WIDEST
 
 
+@pytest.mark.kernels
 def test_it_is_seen_in_bodies_and_seconds():
     """The term holds 1 - diameter / width, and the time to the opening at the own speed, as it says."""
     layout = ObservationLayout(terms=("opening", "travel_time"))
