@@ -120,7 +120,7 @@ def draw(balls: int, found: Mapping[tuple[str, str], tuple[Floats, Floats]]) -> 
             shown = np.stack([x, np.full(balls, -1.2 * k)], axis=1)
             draw_bodies(axes, shown, RADIUS, facecolor="#8ecbcd", edgecolor="#083442", linewidth=1.0)
             for (at, level), speed in zip(shown, u / SPEED, strict=True):
-                axes.text(at, level + 0.36, f"{speed + 0.0:.2f}", ha="center", va="center", fontsize=6.5)
+                axes.text(at, level + 0.36, f"{round(speed, 2) + 0.0:.2f}", ha="center", va="center", fontsize=6.5)
         name_panel(axes, f"balls {how}: {_AFTER:g} s later, velocity over v")
         ends = np.concatenate([found[law.name, how][0] for law in LAWS])
         axes.set(xlim=(ends.min() - 0.4, ends.max() + 0.4), ylim=(-1.2 * len(LAWS) + 0.6, 0.8), aspect="equal")
