@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Floats
+from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.checks import NotNegative, Positive, check_fields
 
 State: TypeAlias = tuple[Floats, ...]  # what is integrated together
@@ -74,7 +74,7 @@ class Deck:
         return np.arctan2(x, np.asarray(v) / self.frequency)
 
 
-def order_parameter(phase: Floats, counted: Floats | None = None) -> Floats:
+def order_parameter(phase: Floats, counted: Floats | Bools | None = None) -> Floats:
     """Return R = |mean of exp(i theta)| over the last axis: 0 out of step, 1 in step, about 1/sqrt(N) by chance.
 
     Parameters

@@ -9,7 +9,7 @@ from crowd_env.core.arrays.state import Floats, make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.geometry.placement import sample_positions
 from crowd_env.physics.footbridge.crossing import Footbridge, come_round
-from crowd_env.physics.footbridge.deck import Deck, order_parameter
+from crowd_env.physics.footbridge.deck import Deck, State, order_parameter
 from crowd_env.physics.footbridge.gait import walking_speed
 from crowd_env.physics.footbridge.pendulum import Pendulum, advance_pendulum, start_walking
 from crowd_env.physics.footbridge.synchrony import SPREAD, Synchrony, advance_synchrony
@@ -57,7 +57,8 @@ def stay(psi: Floats, seeds: Sequence[int], duration: float) -> Trace:
     omega = np.array([draw_strides(rng, psi.shape) for rng in rngs])
     turns = np.exp(2j * np.pi * np.array([rng.random(len(psi)) for rng in rngs]))
     zero, steps = np.zeros(len(rngs)), round(_EVERY / _STEP)
-    state, coupling, moments = (zero, zero, turns), Synchrony(), []
+    state: State = (zero, zero, turns)
+    coupling, moments = Synchrony(), []
     for _ in range(round(duration / _EVERY)):
         state = advance_synchrony(DECK, coupling, omega, psi, state, _STEP, steps)
         moments.append((DECK.amplitude(*state[:2]), order_parameter(np.angle(state[2]))))
@@ -68,16 +69,17 @@ def step_up(coupling: Synchrony | Pendulum, numbers: Sequence[int], hold: float,
     """Let the numbers of walkers at mid-span follow each other, each for ``hold`` [s]; a motion beyond `LOST` ends it."""
     rng, most = np.random.default_rng(seed), max(numbers)
     zero = np.zeros(())
+    state: State
     if isinstance(coupling, Synchrony):
         omega = draw_strides(rng, (most,))
         state = (zero, zero, np.exp(2j * np.pi * rng.random(most)))
 
-        def on(psi: Floats) -> tuple[Floats, ...]:
+        def on(psi: Floats) -> State:
             return advance_synchrony(DECK, coupling, omega, psi, state, _STEP, round(_EVERY / _STEP))
     else:
         walkers, state = start_walking(coupling, np.full(most, coupling.frequency), _BEAT, rng)
 
-        def on(psi: Floats) -> tuple[Floats, ...]:
+        def on(psi: Floats) -> State:
             return advance_pendulum(DECK, coupling, walkers, psi, state, _BEAT, round(_EVERY / _BEAT))
 
     moments = []

@@ -93,7 +93,7 @@ def discharge(
     opened = float(simulation.state.time[0])
     while True:
         simulation.advance(n_substeps=round(1.0 / dt), external_force=pull)
-        since = simulation.state.time[0] - opened
+        since = simulation.state.time.max() - opened  # the clock of an empty silo stands still
         exit_time = np.sort(simulation.state.exit_time.reshape(len(seeds), -1) - opened, axis=1)
         out = np.isfinite(exit_time).sum(axis=1)
         last = np.nan_to_num(np.nanmax(np.pad(exit_time, ((0, 0), (1, 0))), axis=1))
@@ -223,5 +223,4 @@ def draw_silo(axes: "Axes", simulation: Simulation, e: int) -> None:
     ends[pair] = position[touching.j[pair]]
     force = touching.impulse[:, 0] / simulation.dt
     widths = 3.0 * np.minimum(1.0, force / max(1e-9, float(np.percentile(force, 99)) if len(force) else 1.0))
-    draw_lines(axes, np.stack([start, ends], axis=1), SERIES[1], 1.0, 3.0)
-    axes.collections[-1].set_linewidths(widths)
+    draw_lines(axes, np.stack([start, ends], axis=1), SERIES[1], widths, 3.0)
