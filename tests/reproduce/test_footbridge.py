@@ -3,6 +3,8 @@
 import pytest
 from reproductions import check_files, reported
 
+from crowd_env.envs.footbridge import FootbridgeEnv
+from crowd_env.reproduce.footbridge.gate import RULES, keep
 from crowd_env.reproduce.footbridge.onset import THRESHOLD, at_mid_span, on_filled_deck
 from crowd_env.reproduce.footbridge.runs import onset
 
@@ -10,6 +12,25 @@ from crowd_env.reproduce.footbridge.runs import onset
 def test_the_onset_is_read_where_the_motion_stays_large():
     assert onset([10, 20, 30, 40], [0.0, 2.0, 0.0, 2.0], 1.0) == pytest.approx(35.0)
     assert onset([10, 20], [0.0, 0.5], 1.0) is None and onset([10, 20], [2.0, 3.0], 1.0) is None
+
+
+@pytest.mark.more
+def test_rules_at_the_gate_are_compared(folder):
+    object = reported("bridge-gate --runs 1 --set people=120 --set duration=20 --out reproduce")
+    check_files(object, folder)
+    here = {row["quantity"]: row["here"] for row in object["rows"]}
+    for name in RULES:
+        bad = here[f"{name}: discomfort"]
+        assert here[f"{name}: reward"] == pytest.approx(here[f"{name}: people across"] - 0.02 * bad)
+
+
+@pytest.mark.nightly
+def test_to_hold_people_back_keeps_the_deck_still_and_pays():
+    env = FootbridgeEnv(700, time_limit=300.0)
+    free, held = (keep(RULES[name], env, 0) for name in ("open", "count"))
+    across, _, reward, sway, _ = range(5)
+    assert held[:, sway].max() < 0.01 < 0.05 < free[:, sway].max()
+    assert held[:, across].sum() < free[:, across].sum() and held[:, reward].sum() > 500.0 > free[:, reward].sum()
 
 
 @pytest.mark.nightly

@@ -106,4 +106,7 @@ def test_a_small_silo_obeys_beverloos_law():
 def test_grains_that_rub_arch_over_an_outlet_that_lets_others_out():
     rough, smooth = (discharge(sand(mu), 1e-3, [0, 1], 100, 12.0, 2.0, GRAVITY, 1.0) for mu in (0.5, 0.0))
     assert all(rough.jammed) and np.isfinite(smooth.exit_time).sum() > np.isfinite(rough.exit_time).sum()
+    # One filling is out long before another jams: the clock of an empty hopper stands still.
+    wide = discharge(sand(0.5), 1e-3, range(4), 100, 12.0, 3.0, GRAVITY, 1.0)
+    assert wide.jammed == [False, True, True, True] and wide.simulation.state.time.max() < 30.0
     assert not rough.simulation.escaped.any() and not smooth.simulation.escaped.any()

@@ -21,7 +21,8 @@ from crowd_env.physics.simulation.simulation import Simulation
 COUPLINGS: Mapping[str, Synchrony | Pendulum | None] = {"synchrony": Synchrony(), "pendulum": Pendulum(), "off": None}
 
 _LONGEST = 0.05  # s, a step of the phases, at most: a third of a radian
-_PENDULUM = 0.02  # s, the step of pendulums, of which that of the crowd is a multiple
+_PENDULUM = 0.02  # s, the step of pendulums, of which a call is a multiple
+_CALL = 0.4  # s, of one call at most: longer, nobody could tell how fast a phase has turned
 
 
 class Footbridge:
@@ -108,14 +109,22 @@ class Footbridge:
         command : (P, 2), as in `Simulation.advance`: multiples of the own desired speed, to which the pace of steps is added;
             0 holds a person back.
         world : the command has the axes of the world.
+
+        Raises
+        ------
+        ValueError
+            If that is longer than 0.4 s or, with pendulums, no multiple of 0.02 s.
         """
-        people = len(self.omega)
+        duration, people = n_substeps * self.simulation.dt, len(self.omega)
+        whole = not isinstance(self.coupling, Pendulum) or abs(duration / _PENDULUM % 1.0 - 0.5) > 0.5 - 1e-6
+        if duration > _CALL or not whole:
+            raise ValueError(f"n_substeps: {duration:g} s; at most {_CALL:g} s, pendulums multiples of {_PENDULUM:g} s")
         relative = np.full(people, not world)
         if self.paced and isinstance(self.coupling, Synchrony):
             asked = np.tile([1.0, 0.0], (people, 1)) if command is None else np.asarray(command, dtype=np.float64)
             command = asked * self._pace[:, None]
         self.simulation.advance(command, relative=relative, n_substeps=n_substeps)
-        self._sway(n_substeps * self.simulation.dt)
+        self._sway(duration)
 
     def _sway(self, duration: float) -> None:
         coupling, psi = self.coupling, self.psi
@@ -129,17 +138,3 @@ class Footbridge:
         elif isinstance(coupling, Pendulum):
             steps = round(duration / _PENDULUM)
             self._state = advance_pendulum(self.deck, coupling, self._walkers, psi, self._state, _PENDULUM, steps)
-
-
-def come_round(simulation: Simulation, length: float) -> None:
-    """Let those who have passed ``length`` [m] begin again at its start, where there is room, so that their number stays.
-
-    It is for places without an exit that reach beyond both ends, whose people walk along x.
-    """
-    position, radius = simulation.state.position, simulation.bodies.radius
-    for k in np.flatnonzero(position[:, 0] >= length):
-        there = position[k] - (length, 0.0)
-        gap = np.hypot(*(position - there).T) - radius - radius[k]
-        gap[k] = np.inf
-        if gap.min() >= 0.0:
-            position[k] = there

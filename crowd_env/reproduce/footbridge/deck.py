@@ -8,11 +8,12 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.physics.footbridge.crossing import Footbridge
+from crowd_env.physics.footbridge.walkers import DECK, WIDTH, crowd
 from crowd_env.rendering.canvas import draw_bodies, hex_of, new_figure, quiet_axes, series
 from crowd_env.rendering.encoding import write_gif
 from crowd_env.rendering.palette import INK, QUIET
 from crowd_env.reproduce.footbridge.onset import THRESHOLD
-from crowd_env.reproduce.footbridge.runs import DECK, WIDTH, Trace, crowd, walk
+from crowd_env.reproduce.footbridge.runs import Trace, walk
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 

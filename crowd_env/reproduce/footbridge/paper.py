@@ -2,7 +2,7 @@
 
 from dataclasses import fields
 
-from crowd_env.reproduce.footbridge import deck, onset, rival
+from crowd_env.reproduce.footbridge import deck, gate, onset, rival
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
 from crowd_env.reproduce.paper import Figure, Paper
 
@@ -14,7 +14,8 @@ PAPER = Paper(
     figures={
         "bridge-onset": Figure(onset.TITLE, onset.reproduce, None, _ALL - {"people"}, cpu_time=240),
         "bridge-rival": Figure(rival.TITLE, rival.reproduce, None, frozenset({"seed", "duration"}), cpu_time=10),
+        "bridge-gate": Figure(gate.TITLE, gate.reproduce, None, _ALL, {"people": gate.PEOPLE}, cpu_time=180),
         "bridge-deck": Figure(deck.TITLE, deck.reproduce, None, _ALL - {"runs"}, cpu_time=40),
     },
-    cpu_time=290,
+    cpu_time=470,
 )

@@ -8,10 +8,11 @@ import numpy as np
 from crowd_env.physics.footbridge.deck import Deck
 from crowd_env.physics.footbridge.pendulum import Pendulum
 from crowd_env.physics.footbridge.synchrony import Synchrony
+from crowd_env.physics.footbridge.walkers import DECK
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, series
 from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.footbridge.onset import LARGE, THRESHOLD
-from crowd_env.reproduce.footbridge.runs import DECK, Trace, step_up
+from crowd_env.reproduce.footbridge.runs import Trace, step_up
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 

@@ -5,22 +5,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Floats, make_bodies, make_state
-from crowd_env.geometry.geometry import Geometry, box
-from crowd_env.geometry.placement import sample_positions
-from crowd_env.physics.footbridge.crossing import Footbridge, come_round
-from crowd_env.physics.footbridge.deck import Deck, State, order_parameter
-from crowd_env.physics.footbridge.gait import walking_speed
+from crowd_env.core.arrays.state import Floats
+from crowd_env.physics.footbridge.crossing import Footbridge
+from crowd_env.physics.footbridge.deck import State, order_parameter
 from crowd_env.physics.footbridge.pendulum import Pendulum, advance_pendulum, start_walking
-from crowd_env.physics.footbridge.synchrony import SPREAD, Synchrony, advance_synchrony
+from crowd_env.physics.footbridge.synchrony import Synchrony, advance_synchrony
+from crowd_env.physics.footbridge.walkers import DECK, come_round, draw_strides
 from crowd_env.physics.simulation.simulation import Simulation
 
-DECK, WIDTH = Deck(), 4.0  # m
 LOST = 0.5  # m, a motion at which the equations no longer hold, and a run ends
 _STEP, _BEAT = 0.05, 0.5 / (0.9 * 28)  # s, steps of phases and of pendulums
 _EVERY = 1.0  # s between two moments that are kept
-_FASTEST = 3.0  # standard deviations of the stride beyond which nobody is drawn
-_BEFORE, _BEHIND = 1.0, 6.0  # m of floor before and behind the deck
 
 
 class Trace(NamedTuple):
@@ -36,14 +31,6 @@ class Trace(NamedTuple):
         """Return amplitude and order, means over the last quarter."""
         last = slice(-max(len(self.time) // 4, 1), None)
         return self.amplitude[last].mean(axis=0), self.order[last].mean(axis=0)
-
-
-def draw_strides(rng: np.random.Generator, shape: tuple[int, ...]) -> Floats:
-    """Return angular frequencies [rad/s] of strides: normal about that of the deck."""
-    far = rng.normal(0.0, 1.0, shape)
-    while (out := np.abs(far) > _FASTEST).any():
-        far[out] = rng.normal(0.0, 1.0, int(out.sum()))
-    return DECK.frequency + SPREAD * far
 
 
 def half_sine(people: int) -> Floats:
@@ -94,22 +81,6 @@ def step_up(coupling: Synchrony | Pendulum, numbers: Sequence[int], hold: float,
     return _trace(moments)
 
 
-def crowd(people: int, scheme: str, dt: float, seed: int) -> Simulation:
-    """Return people all over the deck who walk along it, as fast as their strides say, and keep a distance."""
-    rng = np.random.default_rng(seed)
-    x = (-_BEFORE, DECK.length + _BEHIND)
-    place = Geometry.from_polygon(box(x[0], 0.0, x[1], WIDTH), regions={"deck": box(0.0, 0.0, DECK.length, WIDTH)})
-    bodies = make_bodies(
-        rng.uniform(0.15, 0.19, people),
-        rng.uniform(60.0, 100.0, people),
-        desired_speed=walking_speed(draw_strides(rng, (people,)) / np.pi),
-        relaxation_time=rng.uniform(0.1, 0.5, people),
-    )
-    start = make_state(sample_positions(place, bodies.radius, rng, "deck"))
-    drive = None if scheme == "nsm1" else 300.0
-    return Simulation(place, bodies, start, scheme=scheme, dt=dt, manner="hurried", max_drive=drive)
-
-
 def walk(
     simulation: Simulation,
     coupling: str | Synchrony | Pendulum,
@@ -122,7 +93,7 @@ def walk(
     moments = []
     for k in range(round(10 * duration)):
         bridge.advance(n_substeps=substeps, world=True)
-        come_round(simulation, DECK.length)
+        come_round(simulation, DECK.length, DECK.length)
         look(bridge)
         if k % 10 == 9:
             psi = bridge.psi

@@ -21,6 +21,6 @@ class FootbridgeSettings(Settings):
 
     runs: int = option(3, "Number of draws", COUNT)
     scheme: SchemeName = option("dem", "Contact scheme of the walkers on the deck: dem, nsm1, nsm2 or hertz")
-    people: int = option(400, "Number of people in the film", COUNT)
+    people: int = option(400, "Number of people in the film, and before and on the deck of the gatekeeper", COUNT)
     duration: float = option(400.0, "Length of each run, s; figures are means over its last quarter", POSITIVE)
     dt: float = option(0.01, "Time step of the crowd, s; hertz takes at most 0.005", POSITIVE)
