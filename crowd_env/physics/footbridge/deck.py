@@ -4,9 +4,9 @@
     psi(x) = sin(pi x / L)                share of the motion that is felt at x; 0 off the deck
 
 The defaults are the north span of the London Millennium Bridge after Strogatz et al. 2005 (Nature 438:43, doi
-10.1038/438043a).  The modal mass and the frequency, 1.03 Hz, are also those in the published program of Belykh et al. 2021
-(doi 10.1038/s41467-021-27568-y), and K follows from the two.  B, and the length and width of the span, are from memory of the
-paper: unchecked.
+10.1038/438043a), which could not be opened.  M, B and K stand so in two programs of others, one of them after Marcheggiani and
+Lenci 2010; M and the frequency, 1.03 Hz, also in that of Belykh et al. 2021 (doi 10.1038/s41467-021-27568-y).  81 m, and a
+width of 4 m, are those of an account of the bridge after Dallard et al. 2001.
 """
 
 from collections.abc import Callable

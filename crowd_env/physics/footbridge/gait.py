@@ -4,8 +4,9 @@
     Omega = pi f                                        a stride is two steps
 
 Venuti and Bruno's cubic through the treadmill data of Bertram and Ruina 2001 (Bruno, Venuti, Crowd-structure interaction in
-footbridges, Journal of Sound and Vibration 323, 2009).  The coefficients are from memory: unchecked.  The cubic rises for all
-speeds.  It gives 1.9 steps a second at 1.34 m/s, and the 2.06 of the north span of the Millennium Bridge at 1.61 m/s.
+footbridges, Journal of Sound and Vibration 323, 2009).  The paper could not be opened; the coefficients stand so in several
+programs about footbridges, one of which halves f for strides.  The cubic rises for all speeds.  It gives 1.9 steps a second at
+1.34 m/s, and the 2.06 of the north span of the Millennium Bridge at 1.61 m/s.
 """
 
 import numpy as np

@@ -7,8 +7,8 @@
 
 Strogatz, Abrams, McRobie, Eckhardt, Ott 2005 (Nature 438:43, doi 10.1038/438043a); there psi_i = 1.  ``theta_i`` is the phase
 of a stride, left and right, so that Omega_i is half of the frequency of steps; ``P`` is the density of the Omega_i.  The
-equations, alpha and C, which the paper fits to a test on the bridge, were checked against accounts of the paper; G = 30 N and
-the spread of 0.63 rad/s are from memory of it: unchecked.
+equations, alpha and C, which the paper fits to a test on the bridge, were checked against accounts of it, since it could not
+be opened; G = 30 N and the spread of 0.63 rad/s stand so in a program of others, which has another C.
 
 The threshold follows from linear response: a small motion A of the mode brings a share pi P C A psi_i / 2 of the walkers at
 omega_0 into step, a quarter of a cycle ahead, and the deck takes energy from them as fast as it loses it.
