@@ -48,7 +48,7 @@ def test_scipy_finds_the_same_motion_of_all_at_mid_span():
     x, v, turn = advance_synchrony(DECK, coupling, omega, psi, start, 0.005, 6000)
     there = by_scipy(coupling, omega, psi, np.concatenate([[0.02, 0.05], theta]), 30.0)
     assert [float(x), float(v)] == pytest.approx(there[:2].tolist(), abs=2e-7)
-    assert np.abs(turn - np.exp(1j * there[2:])).max() < 1e-5
+    assert np.abs(turn - np.exp(1j * there[2:])).max() < 1e-5 and np.abs(np.abs(turn) - 1.0).max() < 1e-9
 
 
 @pytest.mark.parametrize("lag", [0.5 * np.pi, 0.7])
@@ -71,20 +71,20 @@ def test_a_deck_alone_dies_away_as_its_damping_says():
     assert decay == pytest.approx(DECK.damping / (2.0 * DECK.mass), rel=0.01)
 
 
-@pytest.mark.parametrize("people", [20, 55, 110])
+@pytest.mark.parametrize("people", [20, 60, 130])
 def test_pendulums_feed_the_deck_as_the_closed_form_says(people):
     coupling, step = Pendulum(), 0.5 / (0.9 * 28)
     rng = np.random.default_rng(3)
     feet, (_, v, y, y_rate) = start_walking(coupling, np.full(people, 0.9), step, rng)
     state = (np.array(0.5), v, y, y_rate)  # so large that the steps themselves do not count
-    logs = []
+    psi, logs = np.linspace(0.6, 1.0, people), []
     for _ in range(40):
-        state = advance_pendulum(DECK, coupling, feet, np.ones(people), state, step, 28)
+        state = advance_pendulum(DECK, coupling, feet, psi, state, step, 28)
         logs.append(np.log(float(DECK.amplitude(*state[:2]))))
     growth = np.polyfit(28 * step * np.arange(20), logs[20:], 1)[0]
-    damping = DECK.damping + people * coupling.damping_per_walker(DECK.frequency)
+    damping = DECK.damping + (psi**2).sum() * coupling.damping_per_walker(DECK.frequency)
     assert growth == pytest.approx(-damping / (2.0 * DECK.mass), abs=0.002)
-    assert (growth > 0.0) == (people > 60) or people == 55
+    assert (growth > 0.0) == (people > 90)
     assert 50 < coupling.critical_number(DECK) < 60
 
 
@@ -142,7 +142,7 @@ def test_a_shaken_crowd_falls_into_one_pace():
     walked(bridge, 300)
     assert bridge.order > 0.8 and bridge.amplitude > 0.02
     strides = np.pi * step_frequency(bridge._pace * bridge.simulation.bodies.desired_speed)
-    assert strides == pytest.approx(DECK.frequency, abs=1.5) and bridge.omega.std() > 0.2
+    assert strides.mean() == pytest.approx(DECK.frequency, abs=0.3) and strides.std() < 0.5 * bridge.omega.std()
 
 
 def test_who_passes_the_end_comes_round_where_there_is_room():
