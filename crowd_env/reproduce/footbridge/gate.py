@@ -82,7 +82,7 @@ def draw(found: Mapping[str, Floats]) -> "Figure":
     figure = new_figure((9.0, 5.0))
     above, below = figure.subplots(2, 1, sharex=True)
     quiet_axes(above, "", "amplitude [mm]", grid=True)
-    quiet_axes(below, "decisions", "people on the deck", grid=True)
+    quiet_axes(below, "time [s]", "people on the deck", grid=True)
     for k, (name, moments) in enumerate(found.items()):
         above.plot(1000.0 * moments[0, :, 3], color=series(k), lw=1.4, label=name)
         below.plot(moments[0, :, 4], color=series(k), lw=1.4)
