@@ -39,6 +39,7 @@ from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 from crowd_env.scenarios.starts import read_starts
 
 ROUTING = "crowd_env/Routing-v0"  # one controller that sends people to exits
+FOOTBRIDGE = "crowd_env/Footbridge-v0"  # one that holds people back from a deck that sways
 
 __all__ = [
     "DEM",
@@ -136,6 +137,8 @@ def register() -> None:
             entry_point="crowd_env.envs.routing.env:RoutingEnv",
             vector_entry_point="crowd_env.envs.routing.env:RoutingVectorEnv",
         )
+    if FOOTBRIDGE not in gymnasium.registry:
+        gymnasium.register(FOOTBRIDGE, entry_point="crowd_env.envs.footbridge:FootbridgeEnv")
 
 
 register()

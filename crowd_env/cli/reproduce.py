@@ -52,7 +52,7 @@ def reproduce(
     fresh: Annotated[bool, of_kept(_FRESH, names=("--fresh",))] = False,
     ray: Annotated[bool, plain(_RAY, names=("--ray",))] = False,
 ) -> None:
-    """Redo a table or figure of a paper, Pécol et al. 2011 or Lin, Ma, Lo, and print its numbers beside ours.
+    """Redo a table or figure of a paper, Pécol et al. 2011 or Lin, Ma, Lo, or grains under gravity, beside ours.
 
     Writes NAME.csv, the numbers behind it and NAME.png into the folder --out.
 
@@ -177,6 +177,8 @@ def _write(result: Result, out: Path) -> list[Path]:
         paths = result.save(out)
         try:
             paths.append(save_figure(result.draw(), out / f"{result.name}.png"))
+            if result.film is not None:
+                paths.append(result.film(out / f"{result.name}.gif"))
         except ModuleNotFoundError as error:
             say(f"no figure: {error}", "yellow")
     except OSError as error:

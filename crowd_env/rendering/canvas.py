@@ -116,8 +116,10 @@ def draw_floor(axes: "Axes", geometry: Geometry) -> "PathPatch":
     return fill_rings(axes, [*shells, *holes_of(geometry.walkable)], FLOOR, 1)
 
 
-def draw_lines(axes: "Axes", lines: Iterable[Floats], color: Color, width: float, layer: float, **style: Any) -> None:
-    """Draw segments (K, 2, 2) [m] on axes in meters."""
+def draw_lines(
+    axes: "Axes", lines: Iterable[Floats], color: Color, width: ArrayLike, layer: float, **style: Any
+) -> None:
+    """Draw segments (K, 2, 2) [m], ``width`` () or (K,) [points] wide, on axes in meters."""
     from matplotlib.collections import LineCollection
 
     axes.add_collection(LineCollection(list(lines), colors=hex_of(color), linewidths=width, zorder=layer, **style))

@@ -110,6 +110,7 @@ class Result:
     remarks: Sequence[str] = ()  # what is and is not reproduced, in words
     options: Mapping[str, object] = field(default_factory=dict)  # those that differ from the defaults
     unit: str = ""  # that the title names, of most rows
+    film: Callable[[Path], Path] | None = None  # writes a film, a GIF
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""

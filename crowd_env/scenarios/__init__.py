@@ -27,6 +27,7 @@ SCENARIOS: dict[str, Callable[..., Scenario]] = {
     "t-junction-v0": places.t_junction,
     "counter-flow-v0": places.counter_flow,
     "crossing-v0": places.crossing,
+    "footbridge-v0": places.footbridge,
     "classroom-v0": places.classroom,
     "supermarket-v0": places.supermarket,
     "stadium-sector-v0": places.stadium_sector,

@@ -194,6 +194,20 @@ def counter_flow(*, width: float = 4.0, length: float = 20.0) -> Scenario:
     return Scenario("counter-flow-v0", geometry, people, 120.0, title, f"drawn for this project; {test}")
 
 
+@_place(length=Range(10.0, 500.0), width=Range(1.0, 20.0))
+def footbridge(*, length: float = 81.0, width: float = 4.0) -> Scenario:
+    """Return a deck of ``length`` and ``width`` [m], along x from one support to the other, with people all over it."""
+    geometry = Geometry.from_polygon(
+        box(0.0, 0.0, length, width),
+        exits={"far end": [(length, 0.0), (length, width)]},
+    )
+    # By the relation of physics/footbridge/gait.py so fast that the mean stride is that of the deck, with the spread of 2005.
+    people = _people(160, radius=Uniform(0.15, 0.19), desired_speed=Normal(1.61, 0.37, 0.8, 2.6))
+    title = f"footbridge, {length:.10g} x {width:.10g} m, people all over it walk to one end"
+    source = "north span of the London Millennium Bridge; the deck sways under crowd_env.physics.footbridge"
+    return Scenario("footbridge-v0", geometry, people, 300.0, title, source)
+
+
 @_place(width=Range(1.5, 10.0))
 def crossing(*, width: float = 4.0) -> Scenario:
     """Return two corridors of ``width`` [m] that cross, with a stream in each."""

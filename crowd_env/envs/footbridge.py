@@ -1,0 +1,145 @@
+"""Gymnasium: a gatekeeper of a footbridge that sways, ``crowd_env/Footbridge-v0``."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+
+from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.checks import COUNT, NOT_NEGATIVE, POSITIVE, Range, number, whole
+from crowd_env.envs.arguments import check_options, parts_of
+from crowd_env.envs.settings import answers_unknown
+from crowd_env.envs.terms import Layout
+from crowd_env.physics.footbridge.crossing import Footbridge
+from crowd_env.physics.footbridge.pendulum import Pendulum
+from crowd_env.physics.footbridge.synchrony import Synchrony
+from crowd_env.physics.footbridge.walkers import DECK, come_round, crowd
+
+# m/s2: accelerations to the side up to the first are comfortable, beyond the second they are not to be borne (HIVOSS
+# guideline, from memory; the table 7.2 of CSA S7, seen in a program, has the same two).
+COMFORT = 0.1, 0.8
+_APPROACH = 60.0  # m of floor before the deck, on which people wait
+_GATE = 1.0  # m before the deck, on which they are held back
+_CALL = 0.1  # s between two looks of bodies and deck at each other
+_QUEUE = 0.3  # m/s, slower than which one who is not yet on the deck waits
+_SWAY, _LOAD = 0.015, 150.0  # m and people that are observed as 1/2
+
+
+class DeckLayout(Layout):
+    """Where the terms of an observation are: ``layout["phase"]`` is a slice of columns; all values lie in [-1, 1]."""
+
+    WIDTHS: ClassVar[Mapping[str, int]] = {
+        "amplitude": 1,  # A of the deck, as A / (A + 15 mm)
+        "phase": 2,  # sine and cosine of Psi
+        "people": 1,  # on the deck / all
+        "load": 1,  # sum of psi squared, n as n / (n + 150)
+        "queue": 1,  # people who wait before the deck / all
+        "open": 1,  # 1 = people were let through last
+    }
+
+    def _widths(self) -> dict[str, int]:
+        return dict(self.WIDTHS)
+
+
+class FootbridgeEnv(gymnasium.Env):
+    """A crowd that crosses the north span of the London Millennium Bridge again and again, and a gatekeeper.
+
+    It is the task ``footbridge``: as many as possible shall cross, and none shall sway.
+
+    Observation
+        (7,) float32, see `DeckLayout`.
+    Action
+        1 lets people onto the deck, 0 holds them back at its entrance; who is on it walks on.
+    Reward
+        ``throughput`` + ``weight`` ``discomfort``, each in ``info["reward/<name>"]``.  ``throughput`` counts those who have
+        reached the far end; ``discomfort`` is minus the time of everyone on the deck [s], times how far the acceleration at
+        their place, psi A omega_0^2, is on the way from the one to the other of `COMFORT`; it may be further.
+    Termination
+        Truncated at the time limit.
+
+    Parameters
+    ----------
+    people : who arrive at the far end come back behind those who wait.
+    coupling : as `Footbridge` takes it.
+    scheme, dt : contact scheme, and its step [s], a part of 0.1 s.
+    interval : s between decisions, a multiple of 0.1 s.
+    weight : 1/s, of discomfort: with 0.02 a crossing of 50 s that is just not to be borne is worth nothing.
+    time_limit : s.
+
+    Raises
+    ------
+    ValueError
+        If one of them is unknown or out of range, or so many do not fit.
+    """
+
+    metadata = {"render_modes": []}
+
+    @answers_unknown()
+    def __init__(
+        self,
+        people: int = 700,
+        *,
+        coupling: str | Synchrony | Pendulum | None = "synchrony",
+        scheme: str = "dem",
+        dt: float = 0.01,
+        interval: float = 1.0,
+        weight: float = 0.02,
+        time_limit: float = 400.0,
+    ) -> None:
+        self.people, self.coupling, self.scheme = whole("people", people, COUNT), coupling, scheme
+        self.dt, self.layout = number("dt", dt, POSITIVE, "s"), DeckLayout()
+        self.weight = number("weight", weight, NOT_NEGATIVE, "1/s")
+        self.time_limit = number("time_limit", time_limit, POSITIVE, "s")
+        self._substeps = parts_of("a call", _CALL, "physics steps of dt", self.dt)
+        self._calls = parts_of("interval", number("interval", interval, POSITIVE, "s"), "calls of", _CALL)
+        self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
+        self.action_space = gymnasium.spaces.Discrete(2)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start with a deck at rest and people everywhere; the same seed gives the same people."""
+        check_options(options)
+        super().reset(seed=seed)
+        draw = int(self.np_random.integers(2**31)) if seed is None else seed
+        simulation = crowd(self.people, self.scheme, self.dt, draw, before=_APPROACH, region=None)
+        self.bridge = Footbridge(simulation, self.coupling, seed=draw)
+        return self._observe(opened=True), {"amplitude": 0.0}
+
+    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+        """Let ``interval`` seconds pass.
+
+        Raises
+        ------
+        ValueError
+            If the action is neither 0 nor 1.
+        """
+        opened, bridge = bool(whole("the action", action, Range(0, 1))), self.bridge
+        state, passed, discomfort = bridge.simulation.state, 0, 0.0
+        for _ in range(self._calls):
+            x = state.position[:, 0].copy()
+            command = np.tile([1.0, 0.0], (self.people, 1))
+            command[self._at_gate(x) & (not opened)] = 0.0
+            bridge.advance(command, n_substeps=self._substeps, world=True)
+            passed += int(((x < DECK.length) & (state.position[:, 0] >= DECK.length)).sum())
+            come_round(bridge.simulation, DECK.length, DECK.length + _APPROACH)
+            discomfort += _CALL * float(self._discomfort(bridge.psi).sum())
+        info = {"reward/throughput": float(passed), "reward/discomfort": -discomfort, "amplitude": bridge.amplitude}
+        over = bool(state.time[0] > self.time_limit - 0.5 * self.dt)
+        return self._observe(opened), passed - self.weight * discomfort, False, over, info
+
+    def _at_gate(self, x: Floats) -> Bools:
+        return (x >= -_GATE) & (x < 0.0)
+
+    def _discomfort(self, psi: Floats) -> Floats:
+        low, high = COMFORT
+        return np.maximum(psi * self.bridge.amplitude * self.bridge.deck.frequency**2 - low, 0.0) / (high - low)
+
+    def _observe(self, opened: bool) -> np.ndarray:
+        bridge, psi = self.bridge, self.bridge.psi
+        state, load = bridge.simulation.state, float((psi**2).sum())
+        waits = (state.position[:, 0] < 0.0) & (np.hypot(*state.velocity.T) < _QUEUE)
+        swaying = bridge.amplitude / (bridge.amplitude + _SWAY)
+        found = [swaying, np.sin(bridge.phase), np.cos(bridge.phase), (psi > 0.0).mean(), load / (load + _LOAD)]
+        return np.array([*found, waits.mean(), opened], dtype=np.float32)

@@ -1,0 +1,140 @@
+"""A crowd of the contact schemes on a deck that sways: bodies and deck are advanced in turn.
+
+Between two calls everyone stands where the crowd has left them: psi is constant over a call of 0.1 s, in which a walker moves
+by a thousandth of the deck.  The deck acts on the crowd by the beat of the steps alone: who steps faster walks faster, by
+`crowd_env.physics.footbridge.gait`.  Without a coupling, or with ``paced=False``, no bit of the crowd changes.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import known
+from crowd_env.physics.footbridge.deck import Deck, State, order_parameter
+from crowd_env.physics.footbridge.gait import stride_rate, walking_speed
+from crowd_env.physics.footbridge.pendulum import Pendulum, advance_pendulum, start_walking
+from crowd_env.physics.footbridge.synchrony import Synchrony, advance_synchrony
+from crowd_env.physics.simulation.simulation import Simulation
+
+# Name -> how walkers and deck act on each other, with the numbers of its file.
+COUPLINGS: Mapping[str, Synchrony | Pendulum | None] = {"synchrony": Synchrony(), "pendulum": Pendulum(), "off": None}
+
+_LONGEST = 0.05  # s, a step of the phases, at most: a third of a radian
+_PENDULUM = 0.02  # s, the step of pendulums, of which a call is a multiple
+_CALL = 0.4  # s, of one call at most: longer, nobody could tell how fast a phase has turned
+
+
+class Footbridge:
+    """One crowd on one deck, whose x axis runs along the deck from its first support.
+
+    Parameters
+    ----------
+    simulation : of one environment; whoever is active and on the deck counts.
+    coupling : a name in `COUPLINGS`, a `Synchrony`, a `Pendulum`, or None.
+    deck : the deck.
+    seed : of the phases at the start, which are even around the circle.
+    paced : who steps faster walks faster, by their desired speed; only ``synchrony`` changes the beat of steps.
+
+    Raises
+    ------
+    ValueError
+        If the simulation holds several environments, or the coupling is unknown.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        coupling: str | Synchrony | Pendulum | None = "synchrony",
+        *,
+        deck: Deck | None = None,
+        seed: int = 0,
+        paced: bool = True,
+    ) -> None:
+        if len(simulation.state.time) != 1:
+            raise ValueError(f"the simulation holds {len(simulation.state.time)} environments; a footbridge takes one")
+        if isinstance(coupling, str):
+            known("coupling", coupling, COUPLINGS)
+            coupling = COUPLINGS[coupling]
+        self.simulation, self.coupling, self.paced = simulation, coupling, paced
+        self.deck = Deck() if deck is None else deck
+        self.omega = stride_rate(simulation.bodies.desired_speed)
+        self._rng = np.random.default_rng(seed)
+        zero, people = np.zeros(()), len(self.omega)
+        turns = np.exp(2j * np.pi * self._rng.random(people))
+        self._state: State = (zero, zero, turns)
+        self._pace = np.ones(people)
+        if isinstance(coupling, Pendulum):
+            strides = np.full(people, coupling.frequency)
+            self._walkers, self._state = start_walking(coupling, strides, _PENDULUM, self._rng)
+
+    @property
+    def psi(self) -> Floats:
+        """Share of the motion that everyone feels (P,); 0 for those who are not on the deck."""
+        state = self.simulation.state
+        return self.deck.shape(state.position[:, 0]) * state.active
+
+    @property
+    def amplitude(self) -> float:
+        """A [m]."""
+        return float(self.deck.amplitude(*self._state[:2]))
+
+    @property
+    def phase(self) -> float:
+        """Psi [rad]."""
+        return float(self.deck.phase(*self._state[:2]))
+
+    @property
+    def displacement(self) -> float:
+        """X [m], that of mid-span."""
+        return float(self._state[0])
+
+    @property
+    def walkers_phase(self) -> Floats:
+        """Phase of everyone's stride (P,) [rad]."""
+        if isinstance(self.coupling, Pendulum):
+            return self._walkers.phase()
+        return np.angle(self._state[2])
+
+    @property
+    def order(self) -> float:
+        """R of those on the deck."""
+        return float(order_parameter(self.walkers_phase, self.psi > 0.0))
+
+    def advance(self, command: Floats | None = None, *, n_substeps: int = 10, world: bool = False) -> None:
+        """Advance crowd and deck by ``n_substeps`` physics steps.
+
+        Parameters
+        ----------
+        command : (P, 2), as in `Simulation.advance`: multiples of the own desired speed, to which the pace of steps is added;
+            0 holds a person back.
+        world : the command has the axes of the world.
+
+        Raises
+        ------
+        ValueError
+            If that is longer than 0.4 s or, with pendulums, no multiple of 0.02 s.
+        """
+        duration, people = n_substeps * self.simulation.dt, len(self.omega)
+        whole = not isinstance(self.coupling, Pendulum) or abs(duration / _PENDULUM % 1.0 - 0.5) > 0.5 - 1e-6
+        if duration > _CALL or not whole:
+            raise ValueError(f"n_substeps: {duration:g} s; at most {_CALL:g} s, pendulums multiples of {_PENDULUM:g} s")
+        relative = np.full(people, not world)
+        if self.paced and isinstance(self.coupling, Synchrony):
+            asked = np.tile([1.0, 0.0], (people, 1)) if command is None else np.asarray(command, dtype=np.float64)
+            command = asked * self._pace[:, None]
+        self.simulation.advance(command, relative=relative, n_substeps=n_substeps)
+        self._sway(duration)
+
+    def _sway(self, duration: float) -> None:
+        coupling, psi = self.coupling, self.psi
+        if isinstance(coupling, Synchrony):
+            steps = int(np.ceil(duration / _LONGEST - 1e-9))
+            before = self._state[2]
+            self._state = advance_synchrony(self.deck, coupling, self.omega, psi, self._state, duration / steps, steps)
+            rate = np.angle(self._state[2] * before.conj()) / duration
+            speed = self.simulation.bodies.desired_speed
+            self._pace = np.where(speed > 0.0, walking_speed(rate / np.pi) / np.where(speed > 0.0, speed, 1.0), 1.0)
+        elif isinstance(coupling, Pendulum):
+            steps = round(duration / _PENDULUM)
+            self._state = advance_pendulum(self.deck, coupling, self._walkers, psi, self._state, _PENDULUM, steps)

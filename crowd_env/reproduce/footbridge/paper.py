@@ -1,0 +1,21 @@
+"""What can be made of the crowd on a footbridge."""
+
+from dataclasses import fields
+
+from crowd_env.reproduce.footbridge import deck, gate, onset, rival
+from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
+from crowd_env.reproduce.paper import Figure, Paper
+
+_ALL = frozenset(one.name for one in fields(FootbridgeSettings))
+
+PAPER = Paper(
+    title="the footbridge, Strogatz et al. 2005 and Belykh et al. 2021",
+    settings=FootbridgeSettings,
+    figures={
+        "bridge-onset": Figure(onset.TITLE, onset.reproduce, None, _ALL - {"people"}, cpu_time=240),
+        "bridge-rival": Figure(rival.TITLE, rival.reproduce, None, frozenset({"seed", "duration"}), cpu_time=10),
+        "bridge-gate": Figure(gate.TITLE, gate.reproduce, None, _ALL, {"people": gate.PEOPLE}, cpu_time=180),
+        "bridge-deck": Figure(deck.TITLE, deck.reproduce, None, _ALL - {"runs"}, cpu_time=40),
+    },
+    cpu_time=470,
+)

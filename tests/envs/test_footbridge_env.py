@@ -1,0 +1,73 @@
+"""The gatekeeper of the swaying deck: what is seen of it, what a closed gate does, and what is paid."""
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from crowd_env.envs.footbridge import COMFORT, DeckLayout, FootbridgeEnv
+from crowd_env.physics.footbridge.synchrony import Synchrony
+from crowd_env.physics.footbridge.walkers import DECK
+
+
+def test_gymnasium_makes_it_and_the_same_seed_gives_the_same_run():
+    env = gymnasium.make("crowd_env/Footbridge-v0", people=20, interval=0.5, time_limit=2.0).unwrapped
+    check_env(env, skip_render_check=True)
+    runs = []
+    for _ in range(2):
+        first, _ = env.reset(seed=3)
+        steps = [env.step(1) for _ in range(4)]
+        runs.append(np.array([first, *(step[0] for step in steps)]))
+        assert [step[3] for step in steps] == [False, False, False, True]
+    assert (runs[0] == runs[1]).all() and (runs[0][1:] != runs[0][:-1]).any(axis=1).all()
+    assert (env.reset(seed=4)[0] != runs[0][0]).any()
+
+
+def test_amplitude_and_phase_of_the_deck_are_seen():
+    env, layout = FootbridgeEnv(4), DeckLayout()
+    env.reset(seed=0)
+    x, v = 0.009, -0.012 * DECK.frequency  # 15 mm
+    env.bridge._state = np.array(x), np.array(v), env.bridge._state[2]
+    seen = env._observe(True)
+    assert seen[layout["amplitude"]] == pytest.approx(0.5) and seen[layout["phase"]] == pytest.approx([0.6, -0.8])
+    assert seen.shape == env.observation_space.shape == (layout.size,)
+
+
+def test_a_closed_gate_lets_nobody_on_and_those_on_the_deck_walk_off():
+    env, on_deck = FootbridgeEnv(60, coupling="off", interval=5.0), []
+    for action in (0, 1):
+        env.reset(seed=1)
+        seen = [env.step(action)[0] for _ in range(14)][-1]
+        on_deck.append((float(seen[env.layout["people"]][0]), float(seen[env.layout["queue"]][0])))
+    (shut, waiting), (open_, queue) = on_deck
+    assert shut < 0.1 < 0.3 < open_ and waiting > 0.3 and queue == 0.0
+
+
+def test_what_crosses_pays_and_what_shakes_costs():
+    env = FootbridgeEnv(60, coupling=Synchrony(force=600.0), interval=10.0, weight=0.1)  # each as if twenty
+    env.reset(seed=0)
+    discomfort, across = [], 0.0
+    for _ in range(6):
+        _, reward, _, _, info = env.step(1)
+        assert reward == pytest.approx(info["reward/throughput"] + 0.1 * info["reward/discomfort"])
+        discomfort.append(-info["reward/discomfort"])
+        across += info["reward/throughput"]
+    speed, length = env.bridge.simulation.bodies.desired_speed, DECK.length + 60.0
+    assert across == pytest.approx(60.0 * (speed / length).sum(), rel=0.25)
+    assert discomfort[0] < discomfort[-1] and env.bridge.amplitude > 0.02
+    low, high = COMFORT
+    worst = (env.bridge.amplitude * DECK.frequency**2 - low) / (high - low)
+    assert env._discomfort(np.array([0.0, 1.0])) == pytest.approx([0.0, worst])
+
+
+def test_mistakes_are_said():
+    with pytest.raises(ValueError, match="people"):
+        FootbridgeEnv(0)
+    with pytest.raises(ValueError, match="interval"):
+        FootbridgeEnv(9, interval=0.25)
+    with pytest.raises(ValueError, match="unknown coupling"):
+        FootbridgeEnv(9, coupling="glue").reset(seed=0)
+    env = FootbridgeEnv(9)
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="the action"):
+        env.step(2)
