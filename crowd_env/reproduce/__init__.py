@@ -7,13 +7,14 @@ from typing import Any
 
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.lin2016.paper import PAPER as LIN
+from crowd_env.reproduce.moussaid2010.paper import PAPER as MOUSSAID
 from crowd_env.reproduce.paper import Figure, Paper, Settings
 from crowd_env.reproduce.pecol2011.paper import PAPER as PECOL
 from crowd_env.reproduce.result import RawTable, Result, Row
 
 __all__ = ["FIGURES", "PAPERS", "Case", "Figure", "Paper", "RawTable", "Result", "Row", "Settings", "find"]
 
-PAPERS: dict[str, Paper[Any]] = {"pecol": PECOL, "lin": LIN}
+PAPERS: dict[str, Paper[Any]] = {"pecol": PECOL, "lin": LIN, "moussaid": MOUSSAID}
 FIGURES: dict[str, Figure[Any]] = {name: one for paper in PAPERS.values() for name, one in paper.figures.items()}
 
 
