@@ -136,7 +136,7 @@ def _draw(walks: Mapping[int, Walk]) -> "Figure":
         axes.plot(-shape[..., 1].ravel(), shape[..., 0].ravel(), ".", color="#bcbab5", markersize=3)
         mean = shape.mean(axis=0)
         axes.plot(-mean[:, 1], mean[:, 0], "o-", color=series(0), markersize=9)
-        axes.set(xlim=(-2.5, 2.5), ylim=(-1.6, 1.6), aspect="equal", title=f"{n} together")
+        axes.set(xlim=(-2.5, 2.5), ylim=(-2.0, 1.6), aspect="equal", title=f"{n} together")
     sizes = np.array(SIZES)
     axes = quiet_axes(figure.add_subplot(2, 2, 3), "people who walk together", "speed [m/s]", grid=True)
     axes.errorbar(sizes, *_mean_and_error([walks[n].speed for n in SIZES]), fmt="o", color=series(0), label="here")
@@ -147,7 +147,6 @@ def _draw(walks: Mapping[int, Walk]) -> "Figure":
     axes = quiet_axes(figure.add_subplot(2, 2, 4), "people who walk together", "spacing [m]", grid=True)
     axes.errorbar(sizes[1:], *_mean_and_error([walks[n].spacing for n in SIZES[1:]]), fmt="o", color=series(0))
     axes.set(xticks=SIZES[1:], ylim=(0.0, 1.6))
-    figure.tight_layout()
     return figure
 
 
