@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 TITLE = "Figures 2 and 4: walking speed, spacing and shape of companies by their size"
 SIZES = (1, 2, 3, 4, 5)
-# Speed [m/s] by size, as the caption of Figure 2 prints the two lines: low density (A) and moderate density (B).
-LINES = {"A": (1.26, -0.04), "B": (1.24, -0.08)}
+# Speed [m/s] by size, as the caption of Figure 2 prints the two lines.
+LINES = {"low density": (1.26, -0.04), "moderate density": (1.24, -0.08)}
 _LENGTH, _WIDTH, _FROM, _TO = 45.0, 8.0, 15.0, 40.0  # m
 
 
@@ -93,7 +93,7 @@ def lag(shape: Floats) -> Floats:
 def reproduce(settings: MoussaidSettings, runs: Mapping[str, object]) -> Result:
     """Return speed, spacing and shape by size."""
     walks = {size: walk(size, settings) for size in SIZES}
-    start, slope = LINES["A"]
+    start, slope = LINES["low density"]
     rows = [
         _row(f"speed, {n} together", one.speed, "m/s", "line of Figure 2, low density", f"{start + slope * n:.2f}")
         for n, one in walks.items()
