@@ -11,6 +11,7 @@ import pettingzoo
 
 from crowd_env.core.arrays.headway import MANNERS, Headway
 from crowd_env.core.arrays.outline import OUTLINES, Disc, Outline
+from crowd_env.core.arrays.pulls import Attraction, Companionship, Pulls
 from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_state
 from crowd_env.core.version import __version__ as __version__
 from crowd_env.envs.action import ActionKind
@@ -53,8 +54,10 @@ __all__ = [
     "SOCIAL_FORCES",
     "TABLE_4",
     "ActionKind",
+    "Attraction",
     "Bodies",
     "Comfort",
+    "Companionship",
     "ControlRule",
     "CrowdEnv",
     "CrowdGymEnv",
@@ -77,6 +80,7 @@ __all__ = [
     "Outline",
     "Physics",
     "Population",
+    "Pulls",
     "Recording",
     "RewardTerm",
     "RewardWeights",

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 import tomllib
 
-from crowd_env import FULL_SPEED, Scenario, make_scenario, make_scheme
+from crowd_env import FULL_SPEED, Pulls, Scenario, make_scenario, make_scheme
 from crowd_env.core.arrays.headway import Manner, make_manner
 from crowd_env.core.checks import known, whole
 from crowd_env.core.files.fingerprint import fingerprint
@@ -127,7 +127,8 @@ class Task:
 
 def plain_place(place: Scenario) -> dict[str, Any]:
     """Return everything in a scenario that decides what happens, as plain data; what is as in the papers goes unsaid."""
-    unsaid = [*_WORDS, *(name for name in ("strategy", "max_drive") if getattr(place, name) == FULL_SPEED[name])]
+    usual = {**FULL_SPEED, "pulls": Pulls()}
+    unsaid = [*_WORDS, *(name for name in ("strategy", "max_drive", "pulls") if getattr(place, name) == usual[name])]
     return {one.name: _plain(getattr(place, one.name)) for one in fields(place) if one.name not in unsaid}
 
 
@@ -151,6 +152,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(one) for one in value]
     names = [one.name for one in fields(value)] if is_dataclass(value) else list(vars(value))
+    names = [name for name in names if name != "companions" or value.companions is not None]  # as if it had none
     return {"": type(value).__name__} | {name: _plain(getattr(value, name)) for name in names}
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from crowd_env.core.arrays.headway import MANNERS, Headway, Manner, plain_manner
 from crowd_env.core.arrays.outline import OUTLINES, BodyShape, Outline, plain_outline
+from crowd_env.core.arrays.pulls import ALONE
 from crowd_env.core.arrays.state import Bodies, Bools, make_bodies
 from crowd_env.core.checks import NOT_NEGATIVE, Range, number, refuse, whole
 from crowd_env.scenarios import make_scenario
@@ -107,7 +108,7 @@ def parts_of(what: str, duration: float, parts: str, part: float) -> int:
 def bodies_before_reset(scenarios: Sequence[Scenario]) -> Bodies:
     """Return bodies (P,) for the crowds of some environments, all as wide, heavy and quick as their population allows.
 
-    They hold the room of those that a reset draws.
+    They hold the room of those that a reset draws; all who may walk in company do so together.
     """
     parts = [part for scenario in scenarios for part in scenario.population.parts]
     counts = [part.people for part in parts]
@@ -116,6 +117,7 @@ def bodies_before_reset(scenarios: Sequence[Scenario]) -> Bodies:
         np.repeat([part.mass.high for part in parts], counts),
         desired_speed=np.repeat([part.desired_speed.high for part in parts], counts),
         relaxation_time=np.repeat([part.relaxation_time.low for part in parts], counts),
+        company=np.repeat([0 if part.walks_together else ALONE for part in parts], counts),
         env_start=np.cumsum([0, *(scenario.population.people for scenario in scenarios)]),
     )
 

@@ -173,6 +173,7 @@ class CrowdEnv:
             threads=threads,
             manner=manner,
             outline=shape,
+            pulls=[each.pulls for each in self.scenarios],
             max_drive=one_drive(self.scenarios, physics.max_drive, scheme.drives),
         )
         self.simulation.state.active[:] = False  # nobody is there before the first reset
@@ -361,7 +362,7 @@ class CrowdEnv:
             e, scenario, strategy = chosen[k], self.scenarios[kinds[k]], self.strategies[kinds[k]]
             route_set = self.simulation.planner.route_set(e)  # as the doors stand at the start
             assert route_set is not None
-            route = scenario.choose(route_set, strategy, position[k], bodies[k].radius)
+            route = scenario.choose(route_set, strategy, position[k], bodies[k].radius, bodies[k].company)
             self.simulation.send(e, route)
             if not scenario.depends_on_place(strategy):
                 self._usual_route[kinds[k]] = route

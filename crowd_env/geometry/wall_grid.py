@@ -82,21 +82,34 @@ def is_hidden(
     grid: WallGrid, near: Near, boundary: Boundary, door_open: Bools, x: float, y: float, dx: float, dy: float
 ) -> bool:
     """Whether one of these walls stands between (x, y) and the point (dx, dy) [m] from there; an open door hides nothing."""
-    wall, wall_door = boundary.wall, boundary.wall_door
     for entry in range(index(near[0]), index(near[1])):
-        k = grid.wall[entry]
-        ax, ay = wall[k, 0, 0] - x, wall[k, 0, 1] - y
-        bx, by = wall[k, 1, 0] - x, wall[k, 1, 1] - y
-        from_a, from_b = dx * ay - dy * ax, dx * by - dy * bx
-        if from_a * from_b > 0.0:
-            continue  # both ends on one side of the line of sight
-        here, there = ax * by - ay * bx, (ax - dx) * (by - dy) - (ay - dy) * (bx - dx)
-        if here * there > 0.0:
-            continue  # both people on one side of the wall
-        if wall_door[k] >= 0 and door_open[wall_door[k]]:
-            continue
-        return True
+        if _hides(grid.wall[entry], boundary, door_open, x, y, dx, dy):
+            return True
     return False
+
+
+@inner_kernel
+def is_in_sight(boundary: Boundary, g: int, door_open: Bools, x: float, y: float, dx: float, dy: float) -> bool:
+    """Whether no wall of geometry ``g``, however far, stands between (x, y) and the point (dx, dy) [m] from there."""
+    for k in range(index(boundary.wall_start[g]), index(boundary.wall_start[g + 1])):
+        if _hides(k, boundary, door_open, x, y, dx, dy):
+            return False
+    return True
+
+
+@inner_kernel
+def _hides(k: int, boundary: Boundary, door_open: Bools, x: float, y: float, dx: float, dy: float) -> bool:
+    """Whether wall ``k`` stands between (x, y) and the point (dx, dy) from there."""
+    wall, wall_door = boundary.wall, boundary.wall_door
+    ax, ay = wall[k, 0, 0] - x, wall[k, 0, 1] - y
+    bx, by = wall[k, 1, 0] - x, wall[k, 1, 1] - y
+    from_a, from_b = dx * ay - dy * ax, dx * by - dy * bx
+    if from_a * from_b > 0.0:
+        return False  # both ends on one side of the line of sight
+    here, there = ax * by - ay * bx, (ax - dx) * (by - dy) - (ay - dy) * (bx - dx)
+    if here * there > 0.0:
+        return False  # both people on one side of the wall
+    return not (wall_door[k] >= 0 and door_open[wall_door[k]])
 
 
 @inner_kernel

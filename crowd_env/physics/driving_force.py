@@ -20,7 +20,7 @@ class Influences(NamedTuple):
     social: SocialParams | None  # passive grains feel none
     reach: float  # m    of the social force; 0 without one
     regions: bool | None  # there are regions, and so perhaps rules
-    walking: bool | None  # people keep a headway
+    walking: bool | None  # people keep a headway, or are pulled off their way
     max_drive: float | None  # N    largest driving force of a person
     outline: bool | None  # bodies are of several discs
 
@@ -29,7 +29,8 @@ def influences(social: SocialForce | None, batch: StructRef) -> Influences:
     """Return what acts on a batch besides contact and drive."""
     params = social.params() if social is not None and batch.fields.control.driving else None
     regions = bool(batch.fields.world.guidance.region.shape.any())
-    walking = bool(batch.fields.control.keeps_headway and batch.fields.control.driving)
+    control = batch.fields.control
+    walking = bool((control.keeps_headway or control.pulled) and control.driving)
     limit = batch.fields.control.max_drive
     max_drive = limit if limit < np.inf and batch.fields.control.driving else None
     outline = bool(len(batch.fields.world.outline.radius))

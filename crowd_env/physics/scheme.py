@@ -157,8 +157,11 @@ class IterativeScheme(ContactScheme):
         return Stopping(self.tolerance, relative, self.max_iterations)
 
 
-def arrays_of(scheme: ContactScheme, keeps_headway: bool = False, with_outline: bool = False) -> frozenset[str]:
-    """Return what arrays of `workspace` are needed: by a scheme, and by people with a headway or an outline."""
+def arrays_of(
+    scheme: ContactScheme, keeps_headway: bool = False, with_outline: bool = False, pulled: bool = False
+) -> frozenset[str]:
+    """Return what arrays of `workspace` are needed: by a scheme, and by people with a headway, an outline or pulls."""
     social = ("desired_velocity", "force", "heading", "social_pairs") if scheme.social is not None else ()
-    of_people = (*(("walking",) if keeps_headway else ()), *(("discs",) if with_outline else ()))
+    switches = {"walking": keeps_headway or pulled, "discs": with_outline, "pulls": pulled}
+    of_people = (name for name, needed in switches.items() if needed)
     return frozenset((*scheme.info.uses, *social, *of_people))

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from crowd_env.core.arrays.headway import Headway
 from crowd_env.core.arrays.outline import OutlineParams
+from crowd_env.core.arrays.pulls import PullArrays
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.geometry.geometry import Boundary
@@ -35,6 +36,7 @@ class World(NamedTuple):
     guidance: Guidance  # routes, regions and control rules
     wall_grid: WallGrid  # which walls may hide people from each other; empty where nobody keeps a headway
     outline: OutlineParams  # shape of all bodies; without discs where each is one disc
+    pulls: PullArrays  # of companions and attractions
 
 
 class Control(NamedTuple):
@@ -46,6 +48,7 @@ class Control(NamedTuple):
     gives_way: Annotated[Bools, "P"]  # keeps the headway, where people keep any
     headway: Headway
     keeps_headway: bool
+    pulled: bool  # by companions or attractions
     max_drive: float  # N  largest driving force of a person; infinite = no limit
     driving: bool  # pedestrians (eq 11) or passive grains
     bounded: bool  # nobody is too fast, goes too far in a step, or through a wall: see `crowd_env.physics.bounds`
@@ -113,6 +116,7 @@ class History(NamedTuple):
     waited: Annotated[Floats, "P", "walking"]  # s  stood still
     have_decided: Annotated[Bools, "E"]  # how to walk, since the start
     decision_age: Annotated[Floats, "E"]  # s  since then
+    held_since: Annotated[Floats, "P", "pulls"]  # s  since when companions further back hold one back; 0 = they do not
 
 
 class NarrowPhase(NamedTuple):
@@ -158,6 +162,10 @@ class Walkers(NamedTuple):
     # Places in that order of those in front, and what these are to one (see `walking.ahead`); for each part of a cut crowd.
     seen: Annotated[Indices, "S", "walking"]
     ahead: Annotated[Floats, f"W {_QUANTITIES * BLOCK}", "walking"]
+    # Companies by their number: the first of the members, and the sum of their positions [m] and their number; -1 = nobody.
+    first: Annotated[Ints, "P", "pulls"]
+    following: Annotated[Ints, "P", "pulls"]  # the next member of the same company
+    sums: Annotated[Floats, "P 3", "pulls"]
 
 
 class Workspace(NamedTuple):
@@ -201,16 +209,22 @@ class Batch(NamedTuple):
 
 
 def allocate_control(
-    people: int, driving: bool, bounded: bool = True, headway: Headway | None = None, max_drive: float | None = None
+    people: int,
+    driving: bool,
+    bounded: bool = True,
+    headway: Headway | None = None,
+    max_drive: float | None = None,
+    pulled: bool = False,
 ) -> Control:
-    """Return room for what is asked of so many people."""
+    """Return room for what is asked of so many people; who keep no distance decide anew at every step."""
     return allocate(
         Control,
         {"P": people},
         relative=np.ones(people, dtype=np.bool_),
         gives_way=np.ones(people, dtype=np.bool_),
-        headway=(headway or Headway()).params(),
+        headway=Headway().params()._replace(interval=0.0) if headway is None else headway.params(),
         keeps_headway=headway is not None,
+        pulled=pulled,
         max_drive=np.inf if max_drive is None else max_drive,
         driving=driving,
         bounded=bounded,
@@ -272,6 +286,8 @@ def begin_history(chosen: Sequence[int], people: Ints, history: History, bodies:
     history.local_speed[people] = bodies.desired_speed[people]
     if len(history.waited):  # somebody decides
         history.waited[people], history.walking_velocity[people] = 0.0, 0.0
+    if len(history.held_since):
+        history.held_since[people] = 0.0
 
 
 def begin_results(chosen: Sequence[int], people: Ints, results: Results, total: Diagnostics) -> None:

@@ -77,6 +77,7 @@ class FrameSampler:
             "radius": bodies.radius[self._people].copy(),
             "desired_speed": bodies.desired_speed[self._people].copy(),
             "group": np.repeat(np.arange(len(parts)), [part.people for part in parts]),
+            "company": bodies.company[self._people].copy(),
             "outline": None if outline is None else plain_outline(outline),
         }
 

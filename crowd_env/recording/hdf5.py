@@ -25,6 +25,7 @@ _NUMBERS = ("x", "y", "z", "ox", "oy", "vx", "vy", "pressure")
 _ROW = [("frame", "<i4"), ("id", "<i4"), *((name, "<f8") for name in _NUMBERS)]
 _FRAME = [("time", "<f8"), ("rows", "<i8"), ("contacts", "<i8")]  # rows and contacts of all frames up to this one
 _PERSON = [("radius", "<f8"), ("desired_speed", "<f8"), ("group", "<i4"), ("exit_time", "<f8"), ("exit_index", "<i4")]
+_PERSON += [("company", "<i4")]
 _CONTACT = [("i", "<i4"), ("j", "<i4"), ("gap", "<f8"), ("normal", "<f8", 2), ("point", "<f8", 2), ("force", "<f8", 2)]
 _CHUNK = 4096  # rows
 
@@ -174,7 +175,7 @@ def _ours(file: Any) -> Recording:
         contacts = FrameContacts(start, *(found[name] for name in FrameContacts._fields[1:]))
     since = count["time"][-1] if len(count) else -np.inf
     out = people["exit_time"] <= since  # what was written after the last frame that counts
-    of_people = {name: people[name] for name in OF_PEOPLE}
+    of_people = {name: people[name] for name in OF_PEOPLE if name in people.dtype.names}  # 0.1.0 knew no company
     of_people["exit_time"] = np.where(out, people["exit_time"], np.nan)
     of_people["exit_index"] = np.where(out, people["exit_index"], -1)
     return recording_of(

@@ -9,12 +9,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from crowd_env.core.arrays.pulls import ALONE
 from crowd_env.core.arrays.state import Bools, Floats, Ints, joined_starts
 from crowd_env.core.checks import array
 from crowd_env.geometry.geometry import Geometry
 
-OF_PEOPLE = ("radius", "desired_speed", "group", "exit_time", "exit_index")  # fields of a recording with one for each
-_WHOLE = {"frame_start", "group", "exit_index", "person", "start", "i", "j"}
+OF_PEOPLE = (
+    "radius",
+    "desired_speed",
+    "group",
+    "exit_time",
+    "exit_index",
+    "company",
+)  # fields of a recording with one for each
+_WHOLE = {"frame_start", "group", "exit_index", "company", "person", "start", "i", "j"}
 
 
 class FrameContacts(NamedTuple):
@@ -79,11 +87,14 @@ class Recording:
     velocity: Floats  #: (R, 2) m/s
     pressure: Floats  #: (R,) N/m, mean since the frame before, see `contact_pressure`
     angle: Floats | None = None  #: (R,) rad, where bodies face that are no discs
+    company: Ints = None  # type: ignore[assignment]  #: (N,) who have one number walk together; -1, the default, = alone
     outline: Any = None  #: their shape as plain data, see `plain_outline`
     contacts: FrameContacts | None = None  #: if they were recorded
 
     def __post_init__(self) -> None:
         frames, people, rows = len(self.times), len(self.radius), len(self.person)
+        if self.company is None:
+            object.__setattr__(self, "company", np.full(people, ALONE))
         shapes: dict[str, tuple[int, ...]] = {
             "thin_walls": (len(self.thin_walls), 2, 2),
             "times": (frames,),

@@ -34,7 +34,7 @@ _OURS = """
 CREATE TABLE facts (key TEXT NOT NULL PRIMARY KEY, value TEXT NOT NULL);
 CREATE TABLE exits (number INTEGER PRIMARY KEY, name TEXT NOT NULL, x1 REAL, y1 REAL, x2 REAL, y2 REAL);
 CREATE TABLE people (id INTEGER PRIMARY KEY, radius REAL NOT NULL, desired_speed REAL NOT NULL, group_number INTEGER NOT NULL,
-    exit_time REAL, exit_number INTEGER);
+    exit_time REAL, exit_number INTEGER, company INTEGER NOT NULL DEFAULT -1);
 CREATE TABLE frames (frame INTEGER PRIMARY KEY, time REAL NOT NULL);
 CREATE TABLE motion (frame INTEGER NOT NULL, id INTEGER NOT NULL, vel_x REAL NOT NULL, vel_y REAL NOT NULL,
     pressure REAL NOT NULL, angle REAL, PRIMARY KEY (frame, id)) WITHOUT ROWID;
@@ -58,7 +58,7 @@ class SqliteWriter:
         known = {"version": 2, "fps": 1.0 / first.frame_interval}
         known |= dict(zip(("xmin", "ymin", "xmax", "ymax"), area.bounds, strict=True))
         facts = {**first.facts, **{name: getattr(first, name) for name in PLACE if name != "exits"}}
-        people = zip(first.radius.tolist(), first.desired_speed.tolist(), first.group.tolist(), strict=True)
+        people = _rows(first.radius, first.desired_speed, first.group, first.company)
         with _named(self._part):
             remove_part(path)
             self._file = sqlite3.connect(self._part, isolation_level=None, check_same_thread=False)
@@ -69,7 +69,7 @@ class SqliteWriter:
             self._insert("geometry", [(self._hash, area.wkt)])
             self._insert("facts", ((key, as_json(value)) for key, value in facts.items()))
             self._insert("exits", ((k, name, *line.ravel().tolist()) for k, (name, line) in enumerate(first.exits)))
-            self._insert("people", ((k, *one, None, None) for k, one in enumerate(people)))
+            self._insert("people", ((k, *one, None, None, company) for k, (*one, company) in enumerate(people)))
             self._file.execute("COMMIT")
 
     def append(self, part: Recording) -> None:
@@ -147,7 +147,9 @@ def _ours(file: sqlite3.Connection, tables: set[str]) -> Recording:
     place = {key: facts.pop(key) for key in PLACE if key != "exits"}
     exits = [(name, [line[:2], line[2:]]) for _, name, *line in file.execute("SELECT * FROM exits ORDER BY number")]
     numbers = "radius, desired_speed, group_number, exit_time, ifnull(exit_number, -1)"
-    people = _columns(file, f"SELECT {numbers} FROM people ORDER BY id", 5)
+    known = [name for _, name, *_ in file.execute("PRAGMA table_info(people)")]
+    numbers += ", company" if "company" in known else ", -1"  # files of 0.1.0 have none
+    people = _columns(file, f"SELECT {numbers} FROM people ORDER BY id", 6)
     (times,) = _columns(file, "SELECT time FROM frames ORDER BY frame", 1)
     frame, person, x, y = _columns(file, _ROWS, 4)
     vx, vy, pressure, angle = _columns(file, "SELECT vel_x, vel_y, pressure, angle FROM motion ORDER BY frame, id", 4)

@@ -9,13 +9,20 @@ from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.footbridge.paper import PAPER as FOOTBRIDGE
 from crowd_env.reproduce.granular.paper import PAPER as GRANULAR
 from crowd_env.reproduce.lin2016.paper import PAPER as LIN
+from crowd_env.reproduce.moussaid2010.paper import PAPER as MOUSSAID
 from crowd_env.reproduce.paper import Figure, Paper, Settings
 from crowd_env.reproduce.pecol2011.paper import PAPER as PECOL
 from crowd_env.reproduce.result import RawTable, Result, Row
 
 __all__ = ["FIGURES", "PAPERS", "Case", "Figure", "Paper", "RawTable", "Result", "Row", "Settings", "find"]
 
-PAPERS: dict[str, Paper[Any]] = {"pecol": PECOL, "lin": LIN, "footbridge": FOOTBRIDGE, "granular": GRANULAR}
+PAPERS: dict[str, Paper[Any]] = {
+    "pecol": PECOL,
+    "lin": LIN,
+    "moussaid": MOUSSAID,
+    "footbridge": FOOTBRIDGE,
+    "granular": GRANULAR,
+}
 FIGURES: dict[str, Figure[Any]] = {name: one for paper in PAPERS.values() for name, one in paper.figures.items()}
 
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from crowd_env.core.arrays.pulls import ALONE
 from crowd_env.core.arrays.state import MOTIVATION, Bodies, Floats, join_bodies, make_bodies
 from crowd_env.core.checks import at, check_fields, refuse
 from crowd_env.geometry.geometry import Geometry
@@ -130,7 +131,10 @@ class Groups:
             stands[people] = True
         motivated = [part.draw_motivation(rng, own) for part, own in zip(self.parts, drawn, strict=True)]
         given = {name: np.concatenate([getattr(own, name) for own in motivated]) for name in MOTIVATION}
-        return bodies._replace(**given), position
+        companies = [part.draw_companions(rng, position[owner == k]) for k, part in enumerate(self.parts)]
+        before = np.cumsum([0, *(part.people for part in self.parts[:-1])])
+        company = [np.where(own == ALONE, ALONE, own + at) for own, at in zip(companies, before, strict=True)]
+        return bodies._replace(**given, company=np.concatenate(company)), position
 
     def _regions(self) -> list[str | None]:
         """Where people start: the named regions in the order of the groups, then anywhere."""

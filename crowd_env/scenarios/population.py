@@ -7,11 +7,23 @@ from typing import Any
 import numpy as np
 import shapely
 
-from crowd_env.core.arrays.state import MAX_SPEED, MOTIVATION, Bodies, Floats, make_bodies
-from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, from_table, known, plain_name, whole
+from crowd_env.core.arrays.pulls import ALONE
+from crowd_env.core.arrays.state import MAX_SPEED, MOTIVATION, Bodies, Floats, Ints, make_bodies
+from crowd_env.core.checks import (
+    COUNT,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Range,
+    check_fields,
+    from_table,
+    known,
+    plain_name,
+    whole,
+)
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import ROUNDED
 from crowd_env.geometry.placement import CLOSEST_PACKING, sample_positions
+from crowd_env.scenarios.companies import draw_companies
 from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
 from crowd_env.scenarios.starts import as_positions, check_starts
 
@@ -57,6 +69,7 @@ class Population:
     time_gap : s, the time gap that a person keeps to the people in front; by default that of the manner of the run.
     push : share of the desired speed at which a person presses on with no gap in front, 0 to 1; by default that of the manner
         of the run.  A run without a manner, in which everyone walks at full speed, makes no use of time gap and push.
+    companions : number of people who walk together, oneself included, rounded; by default everyone walks alone.
     start_region : name of the region in which people start; anywhere by default.
     starts : (K, 2) m, recorded positions or seats, copied; of more than ``people``, some are drawn.
     route : name of the route or exit that people take, whatever the strategy of the run.
@@ -77,6 +90,7 @@ class Population:
     response_time: Distribution = field(default_factory=lambda: Uniform(0.0, 0.0))
     time_gap: Distribution | None = None
     push: Distribution | None = None
+    companions: Distribution | None = None
     start_region: str | None = None
     starts: Floats | None = None
     route: str | None = None
@@ -87,8 +101,8 @@ class Population:
         check_fields("population", self)
         object.__setattr__(self, "name", self.name and plain_name("population: name", self.name))
         check_people("population: people", self.people)
-        for name, allowed in (DRAWN | MOTIVATION).items():
-            if getattr(self, name) is None and name in MOTIVATION:
+        for name, allowed in (DRAWN | MOTIVATION | {"companions": COUNT}).items():
+            if getattr(self, name) is None and name not in DRAWN:
                 continue
             law = as_distribution(f"population: {name}", getattr(self, name))
             object.__setattr__(self, name, law)
@@ -130,7 +144,8 @@ class Population:
             position = self.draw_starts(rng, geometry, room * bodies.radius)
         else:
             position = sample_positions(geometry, room * bodies.radius, rng, self.start_region)
-        return self.draw_motivation(rng, bodies), position
+        motivated = self.draw_motivation(rng, bodies)
+        return motivated._replace(company=self.draw_companions(rng, position)), position
 
     def draw_bodies(self, rng: np.random.Generator) -> Bodies:
         """Draw the bodies alone, their motivation being that of the manner of the run."""
@@ -140,7 +155,8 @@ class Population:
             return make_bodies(**drawn)
         inertia = 0.5 * drawn["mass"] * drawn["radius"] ** 2
         not_given = {name: np.full(self.people, np.nan) for name in MOTIVATION}
-        return Bodies(inertia=inertia, env_start=np.array([0, self.people]), **drawn, **not_given)
+        alone = np.full(self.people, ALONE)
+        return Bodies(inertia=inertia, company=alone, env_start=np.array([0, self.people]), **drawn, **not_given)
 
     def draw_motivation(self, rng: np.random.Generator, bodies: Bodies) -> Bodies:
         """Return these bodies with the time gaps and pushes that are drawn for them, where these are given.
@@ -150,6 +166,17 @@ class Population:
         laws: dict[str, Distribution | None] = {name: getattr(self, name) for name in MOTIVATION}
         drawn: dict[str, Any] = {name: law.sample(rng, self.people) for name, law in laws.items() if law is not None}
         return bodies._replace(**drawn)
+
+    @property
+    def walks_together(self) -> bool:
+        """Whether anyone can have companions."""
+        return self.companions is not None and self.people > 1 and self.companions.high > 1.5
+
+    def draw_companions(self, rng: np.random.Generator, position: Floats) -> Ints:
+        """Return the company (people,) of those at ``position`` (people, 2), from 0; drawn last, for the same reason."""
+        if self.companions is None or not self.walks_together:
+            return np.full(self.people, ALONE)
+        return draw_companies(rng, self.companions, position)
 
     def draw_starts(self, rng: np.random.Generator, geometry: Geometry, radius: Floats) -> Floats:
         """Return the recorded positions (people, 2), or some drawn from them, checked for bodies of ``radius`` (people,)."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from crowd_env.core.arrays.headway import Headway, Manner, make_manner
 from crowd_env.core.arrays.outline import BodyShape, Outline, make_outline, room_of
+from crowd_env.core.arrays.pulls import Pulls
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import POSITIVE, Range, check_fields, flag, shown
 from crowd_env.geometry.geometry import Geometry, turning
@@ -17,6 +18,7 @@ from crowd_env.routing.route_set import RoutePlan, RouteSet, Target
 from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.routing.strategies import STRATEGIES
+from crowd_env.scenarios.companies import same_route
 from crowd_env.scenarios.groups import Groups, People, as_people
 from crowd_env.scenarios.population import Population, require_names, require_room
 
@@ -56,14 +58,16 @@ class Scenario:
     ``outline`` is the shape of all bodies, unless the run says otherwise: a name in ``OUTLINES``, an Outline, or a table of its
     parameters; by default they are discs.  People are placed with room to turn.
 
+    ``pulls`` says how those in company keep together (who they are is a matter of the population), and what attracts people.
+
     An episode ends when everyone is out, at the time limit, or when nobody has got out for ``blocked_after`` seconds.
 
     Raises
     ------
     ValueError
-        If the geometry has no exit, a time is not positive, people start or go somewhere that does not exist, there are
-        more of them than there can be room for, the plan is too large for bodies so small, or the manner or the outline is
-        unknown.
+        If the geometry has no exit, a time is not positive, people start or go somewhere that does not exist, an attraction
+        is outside of the place, there are more of them than there can be room for, the plan is too large for bodies so
+        small, or the manner or the outline is unknown.
     """
 
     name: str  #: what the command line and tables call it
@@ -84,6 +88,7 @@ class Scenario:
     manner: Manner | None = "hurried"  #: how people walk
     outline: BodyShape | None = None  #: the shape of all bodies
     strategy: str | None = None  #: how people choose their way
+    pulls: Pulls = field(default_factory=Pulls)  #: companions and attractions
     max_drive: float = 300.0  #: N, the largest force with which one drives forwards; infinite = as the papers have it
 
     def __post_init__(self) -> None:
@@ -108,6 +113,11 @@ class Scenario:
             require_names("start region", [part.start_region], self.geometry.regions)
             require_names("exit", part.exits, self.exits)
             require_names("route", [part.route], [*(route.name for route in self.routes), *self.exits])
+        for one in self.pulls.attractions:
+            if not self.geometry.contains(np.array([[one.x, one.y]]))[0]:
+                raise ValueError(
+                    f"scenario {self.name!r}: attraction at ({one.x:g}, {one.y:g}) is outside the walkable area"
+                )
         require_room(self.geometry, self.population.parts, room_of(shape))
         self.strategy_of_run()
 
@@ -195,11 +205,14 @@ class Scenario:
         return replace(self, time_limit=max(_SHORTEST_LIMIT, float(limit)))
 
     def turned(self, angle: float, mirrored: bool = False) -> "Scenario":
-        """Return the place as `crowd_env.geometry.geometry.turning` moves it; recorded starts are moved too."""
+        """Return the place as `crowd_env.geometry.geometry.turning` moves it; recorded starts and attractions are moved too."""
         turn = turning(angle, mirrored)
         moved = [p if p.starts is None else p.changed(starts=turn(p.starts)) for p in self.population.parts]
         crowd = Groups(tuple(moved)) if len(moved) > 1 else moved[0]
-        return replace(self, geometry=self.geometry.turned(angle, mirrored), population=crowd)
+        points = turn(np.array([(one.x, one.y) for one in self.pulls.attractions]).reshape(-1, 2))
+        return replace(
+            self, geometry=self.geometry.turned(angle, mirrored), population=crowd, pulls=self.pulls.moved(points)
+        )
 
     def route_set(self, strategy: str = "shortest", *, rules: bool = True, ways: bool = False) -> RouteSet:
         """Return all routes that people of this strategy, groups, rules and controllers may take; route 0 leads to any exit.
@@ -256,10 +269,17 @@ class Scenario:
         """Return whether the route that people mean to take depends on where they start."""
         return any(len(self._taken(part, strategy)) > 1 for part in self.population.parts)
 
-    def choose(self, route_set: RouteSet, strategy: str, position: Floats, radius: Floats | float = 0.0) -> Ints:
+    def choose(
+        self,
+        route_set: RouteSet,
+        strategy: str,
+        position: Floats,
+        radius: Floats | float = 0.0,
+        company: Ints | None = None,
+    ) -> Ints:
         """Return the number (K,) of the route that each of the people at ``position`` (K, 2) means to take.
 
-        Their bodies, of ``radius`` (K,) [m], have to get through.
+        Their bodies, of ``radius`` (K,) [m], have to get through; those in ``company`` (K,) take one way.
 
         Raises
         ------
@@ -278,7 +298,7 @@ class Scenario:
             chosen[begin:end] = (
                 route_set.number(names[0]) if one else route_set.nearest(names, position[begin:end], size[begin:end])
             )
-        return chosen
+        return chosen if company is None else same_route(chosen, company)
 
 
 def _best_of(exits: tuple[str, ...], strategy: str) -> Route:

@@ -17,6 +17,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from crowd_env.core.arrays.headway import MANNERS, Headway
 from crowd_env.core.arrays.outline import OUTLINES, Disc, Outline
+from crowd_env.core.arrays.pulls import Attraction, Companionship, Pulls
 from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.route_set import Target
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
@@ -133,6 +134,9 @@ class ScenarioTable(Table):
     manner: Manner = Field(None, description="how people walk before they touch, unless the run says otherwise")
     outline: Shape = Field(None, description="what shape bodies have, unless the run says otherwise")
     strategy: str = Field(None, description="how people choose their way: a strategy, or the name of a route or exit")
+    pulls: _table(Pulls, companions=_table(Companionship), attractions=list[_table(Attraction)]) = Field(
+        None, description="what pulls people off their way: companions and attractions"
+    )
     max_drive: float = Field(300.0, description="N, the largest force with which one drives forwards")
     comfort: _table(Comfort) = Field(None, description="costs that the most comfortable route keeps low")
 

@@ -101,7 +101,11 @@ def test_windows_hold_every_exit():
 @pytest.mark.more
 def test_list_names_both_papers():
     listed = reported("list")
-    assert listed["groups"]["all"] == [*listed["groups"]["pecol"], *listed["groups"]["lin"]] == list(listed["names"])
+    assert (
+        listed["groups"]["all"]
+        == [name for paper in PAPERS for name in listed["groups"][paper]]
+        == list(listed["names"])
+    )
     assert listed["groups"]["lin"] == list(LIN)
     shown = call("list").stdout
     assert all(name in shown for name in (*listed["names"], *listed["groups"], "door_width", "preset"))

@@ -94,12 +94,14 @@ def draw_crowds(scenarios: Sequence[Scenario], setting: Setting) -> Crowds:
     fields = [each.route_set(setting.strategy) for each in scenarios]
     which = np.repeat(np.arange(len(scenarios)), setting.draws)
     places = [each.geometry for each in scenarios]
-    crowds = crowds_at(places, drawn, setting, setting.draws, fields=fields, geometry_of_env=which)
+    pulls = [each.pulls for each in scenarios]
+    crowds = crowds_at(places, drawn, setting, setting.draws, fields=fields, geometry_of_env=which, pulls=pulls)
     for e, (bodies, position) in enumerate(drawn):
         route_set = crowds.simulation.planner.route_set(e)
         assert route_set is not None  # every scenario has an exit
         crowds.simulation.send(
-            e, scenarios[e // setting.draws].choose(route_set, setting.strategy, position, bodies.radius)
+            e,
+            scenarios[e // setting.draws].choose(route_set, setting.strategy, position, bodies.radius, bodies.company),
         )
     return crowds
 

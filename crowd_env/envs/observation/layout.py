@@ -94,6 +94,9 @@ TERMS: Mapping[str, CompiledTerm] = {
     "queues_seen": CompiledTerm(1, of_each="routes", usual=False),
     # the same of all people inside, as signs would show it that count those who wait: n / (n + 50)
     "queues_shown": CompiledTerm(1, of_each="routes", usual=False),
+    # those inside in whose company one walks: offset of their center / (3 m + its distance) (2), in the frame, and their
+    # number n as n / (n + 3); 0 for who walks alone
+    "company": CompiledTerm(3, usual=False),
 }
 
 USUAL = tuple(name for name, term in TERMS.items() if term.usual)

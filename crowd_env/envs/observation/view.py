@@ -57,6 +57,7 @@ class View(NamedTuple):
     ways: Ways
     openings: Openings  # a reference; of no field where nobody observes them
     length_of_way: Floats  # (P, C)  m   scratch: rest of each way from where they stand, as `distance_to_go`
+    company_sums: Floats  # (P, 3)  scratch: of each company inside the positions [m] and the number of members
     heads_for: Ints  # (P,)    scratch: the way that they go, or that looks most like it
 
 
@@ -79,6 +80,7 @@ class Columns(NamedTuple):
     routes: int
     queues_seen: int
     queues_shown: int
+    company: int
 
 
 class Plan(NamedTuple):

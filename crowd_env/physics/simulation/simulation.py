@@ -1,12 +1,14 @@
 """A batch of crowds that walk, touch and leave.  No rewards, no agents: give it commands, advance it, read its arrays."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from crowd_env.core.arrays.headway import Manner, make_manner
 from crowd_env.core.arrays.outline import NO_OUTLINE, BodyShape, make_outline
+from crowd_env.core.arrays.pulls import Pulls, has_companions, pull_arrays, pulls_of
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints, check_bodies, check_state, make_state
 from crowd_env.core.checks import known, whole
 from crowd_env.core.files.fingerprint import fingerprint
@@ -75,6 +77,8 @@ class Simulation:
     outline : shape of all bodies: a name in ``OUTLINES``, an Outline, or a table of its parameters; by default they are discs.
         `hertz` and `hertz-literal`, under which bodies turn, take one.  ``bodies.inertia`` becomes that of the outline, and
         pedestrians face their way when they begin, unless an angle in ``state`` is set.
+    pulls : what pulls people off their way, for all geometries or one for each: how companions keep together, whom
+        ``bodies.company`` numbers, and attractions.
     allow_unstable : accept a ``dt`` above the scheme's stable step, and let everyone go as fast, as far in a step and through
         whatever the contact law alone allows (to show what happens); else see `crowd_env.physics.bounds`.
 
@@ -101,6 +105,7 @@ class Simulation:
         manner: Manner | None = None,
         max_drive: float | None = None,
         outline: BodyShape | None = None,
+        pulls: Pulls | Sequence[Pulls] | None = None,
         allow_unstable: bool = False,
     ) -> None:
         self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)
@@ -113,6 +118,7 @@ class Simulation:
         self.threads = whole("threads", threads)
         self.max_drive = arguments.check_drive(max_drive, driving)
         self.scheme.check(driving, self.max_drive)
+        self.pulls = pulls_of(pulls, len(self.geometries))
         self.outline = shape = make_outline(outline)
         check_outline(shape, self.scheme)
         parts = 1.0 if shape is None else np.ceil(1.0 / shape.step_share)  # whoever else is there: bits are one's own
@@ -151,17 +157,18 @@ class Simulation:
         """Return all that a step works on: the world around the people, room for results, history and scratch."""
         bodies, guidance, outline = self.bodies, self.planner.guidance, self.outline
         control = allocate_control(
-            len(bodies.radius), self.driving, not self.allow_unstable, self.manner, self.max_drive
+            len(bodies.radius), self.driving, not self.allow_unstable, self.manner, self.max_drive, self._is_pulled
         )
         walls = make_wall_grid(boundary, control.headway.sight + 1.0 if control.keeps_headway else None)
         body = NO_OUTLINE if outline is None else outline.params()
-        uses = arrays_of(self.scheme, control.keeps_headway, outline is not None)
+        uses = arrays_of(self.scheme, control.keeps_headway, outline is not None, control.pulled)
         workspace = allocate_workspace(bodies, uses=uses, discs=len(body.radius))
         signs = int(np.diff(guidance.rule.start).max(initial=0))
         doors = max(len(place.doors) for place in self.geometries)
         history = allocate_history(bodies, workspace.neighbors, signs, doors, uses)
         history.followed[:] = self.state.route
-        world = World(boundary, by_reference(self.planner.field), geometry_of_env, guidance, walls, body)
+        pulls = pull_arrays(self.pulls)
+        world = World(boundary, by_reference(self.planner.field), geometry_of_env, guidance, walls, body, pulls)
         results = allocate_results(len(bodies.radius), len(self.state.time))
         return Batch(world, bodies, self.state, control, results, history, workspace)
 
@@ -178,6 +185,11 @@ class Simulation:
     def inside(self) -> Ints:
         """Number of people still inside, per environment (E,)."""
         return np.add.reduceat(self.state.active.astype(np.int64), self.bodies.env_start[:-1])
+
+    @cached_property
+    def _is_pulled(self) -> bool:
+        """Whether anything pulls anyone: in company are those who are so when the simulation is made."""
+        return has_companions(self.bodies) or any(pulls.attractions for pulls in self.pulls)
 
     def _set_inertia(self, people: slice | Ints) -> None:
         """Let bodies that have an outline turn as it does."""
@@ -287,6 +299,10 @@ class Simulation:
         check_bodies(bodies)
         if len(bodies.radius) != count:
             raise ValueError(f"environment {e} holds {count} people, not {len(bodies.radius)}")
+        if not self._is_pulled and has_companions(bodies):
+            raise ValueError(
+                "nobody walked in company when the simulation was made, so bodies.company must be -1 here too"
+            )
         arguments.check_step(self.scheme, bodies, self.dt, self.allow_unstable, self.outline)
         stand = arguments.vectors("position", position, count)
         walk = None if velocity is None else arguments.vectors("velocity", velocity, count)
@@ -309,7 +325,8 @@ class Simulation:
 
     def _made_by(self) -> dict[str, Any]:
         """Return what a simulation must have in common with this one to take up a checkpoint of it."""
-        chosen = {name: getattr(self, name) for name in ("scheme", "manner", "max_drive", "outline", "dt", "driving")}
+        names = ("scheme", "manner", "max_drive", "outline", "dt", "driving", "pulls", "_is_pulled")
+        chosen = {name.strip("_"): getattr(self, name) for name in names}
         env_start, sorting = self.bodies.env_start.tolist(), self._sorted is not None
         world, guidance = self.world, self.world.guidance
         place = fingerprint(world.boundary, world.geometry_of_env, guidance.goal, guidance.following)

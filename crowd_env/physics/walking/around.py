@@ -6,6 +6,7 @@ from crowd_env.core.arrays.headway import Headway
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.driving_force import asked_of
 from crowd_env.physics.neighbors.lists import sort_into_cells
+from crowd_env.physics.walking.pulls import pull_aside, walk_at_full_speed
 from crowd_env.physics.workspace import Batch
 
 CELLS = 2  # whoever matters stands no more cells away: smaller cells fit the range of sight better
@@ -21,6 +22,11 @@ def look_around(e: int, batch: Batch, params: Headway) -> None:
     velocity, gives_way = batch.state.velocity, batch.control.gives_way
     near, walkers = batch.workspace.neighbors, batch.workspace.walkers
     widest, fastest = _find_ways(e, slot_start, slot_stop, batch)
+    if batch.control.pulled:
+        pull_aside(e, batch)
+        if not batch.control.keeps_headway:
+            walk_at_full_speed(e, batch)
+            return
     size = (2.0 * widest + _find_reach(slot_start, slot_stop, fastest, batch, params)) / CELLS
     head, columns, rows = sort_into_cells(e, slot_start, slot_stop, active, position, near, size)
     walkers.columns[e], walkers.rows[e] = columns, rows

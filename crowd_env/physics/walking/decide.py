@@ -33,6 +33,8 @@ def decide(e: int, batch: Batch, params: Headway) -> None:
 @inner_kernel
 def decide_share(e: int, share: int, shares: int, batch: Batch, params: Headway) -> None:
     """Let the people in one of so many parts of the cells decide; any thread may do so, after `look_around`."""
+    if not batch.control.keeps_headway:
+        return  # `look_around` has said it all
     walkers, slot_start = batch.workspace.walkers, batch.bodies.env_start[e]
     cell_start = batch.workspace.neighbors.cell_start
     cells, head = walkers.columns[e] * walkers.rows[e], first_cell(e, slot_start)
@@ -129,7 +131,8 @@ def _overtake(i: int, seen: tuple[int, int], near: Near, ahead: Floats, batch: B
     behind, leader = speed_behind(i, seen, way_x, way_y, params.width, True, ahead, batch, params)
     if behind >= speed:
         return 0.0
-    if velocity[leader, 0] * way_x + velocity[leader, 1] * way_y < params.overtaking:
+    waits = batch.control.pulled and batch.history.held_since[leader] > 0.0  # for companions: that is no queue
+    if velocity[leader, 0] * way_x + velocity[leader, 1] * way_y < params.overtaking and not waits:
         return 0.0
     best, chosen = behind + params.gain * speed, 0.0
     for k in range(len(_SIDES)):

@@ -10,10 +10,10 @@ from cases import looped
 from validation.cases import Setting, standards
 from validation.cases.case import Check, Verdict
 from validation.cases.crowds import Moment, draw_crowds
-from validation.cases.standards import evacuations, walking
+from validation.cases.standards import companions, evacuations, walking
 
 ONE = Setting("dem", "hurried", draws=1)
-QUICK = ("rimea-1", "rimea-2", "rimea-5", "rimea-6", "rimea-10", "nist-4.1", "nist-2.10")
+QUICK = ("rimea-1", "rimea-2", "rimea-5", "rimea-6", "rimea-10", "nist-4.1", "nist-2.10", "iso-14")
 
 
 @pytest.mark.more
@@ -40,6 +40,11 @@ def test_walking_speed_is_that_between_two_lines():
     np.testing.assert_allclose(walked, desired, rtol=0.01)
     np.testing.assert_allclose(out, 40.0 / desired, rtol=0.05)
     assert len(set(desired)) == 3
+
+
+@pytest.mark.more
+def test_who_does_not_wait_leaves_a_slow_companion_behind():
+    assert companions.spreads(ONE, None)[0] > companions.WITHIN
 
 
 @pytest.mark.more

@@ -1,0 +1,1 @@
+"""Moussaïd, Perozo, Garnier, Helbing, Theraulaz 2010: The walking behaviour of pedestrian social groups."""

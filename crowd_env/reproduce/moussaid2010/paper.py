@@ -1,0 +1,21 @@
+"""What can be redone of Moussaïd et al. 2010: how companions walk, and what they look like from above."""
+
+from dataclasses import fields
+
+from crowd_env.reproduce.moussaid2010 import companies
+from crowd_env.reproduce.moussaid2010.companies import MoussaidSettings
+from crowd_env.reproduce.paper import Figure, Paper
+
+PAPER = Paper(
+    title="Moussaïd et al. 2010",
+    settings=MoussaidSettings,
+    figures={
+        "companies": Figure(
+            companies.TITLE,
+            companies.reproduce,
+            options=frozenset(one.name for one in fields(MoussaidSettings)) - {"dt"},
+            cpu_time=15,
+        )
+    },
+    cpu_time=15,
+)

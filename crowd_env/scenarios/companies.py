@@ -1,0 +1,35 @@
+"""Who walks in company with whom: those who stand near each other at the start."""
+
+import numpy as np
+
+from crowd_env.core.arrays.pulls import ALONE
+from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.scenarios.distributions import Distribution
+
+
+def draw_companies(rng: np.random.Generator, sizes: Distribution, position: Floats) -> Ints:
+    """Return the number of the company of each of the people at ``position`` (N, 2) [m], -1 for those alone.
+
+    The sizes are drawn and rounded; the last company is as large as people are left.  Those who follow one another in strips
+    to and fro, about as wide as a company, walk together.
+    """
+    count = len(position)
+    drawn = np.maximum(np.rint(sizes.sample(rng, count)), 1.0)
+    rank = np.searchsorted(np.cumsum(drawn), np.arange(count), side="right")
+    number = np.empty(count, dtype=np.int64)
+    number[_in_strips(position, float(drawn.mean()) / count)] = rank
+    return np.where(np.bincount(number, minlength=count)[number] > 1, number, ALONE)
+
+
+def _in_strips(position: Floats, share: float) -> Ints:
+    """Return the people (N,) strip by strip, each strip as wide as a square that is this share of the area around them."""
+    x, y = (position - position.min(axis=0)).T
+    width = max(float(np.sqrt(share * x.max() * y.max())), 1e-9)
+    strip = np.floor(y / width)
+    return np.lexsort([np.where(strip % 2.0 == 0.0, x, -x), strip])
+
+
+def same_route(route: Ints, company: Ints) -> Ints:
+    """Return the routes (N,) of people of whom those in company take that of their first."""
+    _, first, number = np.unique(company, return_index=True, return_inverse=True)
+    return np.where(company == ALONE, route, route[first][number])

@@ -1,0 +1,161 @@
+"""Who walks in company: drawn with the crowd, in files, recorded, observed, and kept on one route."""
+
+import numpy as np
+import pytest
+from cases import looped
+from shapely.geometry import box
+
+from crowd_env import (
+    Attraction,
+    Companionship,
+    CrowdEnv,
+    Geometry,
+    Groups,
+    Population,
+    Pulls,
+    Scenario,
+    make_scenario,
+    record,
+)
+from crowd_env.recording import load
+from crowd_env.scenarios.companies import draw_companies, same_route
+from crowd_env.scenarios.distributions import Uniform
+
+HALL = Geometry.from_polygon(
+    box(0, 0, 12, 8), exits={"west": [(0, 3), (0, 5)], "east": [(12, 3), (12, 5)]}, regions={"left": box(0, 0, 5, 8)}
+)
+
+FILE = """
+[geometry]
+walkable = { box = [0, 0, 12, 8] }
+[geometry.exits]
+east = [[12, 3], [12, 5]]
+[population]
+people = 12
+companions = [2, 3]
+[pulls.companions]
+gaze = 0
+apart = 5
+[[pulls.attractions]]
+x = 3
+y = 4
+strength = 2
+lifetime = 20
+"""
+
+
+def hall(*parts, **options):
+    crowd = Groups(parts) if len(parts) > 1 else parts[0]
+    return Scenario("hall", HALL, crowd, 60.0, **options)
+
+
+def test_companies_have_the_sizes_that_are_asked_for_and_the_crowd_is_as_without():
+    drawn = {}
+    for companions in (None, 1, 3, (2, 4)):
+        people = Population(31, companions=companions)
+        drawn[companions] = people.draw(np.random.default_rng(0), HALL)
+    bodies, position = drawn[None]
+    assert (bodies.company == -1).all() and (drawn[1][0].company == -1).all()
+    for other, at in drawn.values():
+        np.testing.assert_array_equal(at, position)
+        for name in ("radius", "mass", "desired_speed"):
+            np.testing.assert_array_equal(getattr(other, name), getattr(bodies, name))
+    _, threes = np.unique(drawn[3][0].company, return_counts=True)
+    assert sorted(threes) == [1, *[3] * 10]  # one is left, who walks alone
+    company = drawn[(2, 4)][0].company
+    _, sizes = np.unique(company[company >= 0], return_counts=True)
+    assert set(sizes) <= {2, 3, 4} and len(set(sizes)) > 1
+
+
+def test_companions_stand_near_each_other():
+    rng = np.random.default_rng(1)
+    position = rng.uniform(0.0, 20.0, (300, 2))
+    company = draw_companies(rng, Uniform(3, 3), position)
+    apart = [np.hypot(*(position[company == c] - position[company == c].mean(axis=0)).T).mean() for c in range(100)]
+    shuffled = rng.permutation(company)
+    far = [np.hypot(*(position[shuffled == c] - position[shuffled == c].mean(axis=0)).T).mean() for c in range(100)]
+    assert np.mean(apart) < 0.2 * np.mean(far)
+
+
+@looped("row", [np.column_stack([np.arange(6.0), np.zeros(6)]), np.column_stack([np.zeros(6), np.arange(6.0)])])
+def test_people_in_a_row_are_companions_of_their_neighbors(row):
+    assert draw_companies(np.random.default_rng(0), Uniform(2, 2), row).tolist() == [0, 0, 1, 1, 2, 2]
+
+
+def test_companies_of_several_groups_have_numbers_of_their_own():
+    groups = Groups((Population(4, companions=2), Population(5), Population(6, companions=3)))
+    bodies, _ = groups.draw(np.random.default_rng(0), HALL)
+    first, alone, last = bodies.company[:4], bodies.company[4:9], bodies.company[9:]
+    assert (alone == -1).all() and not set(first) & set(last) and len(set(first)) == len(set(last)) == 2
+    assert bodies.company.max() < 15
+
+
+def test_companions_take_one_route():
+    assert same_route(np.array([1, 0, 2, 0, 1]), np.array([3, -1, 3, 0, 0])).tolist() == [1, 0, 1, 0, 0]
+    env = CrowdEnv(hall(Population(40, companions=4), strategy="nearest"), physics="dem")
+    env.reset(0)
+    route, company = env.simulation.state.route, env.simulation.bodies.company
+    assert len(set(route)) > 1
+    assert all(len(set(route[company == c])) == 1 for c in set(company[company >= 0]))
+
+
+def test_a_file_says_who_walks_together_and_what_pulls(tmp_path):
+    path = tmp_path / "hall.toml"
+    path.write_text(FILE, encoding="utf-8")
+    place = make_scenario(str(path))
+    assert place.pulls == Pulls(Companionship(gaze=0.0, apart=5.0), (Attraction(3.0, 4.0, 2.0, lifetime=20.0),))
+    assert place.population.companions == Uniform(2, 3)
+    env = CrowdEnv(place, num_envs=2)
+    env.reset(0)
+    assert len(set(env.simulation.bodies.company)) > 3
+    np.testing.assert_array_equal(env.simulation.world.pulls.attraction, [[3, 4, 2, 2, 20, 0]])
+    turned = place.turned(0.5 * np.pi)
+    at = turned.pulls.attractions[0]
+    assert turned.geometry.contains(np.array([[at.x, at.y]]))[0] and (at.x, at.y) != (3, 4)
+
+
+def test_what_cannot_be_is_refused():
+    with pytest.raises(ValueError, match="population: companions must be >= 1, but can be as low as 0"):
+        Population(10, companions=0)
+    with pytest.raises(ValueError, match=r"attraction at \(13, 4\) is outside the walkable area"):
+        hall(Population(2), pulls=Pulls(attractions=(Attraction(13.0, 4.0, 1.0),)))
+    with pytest.raises(ValueError, match=r"pulls: unknown key 'gaze'; known: companions, attractions"):
+        hall(Population(2), pulls={"gaze": 1})
+
+
+@pytest.mark.parametrize("suffix", [".sqlite", ".h5"])
+def test_a_recording_says_who_walked_together(suffix, tmp_path):
+    made = record(hall(Population(9, companions=3)), seed=1, scheme="dem", time_limit=0.5)
+    kept = load(made.save(tmp_path / f"run{suffix}"))
+    assert sorted(made.company) == [0, 0, 0, 1, 1, 1, 2, 2, 2]
+    np.testing.assert_array_equal(kept.company, made.company)
+
+
+def test_a_file_of_before_says_that_everyone_was_alone(tmp_path):
+    import sqlite3
+
+    path = record(hall(Population(9, companions=3)), scheme="dem", time_limit=0.5).save(tmp_path / "run.sqlite")
+    with sqlite3.connect(path) as file:
+        file.execute("ALTER TABLE people DROP COLUMN company")
+    assert load(path).company.tolist() == [-1] * 9
+
+
+def test_the_company_is_observed():
+    env = CrowdEnv(
+        hall(Population(10, companions=3)),
+        num_envs=2,
+        physics="dem",
+        observation={"terms": ["velocity", "company"]},
+        action={"name": "continuous", "frame": "world"},
+    )
+    seen = env.reset(3)[0][:, env.layout["company"]]
+    position, company = env.simulation.state.position, env.simulation.bodies.company
+    for i in range(20):
+        same = np.flatnonzero((company == company[i]) & (np.arange(20) // 10 == i // 10) & (np.arange(20) != i))
+        if company[i] < 0:
+            assert (seen[i] == 0.0).all()
+            continue
+        offset = position[same].mean(axis=0) - position[i]
+        np.testing.assert_allclose(seen[i, :2], offset / (3.0 + np.hypot(*offset)), atol=1e-6)
+        assert seen[i, 2] == pytest.approx(len(same) / (len(same) + 3.0))
+    assert (company < 0).any() and (seen != 0.0).any()

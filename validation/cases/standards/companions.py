@@ -1,0 +1,58 @@
+"""Test of people who belong together: the quick ones wait for the slow one."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from crowd_env import Geometry, Groups, Scenario, Uniform
+from crowd_env.geometry.geometry import box
+from validation.cases.case import Setting, Verdict, adults
+from validation.cases.crowds import Floats, draw_crowds
+
+SPEEDS = (1.25, 1.25, 1.25, 1.25, 0.5)  # m/s, of those in company
+_OTHERS, _SLOW = 10, 0.5  # people, m/s
+WITHIN = 10.0  # s, from the first of the five to the last
+
+
+@dataclass(frozen=True)
+class Given:
+    """A distribution that draws these values, in their order."""
+
+    values: tuple[float, ...]
+
+    @property
+    def low(self) -> float:
+        """The smallest."""
+        return min(self.values)
+
+    @property
+    def high(self) -> float:
+        """The largest."""
+        return max(self.values)
+
+    def sample(self, rng: np.random.Generator, count: int) -> Floats:
+        """Return the values."""
+        return np.array(self.values)
+
+
+def spreads(setting: Setting, companions: int | None) -> list[float]:
+    """Return the time [s] from the first of the five to the last, of each draw; infinite if one of them is left inside."""
+    place = Geometry.from_polygon(
+        box(0.0, 0.0, 20.0, 15.0),
+        exits={"door": [(20.0, 7.0), (20.0, 8.0)]},
+        regions={"back": box(0.5, 5.5, 4.5, 9.5), "middle": box(6.0, 4.5, 12.0, 10.5)},
+    )
+    five = adults(
+        len(SPEEDS), desired_speed=Given(SPEEDS), companions=companions, start_region="back", name="companions"
+    )
+    others = adults(_OTHERS, desired_speed=Uniform(_SLOW, _SLOW), start_region="middle", name="others")
+    crowds = draw_crowds([Scenario("companions", place, Groups((five, others)), 180.0)], setting)
+    out = crowds.walk(180.0).exit_time.reshape(setting.draws, -1)[:, : len(SPEEDS)]
+    return np.nan_to_num(np.ptp(out, axis=1), nan=np.inf).tolist()
+
+
+def keep_together(setting: Setting) -> Verdict:
+    """ISO 14, NIST 2.9: five in company, one of them slow, leave a room of 20 m x 15 m in which ten others are slow too."""
+    together, alone = (max(spreads(setting, companions)) for companions in (len(SPEEDS), None))
+    figure = f"the five are out within {together:.1f} s of each other at most; within {alone:.1f} s if each walks alone"
+    return Verdict(together <= WITHIN, figure, {"together": together, "alone": alone})
