@@ -128,6 +128,7 @@ class Task:
 def plain_place(place: Scenario) -> dict[str, Any]:
     """Return everything in a scenario that decides what happens, as plain data; what is as in the papers goes unsaid."""
     unsaid = [*_WORDS, *(name for name in ("strategy", "max_drive") if getattr(place, name) == FULL_SPEED[name])]
+    unsaid += ["balance"] if place.balance is None else []
     return {one.name: _plain(getattr(place, one.name)) for one in fields(place) if one.name not in unsaid}
 
 

@@ -157,8 +157,10 @@ class IterativeScheme(ContactScheme):
         return Stopping(self.tolerance, relative, self.max_iterations)
 
 
-def arrays_of(scheme: ContactScheme, keeps_headway: bool = False, with_outline: bool = False) -> frozenset[str]:
-    """Return what arrays of `workspace` are needed: by a scheme, and by people with a headway or an outline."""
+def arrays_of(
+    scheme: ContactScheme, keeps_headway: bool = False, with_outline: bool = False, keeps_balance: bool = False
+) -> frozenset[str]:
+    """Return what arrays of `workspace` are needed: by a scheme, and by people with a headway, an outline or a balance."""
     social = ("desired_velocity", "force", "heading", "social_pairs") if scheme.social is not None else ()
-    of_people = (*(("walking",) if keeps_headway else ()), *(("discs",) if with_outline else ()))
-    return frozenset((*scheme.info.uses, *social, *of_people))
+    of_people = {"walking": keeps_headway, "discs": with_outline, "balance": keeps_balance}
+    return frozenset((*scheme.info.uses, *social, *(name for name, used in of_people.items() if used)))

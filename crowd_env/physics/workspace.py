@@ -6,6 +6,7 @@ from typing import Annotated, Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd_env.core.arrays.balance import Balance
 from crowd_env.core.arrays.headway import Headway
 from crowd_env.core.arrays.outline import OutlineParams
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
@@ -46,6 +47,8 @@ class Control(NamedTuple):
     gives_way: Annotated[Bools, "P"]  # keeps the headway, where people keep any
     headway: Headway
     keeps_headway: bool
+    balance: Balance
+    keeps_balance: bool
     max_drive: float  # N  largest driving force of a person; infinite = no limit
     driving: bool  # pedestrians (eq 11) or passive grains
     bounded: bool  # nobody is too fast, goes too far in a step, or through a wall: see `crowd_env.physics.bounds`
@@ -111,6 +114,10 @@ class History(NamedTuple):
     door_open: Annotated[Bools, "E D"]
     walking_velocity: Annotated[Floats, "P 2", "walking"]  # m/s  that everyone has last decided to walk at
     waited: Annotated[Floats, "P", "walking"]  # s  stood still
+    # Those who stand: both feet, the first of which carries while the other is in the air, and when that lands.
+    feet: Annotated[Floats, "P 4", "balance"]  # m
+    lands_at: Annotated[Floats, "P", "balance"]  # s    infinite = both are on the ground, and none is to be lifted
+    stands: Annotated[Bools, "P", "balance"]
     have_decided: Annotated[Bools, "E"]  # how to walk, since the start
     decision_age: Annotated[Floats, "E"]  # s  since then
 
@@ -201,7 +208,12 @@ class Batch(NamedTuple):
 
 
 def allocate_control(
-    people: int, driving: bool, bounded: bool = True, headway: Headway | None = None, max_drive: float | None = None
+    people: int,
+    driving: bool,
+    bounded: bool = True,
+    headway: Headway | None = None,
+    max_drive: float | None = None,
+    balance: Balance | None = None,
 ) -> Control:
     """Return room for what is asked of so many people."""
     return allocate(
@@ -211,6 +223,8 @@ def allocate_control(
         gives_way=np.ones(people, dtype=np.bool_),
         headway=(headway or Headway()).params(),
         keeps_headway=headway is not None,
+        balance=(balance or Balance()).params(),
+        keeps_balance=balance is not None,
         max_drive=np.inf if max_drive is None else max_drive,
         driving=driving,
         bounded=bounded,
@@ -272,6 +286,8 @@ def begin_history(chosen: Sequence[int], people: Ints, history: History, bodies:
     history.local_speed[people] = bodies.desired_speed[people]
     if len(history.waited):  # somebody decides
         history.waited[people], history.walking_velocity[people] = 0.0, 0.0
+    if len(history.stands):
+        history.stands[people] = False
 
 
 def begin_results(chosen: Sequence[int], people: Ints, results: Results, total: Diagnostics) -> None:

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import CoreSchema, core_schema
 
+from crowd_env.core.arrays.balance import BALANCES, Balance
 from crowd_env.core.arrays.headway import MANNERS, Headway
 from crowd_env.core.arrays.outline import OUTLINES, Disc, Outline
 from crowd_env.routing.fields.field import OneWay
@@ -87,6 +88,7 @@ class Circle(Table):
 AreaOrLine = str | Points | Box | Circle
 Areas = AreaOrLine | list[AreaOrLine]
 Manner = Literal[tuple(MANNERS)] | _table(Headway)
+Balancing = Literal[tuple(BALANCES)] | _table(Balance)
 Shape = Literal[tuple(OUTLINES)] | _table(Outline)
 Person = _table(Population, people=int, starts=str | Points)
 
@@ -132,6 +134,7 @@ class ScenarioTable(Table):
     one_way: list[_table(OneWay)] = Field([], description="doors that people mean to pass one way only")
     manner: Manner = Field(None, description="how people walk before they touch, unless the run says otherwise")
     outline: Shape = Field(None, description="what shape bodies have, unless the run says otherwise")
+    balance: Balancing = Field(None, description="how those who stand keep upright, unless the run says otherwise")
     strategy: str = Field(None, description="how people choose their way: a strategy, or the name of a route or exit")
     max_drive: float = Field(300.0, description="N, the largest force with which one drives forwards")
     comfort: _table(Comfort) = Field(None, description="costs that the most comfortable route keeps low")
