@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium
 import pettingzoo
 
+from crowd_env.core.arrays.balance import BALANCES, Balance
 from crowd_env.core.arrays.headway import MANNERS, Headway
 from crowd_env.core.arrays.outline import OUTLINES, Disc, Outline
 from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_state
@@ -41,6 +42,7 @@ from crowd_env.scenarios.starts import read_starts
 ROUTING = "crowd_env/Routing-v0"  # one controller that sends people to exits
 
 __all__ = [
+    "BALANCES",
     "DEM",
     "FULL_SPEED",
     "MANNERS",
@@ -52,6 +54,7 @@ __all__ = [
     "SOCIAL_FORCES",
     "TABLE_4",
     "ActionKind",
+    "Balance",
     "Bodies",
     "Comfort",
     "ControlRule",

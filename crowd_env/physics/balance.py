@@ -15,7 +15,7 @@ from crowd_env.physics.bounds import limited
 from crowd_env.physics.workspace import Batch
 
 if TYPE_CHECKING:
-    from crowd_env.physics.simulation import Simulation
+    from crowd_env.physics.simulation.simulation import Simulation
 
 GRAVITY = 9.81  # m/s2
 
@@ -33,7 +33,8 @@ def stand(i: int, time: float, batch: Batch, params: Balance) -> tuple[float, fl
     cx, cy = x + lag * u, y + lag * v
     if not history.stands[i]:
         history.stands[i], lands_at[i] = True, np.inf
-        feet[i, 0], feet[i, 1], feet[i, 2], feet[i, 3] = x, y, x, y
+        dx, dy = limited(cx - x, cy - y, params.step)  # the last step of who walked, or fell
+        feet[i, 0], feet[i, 1], feet[i, 2], feet[i, 3] = x, y, x + dx, y + dy
     if lands_at[i] <= time:
         dx, dy = limited(cx - feet[i, 0], cy - feet[i, 1], params.step)
         feet[i, 2], feet[i, 3], lands_at[i] = feet[i, 0] + dx, feet[i, 1] + dy, np.inf
