@@ -13,7 +13,8 @@ Pendulum and capture point: Hof, Gazendam, Sinke 2005 (J Biomech 38:1), Koolen e
 both unchecked.  Two feet, with the body upright over their middle after a step, are ours; so is one radius b in all directions.
 
 Who wants to walk is not balanced by this: feet of walkers follow at every step, and the drive of the papers is the sum of it.
-Nobody falls; feet mind neither walls nor each other.  The numbers are fitted on one recorded push (docs/validation.md).
+Nobody falls; feet mind neither walls nor each other.  The numbers are fitted on one recorded push, under `nsm2`
+(docs/validation.md).
 """
 
 from collections import namedtuple
@@ -31,11 +32,12 @@ class Balance:
     Parameters
     ----------
     height : m, ``h``, of the center of mass; about 0.55 of an adult's.
-    base : m, ``b``: how far from the line between the feet the center of pressure can be; half a foot is 0.12.  Fitted.
+    base : m, ``b``: how far from the line between the feet the center of pressure can be; half a foot is 0.12, the rest is the
+        stance.  Fitted.
     gain : ``k``, by which the center of pressure is ahead of the capture point.  Fitted.
     reaction : s that the capture point is outside of the support before a foot is lifted.  Fitted.
     swing : s that a foot is in the air.  Fitted.
-    step : m, longest step.
+    step : m, longest step; no step of that push is so long.
     grip : share of the weight that the ground can give sideways, friction of shoes on a floor.
     head : times as far as the center of mass a leaning body moves its head: 1.7 m over 1 m.
     walks_from : m/s: who wants to be faster than this walks, and does not stand.
@@ -47,11 +49,11 @@ class Balance:
     """
 
     height: Positive = 1.0
-    base: Positive = 0.17
-    gain: Positive = 0.29
-    reaction: NotNegative = 0.125
-    swing: Positive = 0.36
-    step: Positive = 0.85
+    base: Positive = 0.215
+    gain: Positive = 0.2
+    reaction: NotNegative = 0.11
+    swing: Positive = 0.35
+    step: Positive = 0.75
     grip: Positive = 0.4
     head: Positive = 1.7
     walks_from: NotNegative = 0.1
