@@ -4,8 +4,6 @@ A drive m (v_d - v) / tau is the force m a of the pendulum (`crowd_env.core.arra
 scheme with a drive takes it up where it takes up how people walk, and nothing else in a scheme knows of it.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from crowd_env.core.arrays.balance import Balance
@@ -13,9 +11,6 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.core.kernels.jit import inner_kernel
 from crowd_env.physics.bounds import limited
 from crowd_env.physics.workspace import Batch
-
-if TYPE_CHECKING:
-    from crowd_env.physics.simulation.simulation import Simulation
 
 GRAVITY = 9.81  # m/s2
 
@@ -72,34 +67,3 @@ def _carry_on_nearer(x: float, y: float, i: int, feet: Floats) -> None:
     ax, ay, bx, by = feet[i, 0], feet[i, 1], feet[i, 2], feet[i, 3]
     if (x - bx) ** 2 + (y - by) ** 2 < (x - ax) ** 2 + (y - ay) ** 2:
         feet[i, 0], feet[i, 1], feet[i, 2], feet[i, 3] = bx, by, ax, ay
-
-
-def places_of_feet(simulation: "Simulation") -> Floats:
-    """Return where both feet of everyone are (P, 2, 2) [m], one in the air on its way too; under the body of who walks.
-
-    Raises
-    ------
-    ValueError
-        If people of the simulation have no feet: it has no balance.
-    """
-    params, state, bodies = simulation.balance, simulation.state, simulation.bodies
-    if params is None:
-        raise ValueError("people have no feet here: a simulation needs balance='stepping'")
-    feet, lands_at, stands = (
-        simulation.in_slots(getattr(simulation.history, n)) for n in ("feet", "lands_at", "stands")
-    )
-    feet = np.where(stands[:, None], feet, np.tile(state.position, 2)).reshape(-1, 2, 2)
-    time = np.repeat(state.time, np.diff(bodies.env_start))
-    done = np.clip(1.0 - (np.where(stands, lands_at, np.inf) - time) / params.swing, 0.0, 1.0)[:, None]
-    ahead = state.position + np.sqrt(params.height / GRAVITY) * state.velocity - feet[:, 0]
-    ahead *= np.minimum(1.0, params.step / np.maximum(np.hypot(*ahead.T), 1e-9))[:, None]
-    feet[:, 1] += done * (feet[:, 0] + ahead - feet[:, 1])
-    return feet
-
-
-def places_of_heads(simulation: "Simulation") -> Floats:
-    """Return where everyone's head is (P, 2) [m]: further from the middle of the feet than the body that leans."""
-    body, params = simulation.state.position, simulation.balance
-    return (
-        body.copy() if params is None else body + (params.head - 1.0) * (body - places_of_feet(simulation).mean(axis=1))
-    )

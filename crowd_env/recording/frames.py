@@ -12,8 +12,8 @@ from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.files.versions import versions_of
 from crowd_env.envs.crowd import CrowdEnv
-from crowd_env.physics.balance import places_of_feet
 from crowd_env.physics.pressure import contact_pressure
+from crowd_env.physics.simulation.feet import places_of_feet
 from crowd_env.recording.contacts import ContactSums
 from crowd_env.recording.exits import places_beyond
 from crowd_env.recording.recording import Recording

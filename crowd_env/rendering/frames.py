@@ -9,8 +9,8 @@ from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.physics.balance import places_of_feet
 from crowd_env.physics.pressure import contact_pressure
+from crowd_env.physics.simulation.feet import places_of_feet
 from crowd_env.rendering.discs import put_bodies, put_discs
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, group_color, pressure_color
 from crowd_env.rendering.plan import MAT, Layout, draw_plan, exit_places, fit, round_length

@@ -8,7 +8,8 @@ from shapely.geometry import box
 from crowd_env import SCHEMES, CrowdEnv, Geometry, Physics, Population, Scenario, make_scenario
 from crowd_env.core.arrays.balance import Balance, make_balance, plain_balance
 from crowd_env.core.arrays.state import make_bodies, make_state
-from crowd_env.physics.balance import GRAVITY, places_of_feet, places_of_heads
+from crowd_env.physics.balance import GRAVITY
+from crowd_env.physics.simulation.feet import places_of_feet, places_of_heads
 from crowd_env.physics.simulation.simulation import Simulation
 
 DRIVEN = [name for name, scheme in SCHEMES.items() if scheme.drives and "-" not in name.removesuffix("-inertial")]

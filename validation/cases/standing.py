@@ -17,7 +17,7 @@ from shapely.geometry import box
 
 from crowd_env import Geometry, Simulation, make_bodies, make_scheme, make_state
 from crowd_env.core.arrays.balance import BALANCES
-from crowd_env.physics.balance import places_of_heads
+from crowd_env.physics.simulation.feet import places_of_heads
 from crowd_env.rendering.canvas import new_figure, quiet_axes, save_figure
 from validation.cases.case import Row, Setting, number, row
 from validation.cases.crowds import Floats
