@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium
 import pettingzoo
 
+from crowd_env.core.arrays.balance import BALANCES, Balance
 from crowd_env.core.arrays.headway import MANNERS, Headway
 from crowd_env.core.arrays.outline import OUTLINES, Disc, Outline
 from crowd_env.core.arrays.pulls import Attraction, Companionship, Pulls
@@ -43,6 +44,7 @@ ROUTING = "crowd_env/Routing-v0"  # one controller that sends people to exits
 FOOTBRIDGE = "crowd_env/Footbridge-v0"  # one that holds people back from a deck that sways
 
 __all__ = [
+    "BALANCES",
     "DEM",
     "FULL_SPEED",
     "MANNERS",
@@ -55,6 +57,7 @@ __all__ = [
     "TABLE_4",
     "ActionKind",
     "Attraction",
+    "Balance",
     "Bodies",
     "Comfort",
     "Companionship",

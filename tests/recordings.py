@@ -33,6 +33,7 @@ CASES = {
     "groups": (two_doors(people=40), {"scheme": "nsm2", "strategy": "nearest"}, {"contacts": True}),
     "left inside": (two_doors(time_limit=2.5), {"scheme": "dem"}, {"every": 0.3}),
     "torso": (two_doors(time_limit=1.5, outline="torso"), {"scheme": "hertz"}, {"contacts": True}),
+    "feet": (two_doors(time_limit=1.5, balance="stepping"), {"scheme": "nsm2"}, {}),
 }
 
 

@@ -11,7 +11,9 @@ from validation.pages import ROOT, Grid, grid, pivoted, read_table
 from validation.sources import Source
 
 LIMITS = ROOT / "crowd_env/rendering/report/page_parts/limits.json"
-CASES_OF_MAP = tuple(name for name in CASES if name not in ("frozen", "jambs", "laws", "halls", "great-halls"))
+CASES_OF_MAP = tuple(
+    name for name in CASES if name not in ("frozen", "jambs", "laws", "standing", "halls", "great-halls")
+)
 _SAID = {True: "yes", False: "**no**", None: "–"}
 _OUTCOME = {"yes": "yes", "**no**": "no", "–": "reported"}
 

@@ -127,8 +127,8 @@ class Task:
 
 def plain_place(place: Scenario) -> dict[str, Any]:
     """Return everything in a scenario that decides what happens, as plain data; what is as in the papers goes unsaid."""
-    usual = {**FULL_SPEED, "pulls": Pulls()}
-    unsaid = [*_WORDS, *(name for name in ("strategy", "max_drive", "pulls") if getattr(place, name) == usual[name])]
+    usual = {name: FULL_SPEED[name] for name in ("strategy", "max_drive")} | {"pulls": Pulls(), "balance": None}
+    unsaid = [*_WORDS, *(name for name, value in usual.items() if getattr(place, name) == value)]
     return {one.name: _plain(getattr(place, one.name)) for one in fields(place) if one.name not in unsaid}
 
 

@@ -6,6 +6,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from crowd_env.core.arrays.balance import BALANCES, Balance, Balancing, make_balance
 from crowd_env.core.arrays.headway import MANNERS, Headway, Manner, plain_manner
 from crowd_env.core.arrays.outline import OUTLINES, BodyShape, Outline, plain_outline
 from crowd_env.core.arrays.pulls import ALONE
@@ -85,6 +86,21 @@ def one_drive(scenarios: Sequence[Scenario], given: float | None, drives: bool) 
         )
     limit = found.pop()
     return None if np.isinf(limit) or (given is None and not drives) else limit
+
+
+def one_balance(scenarios: Sequence[Scenario], given: Balancing | None) -> Balance | None:
+    """Return how those who stand in a batch keep upright: as is given, or as the scenarios say.
+
+    Raises
+    ------
+    ValueError
+        If the scenarios do not say the same.
+    """
+    found = [make_balance(one.balance if given is None else given) for one in scenarios]
+    if any(one != found[0] for one in found):
+        way = f"physics=Physics(balance={next(iter(BALANCES))!r})"
+        raise ValueError(f"the people of one batch keep upright in one way, not in two; say which: {way}")
+    return found[0]
 
 
 def parts_of(what: str, duration: float, parts: str, part: float) -> int:

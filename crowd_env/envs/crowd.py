@@ -18,6 +18,7 @@ from crowd_env.envs.arguments import (
     Place,
     bodies_before_reset,
     manner_and_outline,
+    one_balance,
     one_drive,
     parts_of,
     scenarios_of,
@@ -175,6 +176,7 @@ class CrowdEnv:
             outline=shape,
             pulls=[each.pulls for each in self.scenarios],
             max_drive=one_drive(self.scenarios, physics.max_drive, scheme.drives),
+            balance=one_balance(self.scenarios, physics.balance),
         )
         self.simulation.state.active[:] = False  # nobody is there before the first reset
         in_world = self.action_kind.frame == "world"

@@ -12,6 +12,7 @@ from typing import Any, Literal, ParamSpec, TypeAlias, TypedDict, TypeVar, cast
 
 from typing_extensions import Self
 
+from crowd_env.core.arrays.balance import Balancing
 from crowd_env.core.arrays.headway import Headway, Manner, make_manner
 from crowd_env.core.arrays.outline import BodyShape, make_outline
 from crowd_env.core.checks import POSITIVE, Range, check_fields, from_table, number, whole
@@ -20,6 +21,7 @@ from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.reward import RewardWeights
 from crowd_env.physics import ContactScheme, check_outline, make_scheme
 from crowd_env.physics.scheme import DECISION_DT
+from crowd_env.physics.simulation.arguments import check_balance
 from crowd_env.scenarios.groups import extreme_bodies
 from crowd_env.scenarios.scenario import Scenario
 
@@ -34,6 +36,7 @@ _SAID = {
     "dt": "physics=Physics('nsm2', dt=0.005)",
     "outline": "physics=Physics('hertz', outline='torso')",
     "max_drive": "physics=Physics('nsm2', max_drive=300.0)",
+    "balance": "physics=Physics('nsm2', balance='stepping')",
     "threads": "physics=Physics('nsm2', threads=2)",
     "manner": "walking='calm'",
     "manner_for": "walking=Walking('calm', acts_on='scripted')",
@@ -119,6 +122,8 @@ class Physics(Part):
         decides, and if it says nothing bodies are discs.  Only schemes that turn bodies take another: `hertz`, `hertz-literal`.
     max_drive : N, the largest force with which a pedestrian drives forwards, infinite = as large as the papers make it, up to
         2 kN; by default the scenario decides.  No scheme without a driving force takes it (`nsm1`).
+    balance : how those who stand keep upright: a name in ``BALANCES``, a `Balance`, or a table of its parameters; by default
+        the scenario decides, and if it says nothing their drive brakes them.  No scheme without a driving force takes it.
     threads : spread environments over threads; results do not depend on it.
 
     Raises
@@ -131,6 +136,7 @@ class Physics(Part):
     dt: float | None = None
     outline: BodyShape | None = None
     max_drive: float | None = None
+    balance: Balancing | None = None
     threads: int = 1
 
     def __post_init__(self) -> None:
@@ -138,6 +144,7 @@ class Physics(Part):
         if self.dt is not None:
             object.__setattr__(self, "dt", number("dt", self.dt, POSITIVE, "s"))
         object.__setattr__(self, "threads", whole("threads", self.threads, _THREADS))
+        check_balance(self.balance, self.law)
         if self.outline is not None:
             check_outline(make_outline(self.outline), self.law)
 
@@ -233,9 +240,9 @@ _STORED = {"signs": "rules"}  # field of a part -> name in files, where it is an
 def arguments_of(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments of an environment for flat settings, as the files of runs and policies hold them.
 
-    ``scheme``, ``dt``, ``outline``, ``max_drive`` and ``threads`` make the physics, ``manner`` and ``acts_on`` the walking,
-    ``strategy`` and ``rules`` the routing; ``frame`` goes to the action; all else stays as it is.  A part that is given as
-    such goes before its flat words.
+    ``scheme``, ``dt``, ``outline``, ``max_drive``, ``balance`` and ``threads`` make the physics, ``manner`` and ``acts_on``
+    the walking, ``strategy`` and ``rules`` the routing; ``frame`` goes to the action; all else stays as it is.  A part that
+    is given as such goes before its flat words.
     """
     found = dict(settings)
     for name, kind in _PARTS.items():

@@ -242,3 +242,12 @@ def slide(vx: float, vy: float, nx: float, ny: float, mx: float, my: float) -> t
     if vx * nx + vy * ny < -1e-12:
         return 0.0, 0.0
     return vx, vy
+
+
+@inner_kernel
+def limited(fx: float, fy: float, most: float) -> tuple[float, float]:
+    """Return the vector (fx, fy), shortened to the length ``most`` if it is longer."""
+    size = np.sqrt(fx * fx + fy * fy)
+    if size > most:
+        fx, fy = fx * (most / size), fy * (most / size)
+    return fx, fy

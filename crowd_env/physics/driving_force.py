@@ -10,6 +10,8 @@ import numpy as np
 
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.core.kernels.struct_ref import StructRef
+from crowd_env.physics.balance import stand
+from crowd_env.physics.bounds import limited
 from crowd_env.physics.social_force import SocialForce, SocialParams, add_social_forces
 from crowd_env.physics.workspace import Batch
 
@@ -22,6 +24,7 @@ class Influences(NamedTuple):
     regions: bool | None  # there are regions, and so perhaps rules
     walking: bool | None  # people keep a headway, or are pulled off their way
     max_drive: float | None  # N    largest driving force of a person
+    balance: bool | None  # those who stand lean over their feet
     outline: bool | None  # bodies are of several discs
 
 
@@ -33,14 +36,21 @@ def influences(social: SocialForce | None, batch: StructRef) -> Influences:
     walking = bool((control.keeps_headway or control.pulled) and control.driving)
     limit = batch.fields.control.max_drive
     max_drive = limit if limit < np.inf and batch.fields.control.driving else None
+    balance = bool(batch.fields.control.keeps_balance and batch.fields.control.driving)
     outline = bool(len(batch.fields.world.outline.radius))
     reach = 0.0 if params is None else params.cutoff
-    return Influences(params, reach, regions or None, walking or None, max_drive, outline or None)
+    return Influences(params, reach, regions or None, walking or None, max_drive, balance or None, outline or None)
 
 
 @inner_kernel
 def regular_forces(
-    e: int, rank_stop: int, batch: Batch, social: SocialParams | None, walking: bool | None, max_drive: float | None
+    e: int,
+    rank_stop: int,
+    batch: Batch,
+    social: SocialParams | None,
+    walking: bool | None,
+    max_drive: float | None,
+    balance: bool | None = None,
 ) -> None:
     """Write the sum of all forces but contact [N] into ``History.force`` (P, 2): external, driving and social.
 
@@ -49,7 +59,7 @@ def regular_forces(
     otherwise.  A relative command turns with the direction of the followed route (`steering.steer`): command (1, 0) is the
     rule "walk the way out".  With a social force the neighbor list must be complete up to its cut-off.
     """
-    _drive(e, rank_stop, batch, walking, max_drive)
+    _drive(e, rank_stop, batch, walking, max_drive, balance)
     if social is not None:
         add_social_forces(e, rank_stop, batch, social)
 
@@ -66,11 +76,24 @@ def asked_of(i: int, batch: Batch) -> tuple[float, float]:
 
 
 @inner_kernel
-def desired_velocity(i: int, time: float, batch: Batch, walking: bool | None) -> tuple[float, float]:
+def desired_velocity(
+    i: int, time: float, batch: Batch, walking: bool | None, balance: bool | None
+) -> tuple[float, float]:
     """Return the desired velocity [m/s]: the command, turned with the direction if it is relative, times the desired speed.
 
-    Where people keep a headway (``walking``), what they have last decided of that.
+    Where people keep a headway (``walking``), what they have last decided of that.  Where they keep their ``balance``, for
+    those who want to stand, the one whose drive is the force of the ground (`crowd_env.physics.balance`).
     """
+    vx, vy = _wanted_velocity(i, time, batch, walking)
+    if balance is not None:
+        if vx * vx + vy * vy <= batch.control.balance.walks_from**2:
+            return stand(i, time, batch, batch.control.balance)
+        batch.history.stands[i] = False
+    return vx, vy
+
+
+@inner_kernel
+def _wanted_velocity(i: int, time: float, batch: Batch, walking: bool | None) -> tuple[float, float]:
     if walking is not None:
         if time >= batch.bodies.response_time[i]:
             return batch.history.walking_velocity[i, 0], batch.history.walking_velocity[i, 1]
@@ -81,16 +104,9 @@ def desired_velocity(i: int, time: float, batch: Batch, walking: bool | None) ->
 
 
 @inner_kernel
-def limited(fx: float, fy: float, most: float) -> tuple[float, float]:
-    """Return the vector (fx, fy), shortened to the length ``most`` if it is longer."""
-    size = np.sqrt(fx * fx + fy * fy)
-    if size > most:
-        fx, fy = fx * (most / size), fy * (most / size)
-    return fx, fy
-
-
-@inner_kernel
-def _drive(e: int, rank_stop: int, batch: Batch, walking: bool | None, max_drive: float | None) -> None:
+def _drive(
+    e: int, rank_stop: int, batch: Batch, walking: bool | None, max_drive: float | None, balance: bool | None
+) -> None:
     """Write desired velocities, and external and driving forces (eq 11)."""
     bodies, driving, external = batch.bodies, batch.control.driving, batch.control.external_force
     mass, relaxation_time = bodies.mass, bodies.relaxation_time
@@ -98,7 +114,7 @@ def _drive(e: int, rank_stop: int, batch: Batch, walking: bool | None, max_drive
     inside, desired, force = batch.workspace.inside, batch.workspace.desired_velocity, batch.history.force
     for rank in range(index(bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]
-        vx, vy = desired_velocity(i, time, batch, walking)
+        vx, vy = desired_velocity(i, time, batch, walking, balance)
         fx, fy = external[i, 0], external[i, 1]
         if driving:
             rate = mass[i] / relaxation_time[i]

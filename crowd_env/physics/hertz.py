@@ -39,8 +39,8 @@ from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Bodies
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range
 from crowd_env.core.kernels.jit import index, inner_kernel, kernel
-from crowd_env.physics.bounds import hold_fastest, stay_within_bounds
-from crowd_env.physics.driving_force import Influences, limited, regular_forces
+from crowd_env.physics.bounds import hold_fastest, limited, stay_within_bounds
+from crowd_env.physics.driving_force import Influences, regular_forces
 from crowd_env.physics.exits import leave
 from crowd_env.physics.outlines.contacts import detect_discs
 from crowd_env.physics.outlines.turning import add_turning_torques, begin_to_face, lever
@@ -194,18 +194,26 @@ class Hertz(ContactScheme):
 
 @inner_kernel
 def _kick(
-    e: int, rank_stop: int, batch: Batch, half: float, limit: float, drives: bool, max_drive: float | None
+    e: int,
+    rank_stop: int,
+    batch: Batch,
+    half: float,
+    limit: float,
+    drives: bool,
+    max_drive: float | None,
+    balance: bool | None,
 ) -> float:
     """Half a kick (eqs 9, 11), to no more than ``limit`` [m/s]; returns the largest speed [m/s].
 
-    The second of a step ``drives``: it makes the drive that of the velocity after it.
+    The second of a step ``drives``: it makes the drive that of the velocity after it, but for who stands and keeps the
+    ``balance``: no part of that force is a drive.
     """
     inside, velocity, spin, mass = batch.workspace.inside, batch.state.velocity, batch.state.spin, batch.bodies.mass
     inertia, force, torque = batch.bodies.inertia, batch.history.force, batch.history.torque
     fastest = 0.0
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]
-        if drives:
+        if drives and (balance is None or not batch.history.stands[i]):
             _drive_after_kick(i, batch, half, max_drive)
         rate = half / mass[i]
         velocity[i, 0] += rate * force[i, 0]
@@ -324,7 +332,7 @@ def _find_forces(
 ) -> None:
     """Write all forces and torques at the present positions (eqs 1-6)."""
     steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
-    regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive)
+    regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive, acting.balance)
     _clear_torques(e, batch)
     _add_contact_forces(e, batch, dt, elapsed, params, outline)
     if outline is not None:
@@ -390,7 +398,7 @@ def _advance_range(
             if phase[e] == _KNOWN:
                 # Half a kick with the forces of the last step, and the drift (eqs 9, 10).
                 record_impulses(e, batch, 0.5)
-                longest = dt * _kick(e, rank_stop, batch, 0.5 * dt, limit, False, acting.max_drive)
+                longest = dt * _kick(e, rank_stop, batch, 0.5 * dt, limit, False, acting.max_drive, acting.balance)
                 _drift(e, rank_stop, batch, dt)
                 # Nobody through a wall.
                 if not stay_within_bounds(e, rank_stop, batch, deepest, smallest, longest):
@@ -409,6 +417,7 @@ def _advance_range(
             if acting.outline is not None:  # the overlaps of other discs do not say how near a wall a center is
                 deepest = np.inf
             # The other half of the kick (eq 11), and the clock.
-            _kick(e, rank_stop, batch, 0.5 * dt, limit, batch.control.driving, acting.max_drive)
+            driving = batch.control.driving
+            _kick(e, rank_stop, batch, 0.5 * dt, limit, driving, acting.max_drive, acting.balance)
             tick(e, batch, dt)
             phase[e] = _KNOWN

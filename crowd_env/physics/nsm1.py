@@ -235,7 +235,7 @@ def _advance_range(
                 break
             # Where everyone wants to go, and all forces but contact.
             steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
-            regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive)
+            regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive, acting.balance)
             # Trial velocities and their projection onto velocities without overlap (eqs 6, 7).
             if not _project(e, rank_stop, batch, dt, spontaneous, stopping, acting.reach):
                 break

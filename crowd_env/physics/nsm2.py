@@ -204,7 +204,7 @@ def _advance_range(
                 break
             # Where everyone wants to go, and all forces but contact.
             steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
-            regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive)
+            regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive, acting.balance)
             # Velocities u(n+1): regular forces, then percussions (eqs 8-10).
             _accelerate(e, rank_stop, batch, dt)
             deepest = _collide(e, batch, params, stopping)

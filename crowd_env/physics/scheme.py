@@ -158,10 +158,13 @@ class IterativeScheme(ContactScheme):
 
 
 def arrays_of(
-    scheme: ContactScheme, keeps_headway: bool = False, with_outline: bool = False, pulled: bool = False
+    scheme: ContactScheme,
+    keeps_headway: bool = False,
+    with_outline: bool = False,
+    pulled: bool = False,
+    keeps_balance: bool = False,
 ) -> frozenset[str]:
-    """Return what arrays of `workspace` are needed: by a scheme, and by people with a headway, an outline or pulls."""
+    """Return what arrays of `workspace` are needed: by a scheme, and by people of some kinds."""
     social = ("desired_velocity", "force", "heading", "social_pairs") if scheme.social is not None else ()
-    switches = {"walking": keeps_headway or pulled, "discs": with_outline, "pulls": pulled}
-    of_people = (name for name, needed in switches.items() if needed)
-    return frozenset((*scheme.info.uses, *social, *of_people))
+    of_people = {"walking": keeps_headway or pulled, "discs": with_outline, "pulls": pulled, "balance": keeps_balance}
+    return frozenset((*scheme.info.uses, *social, *(name for name, used in of_people.items() if used)))

@@ -23,7 +23,7 @@ _CELL = 0.5  # m
 
 # The part of the history that only the physics reads: it lies in the order of space itself.
 _IN_ORDER: tuple[str, ...] = ("direction", "is_uniform", "lookup_turn", "region_bits", "local_speed", "force", "torque")
-_IN_ORDER += ("walking_velocity", "waited", "held_since")
+_IN_ORDER += ("walking_velocity", "waited", "held_since", "feet", "lands_at", "stands")
 
 
 class Order(NamedTuple):

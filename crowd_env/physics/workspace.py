@@ -6,6 +6,7 @@ from typing import Annotated, Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from crowd_env.core.arrays.balance import Balance
 from crowd_env.core.arrays.headway import Headway
 from crowd_env.core.arrays.outline import OutlineParams
 from crowd_env.core.arrays.pulls import PullArrays
@@ -49,6 +50,8 @@ class Control(NamedTuple):
     headway: Headway
     keeps_headway: bool
     pulled: bool  # by companions or attractions
+    balance: Balance
+    keeps_balance: bool
     max_drive: float  # N  largest driving force of a person; infinite = no limit
     driving: bool  # pedestrians (eq 11) or passive grains
     bounded: bool  # nobody is too fast, goes too far in a step, or through a wall: see `crowd_env.physics.bounds`
@@ -114,6 +117,10 @@ class History(NamedTuple):
     door_open: Annotated[Bools, "E D"]
     walking_velocity: Annotated[Floats, "P 2", "walking"]  # m/s  that everyone has last decided to walk at
     waited: Annotated[Floats, "P", "walking"]  # s  stood still
+    # Those who stand: both feet, the first of which carries while the other is in the air, and when that lands.
+    feet: Annotated[Floats, "P 4", "balance"]  # m
+    lands_at: Annotated[Floats, "P", "balance"]  # s    infinite = both are on the ground, and none is to be lifted
+    stands: Annotated[Bools, "P", "balance"]
     have_decided: Annotated[Bools, "E"]  # how to walk, since the start
     decision_age: Annotated[Floats, "E"]  # s  since then
     held_since: Annotated[Floats, "P", "pulls"]  # s  since when companions further back hold one back; 0 = they do not
@@ -215,6 +222,7 @@ def allocate_control(
     headway: Headway | None = None,
     max_drive: float | None = None,
     pulled: bool = False,
+    balance: Balance | None = None,
 ) -> Control:
     """Return room for what is asked of so many people; who keep no distance decide anew at every step."""
     return allocate(
@@ -225,6 +233,8 @@ def allocate_control(
         headway=Headway().params()._replace(interval=0.0) if headway is None else headway.params(),
         keeps_headway=headway is not None,
         pulled=pulled,
+        balance=(balance or Balance()).params(),
+        keeps_balance=balance is not None,
         max_drive=np.inf if max_drive is None else max_drive,
         driving=driving,
         bounded=bounded,
@@ -288,6 +298,8 @@ def begin_history(chosen: Sequence[int], people: Ints, history: History, bodies:
         history.waited[people], history.walking_velocity[people] = 0.0, 0.0
     if len(history.held_since):
         history.held_since[people] = 0.0
+    if len(history.stands):
+        history.stands[people] = False
 
 
 def begin_results(chosen: Sequence[int], people: Ints, results: Results, total: Diagnostics) -> None:

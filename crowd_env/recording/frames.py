@@ -6,12 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.core.arrays.balance import plain_balance
 from crowd_env.core.arrays.headway import plain_manner
 from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.files.versions import versions_of
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.physics.pressure import contact_pressure
+from crowd_env.physics.simulation.feet import places_of_feet
 from crowd_env.recording.contacts import ContactSums
 from crowd_env.recording.exits import places_beyond
 from crowd_env.recording.recording import Recording
@@ -37,6 +39,7 @@ def facts_of(env: CrowdEnv, e: int, *, every: int, contacts: bool, seed: int | N
         "outline": plain_outline(simulation.outline),
         "time_limit": float(env.time_limit[e]),
         "versions": versions_of(),
+        **({} if simulation.balance is None else {"balance": plain_balance(simulation.balance)}),
         **({"contact_force": "mean since the frame before"} if contacts else {}),
     }
 
@@ -119,7 +122,9 @@ class FrameSampler:
         return time if inside else max(time, self._decisions * self._decision_dt)
 
     def _frame(self, env: CrowdEnv, left: Ints, pressure: Floats) -> Recording:
-        state, outline = env.simulation.state, env.simulation.outline
+        simulation = env.simulation
+        state, outline = simulation.state, simulation.outline
+        feet = None if simulation.balance is None else places_of_feet(simulation)[self._people].reshape(-1, 4)
         time = self._time(env)
         position, velocity = state.position[self._people].copy(), state.velocity[self._people].copy()
         angle, exit_time = state.angle[self._people].copy(), state.exit_time[self._people].copy()
@@ -144,5 +149,6 @@ class FrameSampler:
             velocity=velocity[rows],
             pressure=pressure[rows],
             angle=None if outline is None else angle[rows],
+            feet=None if feet is None else feet[rows],
             contacts=None if self._contacts is None else self._contacts.take(time - self._seen_at, ~self._gone),
         )

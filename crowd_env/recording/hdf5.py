@@ -23,6 +23,7 @@ from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing,
 
 _NUMBERS = ("x", "y", "z", "ox", "oy", "vx", "vy", "pressure")
 _ROW = [("frame", "<i4"), ("id", "<i4"), *((name, "<f8") for name in _NUMBERS)]
+_OPTIONAL: list[Any] = [("angle", "<f8"), ("feet", "<f8", 4)]
 _FRAME = [("time", "<f8"), ("rows", "<i8"), ("contacts", "<i8")]  # rows and contacts of all frames up to this one
 _PERSON = [("radius", "<f8"), ("desired_speed", "<f8"), ("group", "<i4"), ("exit_time", "<f8"), ("exit_index", "<i4")]
 _PERSON += [("company", "<i4")]
@@ -44,7 +45,8 @@ class Hdf5Writer:
             self._begin(first)
 
     def _begin(self, first: Recording) -> None:
-        rows = self._table("trajectory", _ROW + ([] if first.angle is None else [("angle", "<f8")]))
+        optional = [one for one in _OPTIONAL if getattr(first, one[0]) is not None]
+        rows = self._table("trajectory", _ROW + optional)
         rows.attrs["fps"] = 1.0 / first.frame_interval
         self._table("frames", _FRAME)
         if first.contacts is not None:
@@ -69,8 +71,8 @@ class Hdf5Writer:
         rows["frame"], rows["id"], rows["pressure"] = len(file["frames"]) + part.frame, part.person, part.pressure
         for first, values in {"x": part.position, "ox": facing(part), "vx": part.velocity}.items():
             rows[first], rows[first.replace("x", "y")] = values.T
-        if part.angle is not None:
-            rows["angle"] = part.angle
+        for name in rows.dtype.names[len(_ROW) :]:
+            rows[name] = getattr(part, name)
         count = np.zeros(len(part.times), dtype=_FRAME)
         count["time"], count["rows"] = part.times, len(file["trajectory"]) + part.frame_start[1:]
         if part.contacts is not None:
@@ -188,6 +190,6 @@ def _ours(file: Any) -> Recording:
         position=np.stack([rows["x"], rows["y"]], axis=1),
         velocity=np.stack([rows["vx"], rows["vy"]], axis=1),
         pressure=rows["pressure"],
-        angle=rows["angle"] if "angle" in rows.dtype.names else None,
+        **{name: rows[name] for name, *_ in _OPTIONAL if name in rows.dtype.names},
         contacts=contacts,
     )

@@ -49,6 +49,7 @@ class Moment(NamedTuple):
     velocity: Floats  # (K, 2)  m/s
     pressure: Floats  # (K,)    N/m
     angle: Floats | None  # (K,)    rad  where bodies face that are no discs
+    feet: Floats | None  # (K, 4)  m    both feet, of people who keep their balance
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +89,7 @@ class Recording:
     pressure: Floats  #: (R,) N/m, mean since the frame before, see `contact_pressure`
     angle: Floats | None = None  #: (R,) rad, where bodies face that are no discs
     company: Ints = None  # type: ignore[assignment]  #: (N,) who have one number walk together; -1, the default, = alone
+    feet: Floats | None = None  #: (R, 4) m, places of both feet, of people who keep their balance
     outline: Any = None  #: their shape as plain data, see `plain_outline`
     contacts: FrameContacts | None = None  #: if they were recorded
 
@@ -102,6 +104,7 @@ class Recording:
             **dict.fromkeys(OF_PEOPLE, (people,)),
             **dict.fromkeys(("person", "pressure") if self.angle is None else ("person", "pressure", "angle"), (rows,)),
             **dict.fromkeys(("position", "velocity"), (rows, 2)),
+            **({} if self.feet is None else {"feet": (rows, 4)}),
         }
         for name, shape in shapes.items():
             object.__setattr__(self, name, _column(name, getattr(self, name), shape))
@@ -186,7 +189,8 @@ class Recording:
         angle = None if self.angle is None else between(self._steady_angle)
         if angle is not None and first == 0:
             angle = self._steady_angle[then]  # people face their way from the first step on
-        return Moment(person, between(self.position), between(self.velocity), pressure, angle)
+        feet = None if self.feet is None else between(self.feet)
+        return Moment(person, between(self.position), between(self.velocity), pressure, angle, feet)
 
     def peak_time(self) -> float:
         """Return when people press each other most [s]; if they never do, when half of them are out."""
@@ -237,7 +241,8 @@ class Recording:
 
 def joined(parts: Sequence[Recording]) -> Recording:
     """Return successive parts of one recording as one; what is known of people, and the facts, are those of the last."""
-    rows = ("times", "person", "position", "velocity", "pressure", *(("angle",) if parts[0].angle is not None else ()))
+    optional = [name for name in ("angle", "feet") if getattr(parts[0], name) is not None]
+    rows = ("times", "person", "position", "velocity", "pressure", *optional)
     columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in rows}
     found = [part.contacts for part in parts if part.contacts is not None]
     if found:

@@ -39,12 +39,17 @@ CREATE TABLE frames (frame INTEGER PRIMARY KEY, time REAL NOT NULL);
 CREATE TABLE motion (frame INTEGER NOT NULL, id INTEGER NOT NULL, vel_x REAL NOT NULL, vel_y REAL NOT NULL,
     pressure REAL NOT NULL, angle REAL, PRIMARY KEY (frame, id)) WITHOUT ROWID;
 """
+_FEET = """
+CREATE TABLE feet (frame INTEGER NOT NULL, id INTEGER NOT NULL, x1 REAL NOT NULL, y1 REAL NOT NULL, x2 REAL NOT NULL,
+    y2 REAL NOT NULL, PRIMARY KEY (frame, id)) WITHOUT ROWID;
+"""
 _CONTACTS = """
 CREATE TABLE contacts (frame INTEGER NOT NULL, i INTEGER NOT NULL, j INTEGER NOT NULL, gap REAL NOT NULL,
     normal_x REAL NOT NULL, normal_y REAL NOT NULL, point_x REAL NOT NULL, point_y REAL NOT NULL,
     force_normal REAL NOT NULL, force_tangential REAL NOT NULL);
 """
 _ROWS = "SELECT frame, id, pos_x, pos_y FROM trajectory_data ORDER BY frame, id"
+_ALL_FEET = "SELECT x1, y1, x2, y2 FROM feet ORDER BY frame, id"
 _AT_ONCE = 50_000  # rows
 
 
@@ -64,7 +69,8 @@ class SqliteWriter:
             self._file = sqlite3.connect(self._part, isolation_level=None, check_same_thread=False)
             # The journal is there for a process that dies, not for the machine.
             self._file.execute("PRAGMA synchronous = OFF")
-            self._file.executescript("BEGIN;" + _JUPEDSIM + _OURS + ("" if first.contacts is None else _CONTACTS))
+            optional = ("" if first.feet is None else _FEET) + ("" if first.contacts is None else _CONTACTS)
+            self._file.executescript("BEGIN;" + _JUPEDSIM + _OURS + optional)
             self._insert("metadata", ((key, str(value)) for key, value in known.items()))
             self._insert("geometry", [(self._hash, area.wkt)])
             self._insert("facts", ((key, as_json(value)) for key, value in facts.items()))
@@ -83,6 +89,8 @@ class SqliteWriter:
             self._insert("trajectory_data", _rows(frame, person, *part.position.T, *facing(part).T))
             motion = _rows(frame, person, *part.velocity.T, part.pressure)
             self._insert("motion", ((*row, one) for row, one in zip(motion, angle, strict=True)))
+            if part.feet is not None:
+                self._insert("feet", _rows(frame, person, *part.feet.T))
             self._insert("frame_data", ((number, self._hash) for number in numbers))
             self._insert("frames", zip(numbers, part.times.tolist(), strict=True))
             left = _rows(part.exit_time[out], part.exit_index[out], out)
@@ -164,6 +172,7 @@ def _ours(file: sqlite3.Connection, tables: set[str]) -> Recording:
         velocity=np.stack([vx, vy], axis=1),
         pressure=pressure,
         angle=angle,
+        feet=np.stack(_columns(file, _ALL_FEET, 4), axis=1) if "feet" in tables else None,
         contacts=_read_contacts(file, len(times)) if "contacts" in tables else None,
     )
 

@@ -10,6 +10,7 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import contact_pressure
+from crowd_env.physics.simulation.feet import places_of_feet
 from crowd_env.rendering.discs import put_bodies, put_discs
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, group_color, pressure_color
 from crowd_env.rendering.plan import MAT, Layout, draw_plan, exit_places, fit, round_length
@@ -18,6 +19,7 @@ from crowd_env.rendering.text import put_text, shortened, text_width
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+_FOOT = 0.05  # m, radius of the dot of a foot
 _STANDING = 0.1  # m/s, slower than this nobody has a heading
 
 
@@ -80,6 +82,7 @@ class Renderer:
         velocity: ArrayLike | None = None,
         angle: ArrayLike | None = None,
         outline: Outline | None = None,
+        feet: ArrayLike | None = None,
         group: ArrayLike | None = None,
         title: str = "",
         clock: float | None = None,
@@ -96,6 +99,7 @@ class Renderer:
         color_value : (N,), how hard everyone is pressed: 0 to 1 is up to `FULL_PRESSURE`.  Without it all are calm.
         velocity : (N, 2) m/s, gives everyone who moves a heading.
         angle, outline : (N,) rad and the shape of bodies that are no discs; they show where they face.
+        feet : (N, 4) m, places of both feet of people who keep their balance: two dark dots each, on top of the body.
         group : (N,), which group everyone belongs to; rims are in its color.
         title : what is seen.
         clock : s.
@@ -118,6 +122,10 @@ class Renderer:
         else:
             heading = None if velocity is None else _headings(np.asarray(velocity, dtype=np.float64)[drawn])
             put_discs(image, self.layout.pixels(position[drawn]), size * self.layout.scale, color, heading, rim=rim)
+        if feet is not None:
+            at = np.asarray(feet, dtype=np.float64).reshape(count, 2, 2)[drawn].reshape(-1, 2)
+            dark = np.tile(np.array(INK, dtype=np.uint8), (len(at), 1))
+            put_discs(image, self.layout.pixels(at), np.full(len(at), _FOOT * self.layout.scale), dark, rim=False)
         left = int(shown.sum()) if inside is None else inside
         self._put_header(image, title, clock, status or f"{left} of {count} inside", finished=left == 0)
         return image
@@ -203,6 +211,7 @@ def draw_env(env: CrowdEnv, renderer: Renderer | None = None, e: int = 0) -> tup
         velocity=state.velocity[people],
         angle=state.angle[people],
         outline=simulation.outline,
+        feet=None if simulation.balance is None else places_of_feet(simulation)[people],
         clock=float(state.time[e]),
     )
     return frame, renderer

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.core.arrays.balance import Balancing, make_balance
 from crowd_env.core.arrays.headway import Headway, Manner, make_manner
 from crowd_env.core.arrays.outline import BodyShape, Outline, make_outline, room_of
 from crowd_env.core.arrays.pulls import Pulls
@@ -59,6 +60,8 @@ class Scenario:
     parameters; by default they are discs.  People are placed with room to turn.
 
     ``pulls`` says how those in company keep together (who they are is a matter of the population), and what attracts people.
+    ``balance`` is how those who stand keep upright, unless the run says otherwise: a name in ``BALANCES``, a Balance, or a
+    table of its parameters; by default their drive brakes them.
 
     An episode ends when everyone is out, at the time limit, or when nobody has got out for ``blocked_after`` seconds.
 
@@ -89,6 +92,7 @@ class Scenario:
     outline: BodyShape | None = None  #: the shape of all bodies
     strategy: str | None = None  #: how people choose their way
     pulls: Pulls = field(default_factory=Pulls)  #: companions and attractions
+    balance: Balancing | None = None  #: how those who stand keep upright
     max_drive: float = 300.0  #: N, the largest force with which one drives forwards; infinite = as the papers have it
 
     def __post_init__(self) -> None:
@@ -96,6 +100,9 @@ class Scenario:
         headway = make_manner(self.manner)
         if not isinstance(self.manner, str):  # of a table the rule that it describes
             object.__setattr__(self, "manner", headway)
+        if not isinstance(self.balance, str):
+            object.__setattr__(self, "balance", make_balance(self.balance))
+        make_balance(self.balance)
         shape = make_outline(self.outline)
         if not isinstance(self.outline, str):
             object.__setattr__(self, "outline", shape)

@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import CoreSchema, core_schema
 
+from crowd_env.core.arrays.balance import BALANCES, Balance
 from crowd_env.core.arrays.headway import MANNERS, Headway
 from crowd_env.core.arrays.outline import OUTLINES, Disc, Outline
 from crowd_env.core.arrays.pulls import Attraction, Companionship, Pulls
@@ -88,6 +89,7 @@ class Circle(Table):
 AreaOrLine = str | Points | Box | Circle
 Areas = AreaOrLine | list[AreaOrLine]
 Manner = Literal[tuple(MANNERS)] | _table(Headway)
+Balancing = Literal[tuple(BALANCES)] | _table(Balance)
 Shape = Literal[tuple(OUTLINES)] | _table(Outline)
 Person = _table(Population, people=int, starts=str | Points)
 
@@ -133,6 +135,7 @@ class ScenarioTable(Table):
     one_way: list[_table(OneWay)] = Field([], description="doors that people mean to pass one way only")
     manner: Manner = Field(None, description="how people walk before they touch, unless the run says otherwise")
     outline: Shape = Field(None, description="what shape bodies have, unless the run says otherwise")
+    balance: Balancing = Field(None, description="how those who stand keep upright, unless the run says otherwise")
     strategy: str = Field(None, description="how people choose their way: a strategy, or the name of a route or exit")
     pulls: _table(Pulls, companions=_table(Companionship), attractions=list[_table(Attraction)]) = Field(
         None, description="what pulls people off their way: companions and attractions"

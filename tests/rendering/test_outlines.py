@@ -40,6 +40,18 @@ def test_a_frame_shows_the_outline_as_it_is_turned(angle):
     np.testing.assert_array_equal(drawn[~near], inside[~near])
 
 
+def test_feet_are_dots_where_they_are_and_without_them_nothing_changes():
+    renderer = Renderer(ROOM, width=900)
+    plain, seen = (renderer.frame([[2, 1.5]], [0.2], feet=feet) for feet in (None, [[2.1, 1.5, 2.6, 1.4]]))
+    np.testing.assert_array_equal(plain, renderer.frame([[2, 1.5]], [0.2]))
+    changed = (plain != seen).any(axis=-1)
+    for foot in ([2.1, 1.5], [2.6, 1.4]):
+        column, row = renderer.layout.pixels(np.array(foot)).astype(int)
+        assert changed[row, column] and seen[row, column].sum() < 200
+    area = 2.0 * np.pi * (0.05 * renderer.layout.scale) ** 2
+    assert changed.sum() == pytest.approx(area, rel=0.2)
+
+
 def test_a_dot_shows_where_a_body_faces_and_discs_are_drawn_as_before():
     renderer = Renderer(ROOM, width=900)
     ahead, back = (renderer.frame([[2, 1.5]], [0.3], angle=[angle], outline=TORSO) for angle in (0.0, np.pi))

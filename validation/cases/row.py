@@ -3,20 +3,29 @@
 Two of the recorded pushes of Feldmann, Adrian 2023 (Safety Science 164:106173, doi 10.1016/j.ssci.2023.106173): a punching bag
 pushes the last of five people in a row.  Places and depths of the bodies, masses and the force over time are those that LEMONS
 gives for its own tutorial on them (Dufour, Stapelle, Nicolas 2026; repository Crowd-Mechanics/LEMONS, folder
-data/tutorial_mechanical_layer/push_Feldmann); the recorded heads can only be read by the program that wrote them.  So nothing
-here says how far these people moved: what is judged is what the abstract says of all pushes.
+data/tutorial_mechanical_layer/push_Feldmann).  Of the push with nothing in front the heads of the five are known too, from the
+same folder.  What is judged is what the abstract says of all pushes, and, of people who keep their balance
+(`crowd_env.core.arrays.balance`), how far these heads moved.
+
+How much of the force reached the trunk is not known: 972 N s would give 395 kg 2.5 m/s, and no head was faster than 1.13 m/s.
+It is fitted together with the balance, on this one push, under `nsm2`.
 
 Discs stand exactly one behind the other, as deep as the bodies: the sideways distances of the heads, up to 0.1 m, would let
 discs slide past each other where shoulders do not.  People stand by wanting no velocity: their drive brakes them,
 at the rate 1 / tau = 2 /s of the package's slowest; LEMONS takes 4.5 /s for the first of the pushes and 2 /s for the second.
 """
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from shapely.geometry import box
 
-from crowd_env import Geometry, Simulation, make_bodies, make_state
+from crowd_env import Geometry, Simulation, make_bodies, make_scheme, make_state
+from crowd_env.core.arrays.balance import Balancing
+from crowd_env.physics.simulation.feet import places_of_heads
+from crowd_env.rendering.canvas import new_figure, quiet_axes, save_figure
 from validation.cases.case import Row, Setting, number, row
 from validation.cases.crowds import Floats
 
@@ -53,14 +62,23 @@ PUSHES = {
 STRENGTHS = (0.25, 0.5, 1.0)  # times the recorded force
 MOVED = 0.05  # m, forward: who moves further has been reached by the push
 
+REACHES = 0.296  # of the recorded force, that reaches the trunk; fitted
+# The recorded heads of the push with nothing in front, read off their curves: from person to person, m/s; person by person, m.
+FRONT, FURTHEST, LAST = 2.43, (0.463, 0.502, 0.649, 0.701, 0.533), (0.245, 0.342, 0.439, 0.509, 0.488)
+NEAR_FRONT, NEAR_FURTHEST, NEAR_LAST = 0.3, 0.1, 0.15  # share; m
+
 _EVERY, _UNTIL = 0.01, 3.0  # s
+_VARIED = 8  # rows that hardly differ from the recorded one
 _HALF = 2.0  # m, half the width of the floor: side walls are far away
 
 
-def displacements(setting: Setting, push: Push, strengths: tuple[float, ...] = STRENGTHS) -> Floats:
+def displacements(
+    setting: Setting, push: Push, strengths: tuple[float, ...] = STRENGTHS, balance: Balancing | None = None
+) -> Floats:
     """Return how far forward (S, K, 5) [m] a push of each strength has moved the five people after every 0.01 s.
 
-    What people do without a push, such as stepping back from each other, does not count: it is taken off.
+    With a balance these are the heads, else the discs.  What people do without a push, such as stepping back from each other,
+    does not count: it is taken off.
     """
     people, rows = len(push.place), (0.0, *strengths)
     front = 10.0 if push.wall is None else push.wall
@@ -77,6 +95,7 @@ def displacements(setting: Setting, push: Push, strengths: tuple[float, ...] = S
         make_state(start, environments=len(rows)),
         scheme=setting.scheme,
         manner=setting.manner,
+        balance=balance,
     )
     stand, force = np.zeros_like(start), np.zeros_like(start)
     world, steps = np.zeros(len(start), dtype=np.bool_), round(_EVERY / simulation.dt)
@@ -85,7 +104,7 @@ def displacements(setting: Setting, push: Push, strengths: tuple[float, ...] = S
         pushed = np.interp((k + 0.5) * _EVERY, push.time, push.force) * push.mass[0]
         force[::people, 0] = pushed * np.array(rows)
         simulation.advance(stand, relative=world, external_force=force, n_substeps=steps)
-        moved[k] = (simulation.state.position - start)[:, 0].reshape(len(rows), people)
+        moved[k] = (places_of_heads(simulation) - start)[:, 0].reshape(len(rows), people)
     return np.moveaxis(moved[:, 1:] - moved[:, :1], 0, 1)
 
 
@@ -114,6 +133,41 @@ def met(reached: list[int], speed: list[float]) -> bool:
     return bool(all(np.diff(reached) >= 0) and reached[-1] > 1 and all(np.diff(fast) > 0.0))
 
 
+def as_recorded(heads: Floats, place: tuple[float, ...]) -> bool:
+    """Whether heads (K, 5) [m] move as those that were recorded: the front, the furthest places, and those after 3 s."""
+    reached, speed = travel(heads, place)
+    return bool(
+        reached == len(place)
+        and abs(speed / FRONT - 1.0) <= NEAR_FRONT
+        and np.abs(heads.max(axis=0) - FURTHEST).max() <= NEAR_FURTHEST
+        and np.abs(heads[-1] - LAST).max() <= NEAR_LAST
+    )
+
+
+def varied(push: Push, generator: np.random.Generator) -> Push:
+    """Return a push nearly the same: force and masses differ by 3 % (one standard deviation), places by 6 mm."""
+    place, reach = np.array(push.place) + generator.normal(0.0, 0.006, len(push.place)), np.array(push.depth)
+    for k in range(1, len(place)):
+        place[k] = max(place[k], place[k - 1] + reach[k - 1] + reach[k] + 0.004)
+    mass = np.array(push.mass) * generator.normal(1.0, 0.03, len(push.mass))
+    force = np.array(push.force) * generator.normal(1.0, 0.03)
+    return push._replace(place=tuple(place), mass=tuple(mass), force=tuple(force))
+
+
+def _of_heads(setting: Setting, push: Push) -> tuple[bool, str, dict[str, Any]]:
+    """Return whether the heads of people who keep their balance move as recorded, the figures, and the numbers behind them."""
+    heads = displacements(setting, push, (REACHES,), "stepping")[0]
+    _, speed = travel(heads, push.place)
+    furthest, last = (", ".join(number(one) for one in places) for places in (heads.max(axis=0), heads[-1]))
+    others = [varied(push, np.random.default_rng([setting.seed, k])) for k in range(_VARIED)]
+    near = sum(as_recorded(displacements(setting, one, (REACHES,), "stepping")[0], one.place) for one in others)
+    figure = (
+        f"heads of people who keep their balance: front {number(speed, 1)} m/s, furthest {furthest} m, after 3 s {last} m; "
+        f"as recorded in {near} of {_VARIED} rows that hardly differ"
+    )
+    return as_recorded(heads, push.place), figure, {"speed": speed, "heads": heads[::4], "near": near}
+
+
 def run(setting: Setting) -> list[Row]:
     """Return the row.  People stand: how they would walk has no part in it."""
     told, verdicts = [], []
@@ -131,4 +185,28 @@ def run(setting: Setting) -> list[Row]:
         where = "nothing in front" if push.wall is None else "wall in front"
         told.append(f"{where}, by strength: {pushes}; furthest {', '.join(number(one) for one in most)} m")
         more[name] = {"reached": reached, "speed": speed, "furthest": moved.max(axis=1)}
-    return [row("row", setting, all(verdicts), "; ".join(told), **more)]
+    if make_scheme(setting.scheme).drives:
+        good, figure, more["balance"] = _of_heads(setting, PUSHES["open"])
+    else:
+        good, figure = False, "nobody can keep a balance: no force of the ground acts on these people"
+    return [row("row", setting, good and all(verdicts), "; ".join([*told, figure]), **more)]
+
+
+def draw(folder: Path, rows: Sequence[Row]) -> None:
+    """Write ``row.png``: the heads of people who keep their balance over time, beside how far recorded ones went."""
+    shown = [one for one in rows if "balance" in one.more]
+    if not shown:
+        return
+    figure = new_figure((0.6 + 3.6 * len(shown), 3.8), dpi=130)
+    for axes, one in zip(figure.subplots(1, len(shown), squeeze=False, sharey=True)[0], shown, strict=True):
+        quiet_axes(axes, "s since the push begins", "m, forward", title=one.scheme)
+        heads = np.array(one.more["balance"]["heads"])
+        for k, (head, most, last) in enumerate(zip(heads.T, FURTHEST, LAST, strict=True)):
+            (line,) = axes.plot(_EVERY * np.arange(1, 4 * len(head), 4), head, label=f"person {k + 1}")
+            color: Any = line.get_color()
+            axes.errorbar(_UNTIL + 0.3 + 0.06 * k, most, NEAR_FURTHEST, color=color, marker="_", capsize=2)
+            axes.errorbar(_UNTIL + 0.8 + 0.06 * k, last, NEAR_LAST, color=color, marker="_", capsize=2)
+        ticks = [0.0, 1.0, 2.0, 3.0, _UNTIL + 0.42, _UNTIL + 0.92]
+        axes.set_xticks(ticks, ["0", "1", "2", "3", "furthest\nrecorded", "\n\nafter 3 s"], fontsize=8)
+        axes.legend(frameon=False, fontsize=7, loc="upper left")
+    save_figure(figure, folder / "row.png")

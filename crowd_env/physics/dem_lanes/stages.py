@@ -3,7 +3,7 @@
 import numpy as np
 
 from crowd_env.core.kernels.jit import index, inner_kernel
-from crowd_env.physics.bounds import MARGIN, slide, speed_limit, stop_at_walls
+from crowd_env.physics.bounds import MARGIN, limited, slide, speed_limit, stop_at_walls
 from crowd_env.physics.dem_lanes.buffers import (
     FAR_AWAY,
     SoABuffers,
@@ -18,7 +18,7 @@ from crowd_env.physics.dem_lanes.buffers import (
 )
 from crowd_env.physics.dem_lanes.gather import cut_neighbor_list, list_active_by_slab
 from crowd_env.physics.dem_lanes.partition import DEEPEST, FASTEST, OUTSIDE, OVERLAP, OVERLAPS, SLABS, TOO_FAR
-from crowd_env.physics.driving_force import desired_velocity, limited
+from crowd_env.physics.driving_force import desired_velocity
 from crowd_env.physics.exits import mark_crossing
 from crowd_env.physics.neighbors.update import OK, TOO_FAST, update_neighbors
 from crowd_env.physics.social_force import SocialParams, add_social_forces
@@ -58,10 +58,14 @@ def detect(e: int, slabs: int, team: int, batch: Batch, n_substeps: int, cutoff:
 
 
 @inner_kernel
-def plan_steering(e: int, batch: Batch, dt: float, regions: bool | None, walking: bool | None) -> None:
+def plan_steering(
+    e: int, batch: Batch, dt: float, regions: bool | None, walking: bool | None, balance: bool | None
+) -> None:
     """Say what this step has to do about desired velocities, and let control rules act when directions are due."""
     partition, state = batch.workspace.partition, batch.state
     partition.steering[e] = COMPUTE if state.time[e] <= partition.desired_until[e] else KEEP
+    if balance is not None:
+        partition.steering[e] = COMPUTE
     if is_look_up_due(e, batch, dt):
         partition.turn[e] = begin_look_up(e, batch, regions)
         partition.steering[e] = LOOK_UP
@@ -88,7 +92,13 @@ def _prepare_decision(e: int, batch: Batch, dt: float) -> None:
 
 @inner_kernel
 def regular_forces(
-    e: int, row: int, batch: Batch, dt: float, social: SocialParams | None, walking: bool | None
+    e: int,
+    row: int,
+    batch: Batch,
+    dt: float,
+    social: SocialParams | None,
+    walking: bool | None,
+    balance: bool | None,
 ) -> None:
     """Bring the desired velocities of one slab up to date, and the sum of external and social forces where there are any.
 
@@ -101,10 +111,13 @@ def regular_forces(
         if partition.steering[e] == LOOK_UP:
             interleave(begin, end, state.active, soa.x, soa.y, state.position)
             update_steering(e, rank_start, rank_stop, batch, dt, partition.turn[e])
+        if balance is not None:
+            interleave(begin, end, state.active, soa.x, soa.y, state.position)
+            interleave(begin, end, state.active, soa.vx, soa.vy, state.velocity)
         time, desired_vx, desired_vy = state.time[e], soa.desired_vx, soa.desired_vy
         for rank in range(index(rank_start), index(rank_stop)):
             i = inside[rank]
-            desired_vx[i], desired_vy[i] = desired_velocity(i, time, batch, walking)
+            desired_vx[i], desired_vy[i] = desired_velocity(i, time, batch, walking, balance)
     if social is not None:
         force, external, active = batch.history.force, batch.control.external_force, state.active
         regular_fx, regular_fy = soa.regular_fx, soa.regular_fy

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.core.arrays.balance import Balance, Balancing, make_balance
 from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Bodies, Bools, Floats, Ints, check_motivation
 from crowd_env.core.checks import FINITE, POSITIVE, Range, array, number, require_all
@@ -55,6 +56,23 @@ def check_drive(max_drive: Any, driving: bool) -> float | None:
     if not driving:
         raise ValueError(f"max_drive is {max_drive!r} N, but passive grains (driving=False) have no drive to limit")
     return number("max_drive", max_drive, POSITIVE, "N")
+
+
+def check_balance(balance: Balancing | None, scheme: ContactScheme, driving: bool = True) -> Balance | None:
+    """Return how people keep upright; None = they do not.
+
+    Raises
+    ------
+    ValueError
+        If it is unknown, or nothing drives those who should.
+    """
+    found = make_balance(balance)
+    if found is not None and not (driving and scheme.drives):
+        who = scheme.info.name if driving else "passive grains (driving=False)"
+        raise ValueError(
+            f"{who}: no force of the ground acts on bodies, so they cannot keep their balance; take balance=None"
+        )
+    return found
 
 
 def routes_of(route: Any, known: Ints) -> Ints:

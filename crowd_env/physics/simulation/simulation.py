@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.core.arrays.balance import Balancing
 from crowd_env.core.arrays.headway import Manner, make_manner
 from crowd_env.core.arrays.outline import NO_OUTLINE, BodyShape, make_outline
 from crowd_env.core.arrays.pulls import Pulls, has_companions, pull_arrays, pulls_of
@@ -74,6 +75,8 @@ class Simulation:
         walk at full speed whatever is in front of them.
     max_drive : N, largest driving force of a person, as a push that one can go on exerting; None = as large as the papers
         make it, m v_d / tau.  See `crowd_env.physics.driving_force`; `nsm1`, which has no such force, refuses it.
+    balance : how those who stand keep upright: a name in ``BALANCES``, a Balance, or a table of its parameters; by default
+        their drive brakes them.  No scheme without a driving force takes it (`nsm1`).
     outline : shape of all bodies: a name in ``OUTLINES``, an Outline, or a table of its parameters; by default they are discs.
         `hertz` and `hertz-literal`, under which bodies turn, take one.  ``bodies.inertia`` becomes that of the outline, and
         pedestrians face their way when they begin, unless an angle in ``state`` is set.
@@ -104,6 +107,7 @@ class Simulation:
         replan_every: float = 1.0,
         manner: Manner | None = None,
         max_drive: float | None = None,
+        balance: Balancing | None = None,
         outline: BodyShape | None = None,
         pulls: Pulls | Sequence[Pulls] | None = None,
         allow_unstable: bool = False,
@@ -119,6 +123,7 @@ class Simulation:
         self.max_drive = arguments.check_drive(max_drive, driving)
         self.scheme.check(driving, self.max_drive)
         self.pulls = pulls_of(pulls, len(self.geometries))
+        self.balance = arguments.check_balance(balance, self.scheme, driving)
         self.outline = shape = make_outline(outline)
         check_outline(shape, self.scheme)
         parts = 1.0 if shape is None else np.ceil(1.0 / shape.step_share)  # whoever else is there: bits are one's own
@@ -157,11 +162,18 @@ class Simulation:
         """Return all that a step works on: the world around the people, room for results, history and scratch."""
         bodies, guidance, outline = self.bodies, self.planner.guidance, self.outline
         control = allocate_control(
-            len(bodies.radius), self.driving, not self.allow_unstable, self.manner, self.max_drive, self._is_pulled
+            len(bodies.radius),
+            self.driving,
+            not self.allow_unstable,
+            self.manner,
+            self.max_drive,
+            self._is_pulled,
+            self.balance,
         )
         walls = make_wall_grid(boundary, control.headway.sight + 1.0 if control.keeps_headway else None)
         body = NO_OUTLINE if outline is None else outline.params()
-        uses = arrays_of(self.scheme, control.keeps_headway, outline is not None, control.pulled)
+        people = control.keeps_headway, outline is not None, control.pulled, control.keeps_balance
+        uses = arrays_of(self.scheme, *people)
         workspace = allocate_workspace(bodies, uses=uses, discs=len(body.radius))
         signs = int(np.diff(guidance.rule.start).max(initial=0))
         doors = max(len(place.doors) for place in self.geometries)
@@ -325,7 +337,7 @@ class Simulation:
 
     def _made_by(self) -> dict[str, Any]:
         """Return what a simulation must have in common with this one to take up a checkpoint of it."""
-        names = ("scheme", "manner", "max_drive", "outline", "dt", "driving", "pulls", "_is_pulled")
+        names = ("scheme", "manner", "max_drive", "balance", "outline", "dt", "driving", "pulls", "_is_pulled")
         chosen = {name.strip("_"): getattr(self, name) for name in names}
         env_start, sorting = self.bodies.env_start.tolist(), self._sorted is not None
         world, guidance = self.world, self.world.guidance
@@ -424,9 +436,14 @@ class Simulation:
         if social is None or social.wall_strength == 0.0:
             return force
         social_forces_of_walls(self.batch, social.params(), force)
+        return self.in_slots(force)
+
+    def in_slots(self, values: Any) -> Any:
+        """Return a copy of what the history holds of everyone (P, ...), everyone in the own slot."""
+        found = values.copy()
         if self._sorted is not None:
-            force[self._sorted.slot] = force.copy()
-        return force
+            found[self._sorted.slot] = values
+        return found
 
     def contacts(self, e: int = 0) -> ContactList:
         """Return a copy of the contacts of environment ``e``."""

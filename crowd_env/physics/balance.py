@@ -1,0 +1,69 @@
+"""Balance in every scheme: the force of the ground on those who stand, as the desired velocity that their drive seeks.
+
+A drive m (v_d - v) / tau is the force m a of the pendulum (`crowd_env.core.arrays.balance`) if v_d = v + tau a.  So every
+scheme with a drive takes it up where it takes up how people walk, and nothing else in a scheme knows of it.
+"""
+
+import numpy as np
+
+from crowd_env.core.arrays.balance import Balance
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.kernels.jit import inner_kernel
+from crowd_env.physics.bounds import limited
+from crowd_env.physics.workspace import Batch
+
+GRAVITY = 9.81  # m/s2
+
+
+@inner_kernel
+def stand(i: int, time: float, batch: Batch, params: Balance) -> tuple[float, float]:
+    """Let person ``i``, who stands, step if that is due; returns the velocity [m/s] whose drive is the force of the ground.
+
+    All that is written depends on the moment alone, so a step of the physics that is done again does the same.
+    """
+    position, velocity, history = batch.state.position, batch.state.velocity, batch.history
+    feet, lands_at = history.feet, history.lands_at
+    x, y, u, v = position[i, 0], position[i, 1], velocity[i, 0], velocity[i, 1]
+    lag = np.sqrt(params.height / GRAVITY)
+    cx, cy = x + lag * u, y + lag * v
+    if not history.stands[i]:
+        history.stands[i], lands_at[i] = True, np.inf
+        dx, dy = limited(cx - x, cy - y, params.step)  # the last step of who walked, or fell
+        feet[i, 0], feet[i, 1], feet[i, 2], feet[i, 3] = x, y, x + dx, y + dy
+    if lands_at[i] <= time:
+        dx, dy = limited(cx - feet[i, 0], cy - feet[i, 1], params.step)
+        feet[i, 2], feet[i, 3], lands_at[i] = feet[i, 0] + dx, feet[i, 1] + dy, np.inf
+    if time < lands_at[i] - params.swing:  # both feet are on the ground
+        ox, oy = _beyond(cx, cy, i, 2, feet)
+        if ox * ox + oy * oy <= params.base * params.base:
+            lands_at[i] = np.inf
+        elif lands_at[i] == np.inf:
+            lands_at[i] = time + params.reaction + params.swing
+            _carry_on_nearer(cx, cy, i, feet)
+    in_air = time >= lands_at[i] - params.swing
+    other = 0 if in_air else 2  # the foot up to which the support reaches, from the first
+    qx, qy = 0.5 * (feet[i, 0] + feet[i, other]), 0.5 * (feet[i, 1] + feet[i, other + 1])
+    px, py = qx + (1.0 + params.gain) * (cx - qx), qy + (1.0 + params.gain) * (cy - qy)
+    ox, oy = _beyond(px, py, i, other, feet)
+    sx, sy = limited(ox, oy, params.base)
+    ax, ay = limited(x - (px - ox + sx), y - (py - oy + sy), params.grip * params.height)
+    rate = batch.bodies.relaxation_time[i] / (lag * lag)
+    return u + rate * ax, v + rate * ay
+
+
+@inner_kernel
+def _beyond(x: float, y: float, i: int, other: int, feet: Floats) -> tuple[float, float]:
+    """Return the way [m] to a point from the nearest one on the line from the first foot to the ``other``."""
+    dx, dy = x - feet[i, 0], y - feet[i, 1]
+    lx, ly = feet[i, other] - feet[i, 0], feet[i, other + 1] - feet[i, 1]
+    square = lx * lx + ly * ly
+    part = min(max((dx * lx + dy * ly) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    return dx - part * lx, dy - part * ly
+
+
+@inner_kernel
+def _carry_on_nearer(x: float, y: float, i: int, feet: Floats) -> None:
+    """Let the foot that is nearer to a point be the first, which carries while the second is in the air."""
+    ax, ay, bx, by = feet[i, 0], feet[i, 1], feet[i, 2], feet[i, 3]
+    if (x - bx) ** 2 + (y - by) ** 2 < (x - ax) ** 2 + (y - ay) ** 2:
+        feet[i, 0], feet[i, 1], feet[i, 2], feet[i, 3] = bx, by, ax, ay

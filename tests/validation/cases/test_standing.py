@@ -1,0 +1,27 @@
+"""People who stand close: pushes, walls and sway are read off right."""
+
+import numpy as np
+import pytest
+
+from validation.cases import CASES, Setting, standing
+
+
+def test_the_period_of_a_spectrum_is_where_it_is_largest():
+    frequency = np.fft.rfftfreq(1000, standing._LOOK)
+    power = 1.0 + 20.0 * np.exp(-(((frequency - 0.1) / 0.01) ** 2)) + 1e3 * (frequency > 2.0)
+    period, above = standing._peak(frequency, power)
+    assert period == pytest.approx(10.0) and above == pytest.approx(21.0, rel=0.01)
+
+
+def test_schemes_without_a_force_of_the_ground_have_no_row(tmp_path):
+    assert list(standing.run(Setting("nsm1", "competitive"))) == []
+    CASES["standing"].draw(tmp_path, [])
+    assert (tmp_path / "standing.png").stat().st_size > 0
+
+
+@pytest.mark.nightly
+def test_a_push_goes_no_further_in_a_thinner_queue_and_presses_at_the_wall_of_a_dense_one():
+    found = standing.queues(Setting("nsm2", "competitive"), "stepping")
+    assert all(np.diff(found.reached) >= 0) and found.reached[-1] > 5
+    # Ten meters on the whole impulse has gone into the ground or the wall: no more than the push gave in 0.1 s.
+    assert 0.0 <= max(found.force) < 3000.0
