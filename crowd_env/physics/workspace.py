@@ -230,7 +230,7 @@ def allocate_control(
         {"P": people},
         relative=np.ones(people, dtype=np.bool_),
         gives_way=np.ones(people, dtype=np.bool_),
-        headway=Headway().params()._replace(interval=0.0) if headway is None else headway.params(),
+        headway=cast(Any, Headway().params())._replace(interval=0.0) if headway is None else headway.params(),
         keeps_headway=headway is not None,
         pulled=pulled,
         balance=(balance or Balance()).params(),

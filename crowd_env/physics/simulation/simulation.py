@@ -161,13 +161,14 @@ class Simulation:
     def _build(self, boundary: Boundary, geometry_of_env: Ints) -> Batch:
         """Return all that a step works on: the world around the people, room for results, history and scratch."""
         bodies, guidance, outline = self.bodies, self.planner.guidance, self.outline
+        pulled = self.has_companions or any(pulls.attractions for pulls in self.pulls)
         control = allocate_control(
             len(bodies.radius),
             self.driving,
             not self.allow_unstable,
             self.manner,
             self.max_drive,
-            self._is_pulled,
+            pulled,
             self.balance,
         )
         walls = make_wall_grid(boundary, control.headway.sight + 1.0 if control.keeps_headway else None)
@@ -199,9 +200,9 @@ class Simulation:
         return np.add.reduceat(self.state.active.astype(np.int64), self.bodies.env_start[:-1])
 
     @cached_property
-    def _is_pulled(self) -> bool:
-        """Whether anything pulls anyone: in company are those who are so when the simulation is made."""
-        return has_companions(self.bodies) or any(pulls.attractions for pulls in self.pulls)
+    def has_companions(self) -> bool:
+        """Whether any two walked in company when the simulation was made."""
+        return has_companions(self.bodies)
 
     def _set_inertia(self, people: slice | Ints) -> None:
         """Let bodies that have an outline turn as it does."""
@@ -311,7 +312,7 @@ class Simulation:
         check_bodies(bodies)
         if len(bodies.radius) != count:
             raise ValueError(f"environment {e} holds {count} people, not {len(bodies.radius)}")
-        if not self._is_pulled and has_companions(bodies):
+        if not self.has_companions and has_companions(bodies):
             raise ValueError(
                 "nobody walked in company when the simulation was made, so bodies.company must be -1 here too"
             )
@@ -337,8 +338,8 @@ class Simulation:
 
     def _made_by(self) -> dict[str, Any]:
         """Return what a simulation must have in common with this one to take up a checkpoint of it."""
-        names = ("scheme", "manner", "max_drive", "balance", "outline", "dt", "driving", "pulls", "_is_pulled")
-        chosen = {name.strip("_"): getattr(self, name) for name in names}
+        names = ("scheme", "manner", "max_drive", "balance", "outline", "dt", "driving", "pulls", "has_companions")
+        chosen = {name: getattr(self, name) for name in names}
         env_start, sorting = self.bodies.env_start.tolist(), self._sorted is not None
         world, guidance = self.world, self.world.guidance
         place = fingerprint(world.boundary, world.geometry_of_env, guidance.goal, guidance.following)
