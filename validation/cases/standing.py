@@ -22,6 +22,7 @@ from crowd_env.physics.simulation.feet import places_of_heads
 from crowd_env.rendering.canvas import new_figure, quiet_axes, save_figure
 from validation.cases.case import Row, Setting, number, row
 from validation.cases.crowds import Floats
+from validation.cases.figures import COLORS
 from validation.cases.row import PUSHES, REACHES, travel
 
 STRENGTHS = (0.5, 1.0)  # of the push
@@ -95,7 +96,8 @@ def sway(setting: Setting, balance: str) -> tuple[Floats, Floats, float, float]:
     window = np.hanning(len(mean[late]))[:, None]
     power = (np.abs(np.fft.rfft(window * mean[late], axis=0)) ** 2).sum(axis=1) * 2.0 * _LOOK / (window**2).sum()
     together = len(start) * float((mean[late] ** 2).sum(axis=1).mean() / square[late].mean())
-    return np.fft.rfftfreq(len(window), _LOOK), power, float(np.sqrt(square[late].mean())), together
+    frequency = np.asarray(np.fft.rfftfreq(len(window), _LOOK), dtype=np.float64)
+    return frequency, np.asarray(power, dtype=np.float64), float(np.sqrt(square[late].mean())), together
 
 
 def _peak(frequency: Floats, power: Floats) -> tuple[float, float]:
@@ -147,13 +149,15 @@ def draw(folder: Path, rows: Sequence[Row]) -> None:
     apart = 1.0 / np.sqrt(DENSITIES)
     for one in rows:
         for balance, found in one.more.items():
-            line: Any = {"linestyle": "-" if BALANCES[balance] else ":", "label": f"{one.scheme}, balance {balance}"}
+            line: Any = {"linestyle": "-" if BALANCES[balance] else ":", "color": COLORS[one.scheme]}
+            line["label"] = f"{one.scheme}, balance {balance}"
             panels[2].loglog(found["frequency"][1:], found["power"][1:], **line)
             for strength in STRENGTHS:
                 waves = found[f"push {strength:g}"]
-                line["label"] = f"{one.scheme}, {balance}, push {strength:g}"
+                line["label"], line["linewidth"] = f"{one.scheme}, {balance}, push {strength:g}", 2.4 * strength
                 panels[0].plot(apart, [np.nan if pace is None else pace for pace in waves["speed"]], **line)
                 panels[1].plot(apart, waves["force"], **line)
-    for axes in panels:
+    panels[0].set_ylim(top=9.0)
+    for axes in panels[::2]:
         axes.legend(frameon=False, fontsize=6)
     save_figure(figure, folder / "standing.png")
