@@ -13,6 +13,7 @@ from crowd_env.reproduce.pecol2011.room import PRINTED as FLOWS
 from crowd_env.reproduce.pecol2011.theatre import PRINTED as TIMES
 from validation import task_tables
 from validation.cases.case import DISC, share
+from validation.cases.standing import DENSITIES
 from validation.map import criteria, measured, passed, write_limits
 from validation.pages import MADE_BY, Grid, grid, pivoted, read_table, write_table
 from validation.sources import Source
@@ -113,6 +114,28 @@ def clogging(source: Source) -> Grid:
         "against an exponential": "{tail[ratio]:+.1f} (p = {tail[p]:.2g})",
         "blocked": "{blocked_runs} of {runs} (" + _BLOCKED + ")",
     })  # fmt: skip
+
+
+def standing(source: Source) -> Grid:
+    """One row a scheme, balance and push, one column a density: how many are reached, how fast, the force at a wall."""
+    rows = [
+        {
+            **row,
+            "balance": balance,
+            "push": name[5:],
+            "density": density,
+            "reached": reached,
+            "speed": speed,
+            "force": force,
+        }
+        for row in source.rows("standing")
+        for balance, found in row["more"].items()
+        for name, waves in found.items()
+        if name.startswith("push ")
+        for density, reached, speed, force in zip(DENSITIES, *waves.values(), strict=True)
+    ]
+    index = {"scheme": "`{scheme}`", "balance": "{balance}", "push": "{push}"}
+    return pivoted(rows, index, "{density:g} /m²", "{reached}, {speed:.1f} m/s, {force:.0f} N")
 
 
 def frozen(source: Source) -> Grid:
@@ -279,7 +302,7 @@ def _of_tasks(make: Callable[[], Grid]) -> Callable[[Source], Grid]:
     return lambda source: make()
 
 
-_OF_CASES = (schemes, halls, jambs, bodies_gate, bodies_doors, clogging, frozen, measured, criteria)
+_OF_CASES = (schemes, halls, jambs, bodies_gate, bodies_doors, clogging, frozen, standing, measured, criteria)
 _OF_POLICIES = (strategies, controller, training, plans, dilemma, dilemma_shares)
 _OF_ROOMS = (scenarios, bodies, theatre, variants, clearance, flows)
 # Name of the table -> what makes it; made_by.csv says by which command its figures are measured.

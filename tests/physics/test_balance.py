@@ -134,7 +134,7 @@ def crowd(threads=1, scheme="nsm2", people=12, rows=6):
     position = np.column_stack([x.ravel() - 2.0, y.ravel() - 2.0])
     simulation = standing(position, scheme=scheme, environments=rows, threads=threads)
     force = np.zeros_like(position)
-    force[::people, 0] = 100.0 * (1.0 + np.arange(rows))
+    force[::people, 0] = 250.0 * (1.0 + np.arange(rows))
     stay(simulation, 0.6, force)
     stay(simulation, 1.4)
     return simulation
@@ -150,7 +150,7 @@ def test_bits_depend_on_no_thread_and_no_neighbor_in_the_batch(scheme):
     x = np.arange(12) * 0.32
     alone = standing(np.column_stack([x - 2.0, np.full(12, 2.0)]), scheme=scheme)
     force = np.zeros((12, 2))
-    force[0, 0] = 600.0
+    force[0, 0] = 1500.0
     stay(alone, 0.6, force)
     stay(alone, 1.4)
     assert alone.state.position.tobytes() == one.state.position[60:].tobytes()
@@ -168,7 +168,7 @@ def test_a_large_crowd_is_the_same_on_any_number_of_threads_and_has_its_feet_in_
         stay(simulation, 0.3)
         stay(simulation, 0.4)
         found.append(places_of_feet(simulation))
-        assert np.hypot(*(found[-1][:, 0] - start).T).max() < 0.6
+        assert np.hypot(*(found[-1][:, 0] - start).T).max() < 2.0  # a wrong slot is further off
         assert np.abs(found[-1][:, 1] - found[-1][:, 0]).max() > 0.1
     assert found[0].tobytes() == found[1].tobytes()
 

@@ -1,8 +1,9 @@
 """People who stand close, with balance and without: how a push travels, how hard it presses at a wall, whether a crowd sways.
 
 Nothing is judged: what comes out is reported.  The push is the recorded one of the case `row` with nothing in front, as much
-of it as reaches the trunk there.  A queue of density rho has people 1 / sqrt(rho) apart.  In the plaza everyone is pushed by a
-force of his own, normal and new every half second, as people are who shift their weight; ankles can bear it.
+of it as reaches the trunk there, or half of that.  A queue of density rho has people 1 / sqrt(rho) apart.  In the plaza
+everyone is pushed by a force of his own, normal and new every half second, as people are who shift their weight; ankles can
+bear it.
 
 Gu et al. 2025 (Nature 638:112; figures second-hand, unchecked) report that 5000 people in a plaza of 50 x 20 m sway together
 above about 4 /m2, with a period of about 18 s.
@@ -10,7 +11,7 @@ above about 4 /m2, with a period of about 18 s.
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from shapely.geometry import box
@@ -21,8 +22,10 @@ from crowd_env.physics.simulation.feet import places_of_heads
 from crowd_env.rendering.canvas import new_figure, quiet_axes, save_figure
 from validation.cases.case import Row, Setting, number, row
 from validation.cases.crowds import Floats
+from validation.cases.figures import COLORS
 from validation.cases.row import PUSHES, REACHES, travel
 
+STRENGTHS = (0.5, 1.0)  # of the push
 DENSITIES = (2.0, 3.0, 4.0, 5.0, 6.0)  # 1/m2
 _QUEUE, _RADIUS, _MASS = 30, 0.15, 80.0  # people, m, kg
 _EVERY, _UNTIL, _MEAN = 0.01, 10.0, 10  # s, s, and steps of it over which a force at the wall is a mean
@@ -46,7 +49,7 @@ def _crowd(setting: Setting, walkable: Floats, start: Floats, environments: int,
     return Simulation(place, bodies, state, scheme=setting.scheme, balance=balance)
 
 
-def queues(setting: Setting, balance: str) -> Queues:
+def queues(setting: Setting, balance: str, strength: float) -> Queues:
     """Return what the push of the case `row` does to 30 people one behind the other, the first as far from a wall."""
     push, many = PUSHES["open"], len(DENSITIES)
     apart = 1.0 / np.sqrt(DENSITIES)
@@ -59,7 +62,7 @@ def queues(setting: Setting, balance: str) -> Queues:
     steps, count = round(_EVERY / simulation.dt), round(_UNTIL / _EVERY)
     moved, wall = np.empty((count, many, _QUEUE)), np.empty((count, many))
     for k in range(count):
-        force[::_QUEUE, 0] = REACHES * np.interp((k + 0.5) * _EVERY, push.time, push.force) * push.mass[0]
+        force[::_QUEUE, 0] = strength * REACHES * np.interp((k + 0.5) * _EVERY, push.time, push.force) * push.mass[0]
         simulation.advance(np.zeros_like(start), relative=world, external_force=force, n_substeps=steps)
         moved[k] = (places_of_heads(simulation) - start)[:, 0].reshape(many, _QUEUE)
         wall[k] = -simulation.results.wall_impulse[:, 0].reshape(many, _QUEUE).sum(axis=1) / _EVERY
@@ -93,7 +96,8 @@ def sway(setting: Setting, balance: str) -> tuple[Floats, Floats, float, float]:
     window = np.hanning(len(mean[late]))[:, None]
     power = (np.abs(np.fft.rfft(window * mean[late], axis=0)) ** 2).sum(axis=1) * 2.0 * _LOOK / (window**2).sum()
     together = len(start) * float((mean[late] ** 2).sum(axis=1).mean() / square[late].mean())
-    return np.fft.rfftfreq(len(window), _LOOK), power, float(np.sqrt(square[late].mean())), together
+    frequency = np.asarray(np.fft.rfftfreq(len(window), _LOOK), dtype=np.float64)
+    return frequency, np.asarray(power, dtype=np.float64), float(np.sqrt(square[late].mean())), together
 
 
 def _peak(frequency: Floats, power: Floats) -> tuple[float, float]:
@@ -107,20 +111,27 @@ def run(setting: Setting) -> Iterator[Row]:
     """Yield the row of a scheme, of those under which people can keep a balance."""
     if not make_scheme(setting.scheme).drives:
         return
-    told, more = [], {}
+    told: list[str] = []
+    more: dict[str, Any] = {}
     for balance in BALANCES:
         setting.notify(f"{setting.scheme}, balance {balance}")
-        found, (frequency, power, speed, together) = queues(setting, balance), sway(setting, balance)
+        frequency, power, speed, together = sway(setting, balance)
         period, above = _peak(frequency, power)
-        waves = ", ".join(
-            f"{density:g} /m2 {reached} of {_QUEUE} at {number(pace, 1)} m/s, {force:.0f} N at the wall"
-            for density, reached, pace, force in zip(DENSITIES, *found, strict=True)
+        found = {strength: queues(setting, balance, strength) for strength in STRENGTHS}
+        waves = "; ".join(
+            f"push {strength:g}: "
+            + ", ".join(
+                f"{density:g} /m2 {reached} of {_QUEUE} at {number(pace, 1)} m/s, {force:.0f} N"
+                for density, reached, pace, force in zip(DENSITIES, *one, strict=True)
+            )
+            for strength, one in found.items()
         )
         told.append(
-            f"balance {balance}: {waves}; plaza: {number(speed, 3)} m/s each, together {number(together, 1)}, "
+            f"balance {balance}: {waves} at the wall; plaza: {number(speed, 3)} m/s each, together {number(together, 1)}, "
             f"spectrum largest at {number(period, 1)} s, {number(above, 1)} times its median"
         )
-        more[balance] = {**found._asdict(), "frequency": frequency, "power": power, "together": together}
+        more[balance] = {"frequency": frequency, "power": power, "together": together}
+        more[balance] |= {f"push {strength:g}": one._asdict() for strength, one in found.items()}
     yield row("standing", setting, None, "; ".join(told), **more)
 
 
@@ -138,9 +149,15 @@ def draw(folder: Path, rows: Sequence[Row]) -> None:
     apart = 1.0 / np.sqrt(DENSITIES)
     for one in rows:
         for balance, found in one.more.items():
-            style = {"linestyle": "-" if BALANCES[balance] else ":", "label": f"{one.scheme}, {balance}"}
-            panels[0].plot(apart, [np.nan if pace is None else pace for pace in found["speed"]], **style)
-            panels[1].plot(apart, found["force"], **style)
-            panels[2].loglog(found["frequency"][1:], found["power"][1:], **style)
-    panels[0].legend(frameon=False, fontsize=7)
+            line: Any = {"linestyle": "-" if BALANCES[balance] else ":", "color": COLORS[one.scheme]}
+            line["label"] = f"{one.scheme}, balance {balance}"
+            panels[2].loglog(found["frequency"][1:], found["power"][1:], **line)
+            for strength in STRENGTHS:
+                waves = found[f"push {strength:g}"]
+                line["label"], line["linewidth"] = f"{one.scheme}, {balance}, push {strength:g}", 2.4 * strength
+                panels[0].plot(apart, [np.nan if pace is None else pace for pace in waves["speed"]], **line)
+                panels[1].plot(apart, waves["force"], **line)
+    panels[0].set_ylim(top=9.0)
+    for axes in panels[::2]:
+        axes.legend(frameon=False, fontsize=6)
     save_figure(figure, folder / "standing.png")
