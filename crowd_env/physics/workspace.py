@@ -217,12 +217,13 @@ def allocate_control(
     pulled: bool = False,
 ) -> Control:
     """Return room for what is asked of so many people; who keep no distance decide anew at every step."""
+    usual: Any = Headway().params()
     return allocate(
         Control,
         {"P": people},
         relative=np.ones(people, dtype=np.bool_),
         gives_way=np.ones(people, dtype=np.bool_),
-        headway=Headway().params()._replace(interval=0.0) if headway is None else headway.params(),
+        headway=usual._replace(interval=0.0) if headway is None else headway.params(),
         keeps_headway=headway is not None,
         pulled=pulled,
         max_drive=np.inf if max_drive is None else max_drive,
