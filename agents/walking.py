@@ -248,7 +248,7 @@ class Evolved(WalkingRule):
     """
 
     name = "evolution"
-    terms = ("velocity", "desired_speed", "travel_time", "density", "ahead")
+    terms: ClassVar[tuple[str, ...]] = ("velocity", "desired_speed", "travel_time", "density", "ahead")
     own: float = -3.0
     far: float = 2.64
     density: float = 2.29
@@ -285,7 +285,7 @@ class YieldWhenStuck(Evolved):
     """
 
     name = "yield-when-stuck"
-    terms = (*Evolved.terms, "stood")
+    terms: ClassVar[tuple[str, ...]] = (*Evolved.terms, "stood")
     patience: float = 2.0
 
     def __post_init__(self) -> None:

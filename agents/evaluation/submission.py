@@ -119,8 +119,8 @@ def write_submissions(
     if path.exists():
         before = read_json(path)["trials"][0]["of"][RULE]["runs"]
         now = _kept(by_name[RULE])["runs"]
-        both = (_runs_of({"runs": one[: len(now)]}, _COLUMNS)["last_time"] for one in (before, now))
-        if (anew and len(before) != len(now)) or not np.allclose(*both, rtol=1e-4, equal_nan=True):
+        then, here = (_runs_of({"runs": one[: len(now)]}, _COLUMNS)["last_time"] for one in (before, now))
+        if (anew and len(before) != len(now)) or not np.allclose(then, here, rtol=1e-4, equal_nan=True):
             raise ValueError(f"{path}: the rule does other things here, so the code is another; submit all of it again")
     if anew:
         write_content(path, content(dict.fromkeys(REFERENCES)))

@@ -225,12 +225,13 @@ def allocate_control(
     balance: Balance | None = None,
 ) -> Control:
     """Return room for what is asked of so many people; who keep no distance decide anew at every step."""
+    usual: Any = Headway().params()
     return allocate(
         Control,
         {"P": people},
         relative=np.ones(people, dtype=np.bool_),
         gives_way=np.ones(people, dtype=np.bool_),
-        headway=cast(Any, Headway().params())._replace(interval=0.0) if headway is None else headway.params(),
+        headway=usual._replace(interval=0.0) if headway is None else headway.params(),
         keeps_headway=headway is not None,
         pulled=pulled,
         balance=(balance or Balance()).params(),

@@ -96,7 +96,7 @@ class Recording:
     def __post_init__(self) -> None:
         frames, people, rows = len(self.times), len(self.radius), len(self.person)
         if self.company is None:
-            object.__setattr__(self, "company", np.full(people, ALONE))
+            object.__setattr__(self, "company", np.full(people, ALONE))  # type: ignore[unreachable]
         shapes: dict[str, tuple[int, ...]] = {
             "thin_walls": (len(self.thin_walls), 2, 2),
             "times": (frames,),
