@@ -162,9 +162,10 @@ def test_a_large_crowd_is_the_same_on_any_number_of_threads_and_has_its_feet_in_
     found = []
     for threads in (1, 2):
         x, y = np.meshgrid(np.linspace(-4.5, 4.5, 36), np.linspace(-4.5, 4.5, 36))
-        order = np.random.default_rng(3).permutation(x.size)
-        start = np.column_stack([x.ravel(), y.ravel()])[order]
-        simulation = standing(start, np.tile([0.9, 0.0], (len(start), 1)), scheme=scheme, threads=threads)
+        generator = np.random.default_rng(3)
+        start = generator.permutation(np.column_stack([x.ravel(), y.ravel()]))
+        velocity = generator.uniform(-1.0, 1.0, start.shape)  # so that the order of space changes
+        simulation = standing(start, velocity, scheme=scheme, threads=threads)
         stay(simulation, 0.3)
         stay(simulation, 0.4)
         found.append(places_of_feet(simulation))
@@ -201,12 +202,14 @@ def test_feet_are_under_the_body_of_who_walks_and_stay_where_he_stops():
 @looped("scheme", DRIVEN)
 def test_a_checkpoint_holds_the_feet(scheme):
     simulation = standing([(0.0, 0.0), (0.32, 0.0)], [(0.9, 0.0), (0.0, 0.0)], scheme=scheme)
-    stay(simulation, 0.3)
-    kept = simulation.checkpoint()
+    stay(simulation, 0.8)
+    kept, feet, push = simulation.checkpoint(), simulation.history.feet.copy(), np.array([[0.0, 0.0], [0.0, 300.0]])
+    stay(simulation, 0.4, push)
     stay(simulation, 1.0)
     expected = places_of_heads(simulation).tobytes()
-    stay(simulation, 1.0)
+    assert (simulation.history.feet != feet).any()
     simulation.restore(kept)
+    stay(simulation, 0.4, push)
     stay(simulation, 1.0)
     assert places_of_heads(simulation).tobytes() == expected
     with pytest.raises(ValueError, match="its balance is another"):

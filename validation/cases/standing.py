@@ -158,6 +158,6 @@ def draw(folder: Path, rows: Sequence[Row]) -> None:
                 panels[0].plot(apart, [np.nan if pace is None else pace for pace in waves["speed"]], **line)
                 panels[1].plot(apart, waves["force"], **line)
     panels[0].set_ylim(top=9.0)
-    for axes in panels[::2]:
+    for axes in panels[::2] if rows else ():
         axes.legend(frameon=False, fontsize=6)
     save_figure(figure, folder / "standing.png")

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from crowd_env import BALANCES
 from validation.cases import CASES, Setting, standing
 
 
@@ -20,8 +21,11 @@ def test_schemes_without_a_force_of_the_ground_have_no_row(tmp_path):
 
 
 @pytest.mark.nightly
-def test_a_push_goes_no_further_in_a_thinner_queue_and_presses_at_the_wall_of_a_dense_one():
-    found = standing.queues(Setting("nsm2", "competitive"), "stepping", 0.5)
-    assert all(np.diff(found.reached) >= 0) and found.reached[-1] > 5
-    # Ten meters on the whole impulse has gone into the ground or the wall: no more than the push gave in 0.1 s.
-    assert 0.0 <= max(found.force) < 3000.0
+def test_a_wall_bears_nothing_that_a_push_does_not_reach_and_discs_take_it_further_the_closer_they_stand():
+    for balance in BALANCES:
+        found = standing.queues(Setting("nsm2", "competitive"), balance, 0.5)
+        assert all(
+            count < standing._QUEUE and force == 0.0 for count, force in zip(found.reached, found.force, strict=True)
+        )
+        if balance == "none":
+            assert found.reached[0] >= 2 and all(np.diff(found.reached) >= 0)
