@@ -6,7 +6,7 @@ actions, by which PPO explores, averages to nothing over the half second in whic
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, cast
@@ -80,7 +80,7 @@ def evolve(
     population, draws = settings.population, settings.draws
     everybody = place.population.people
     env = _rooms(place, options, max(1, round(SHARE * everybody)), population * draws)
-    best = former = np.zeros(len(Evolved.__dataclass_fields__))
+    best = former = np.zeros(len(fields(Evolved)))
     search = _begun(best, _STEP, population, seed)
     rng, steps, course, before, left = np.random.default_rng(seed), 0, list[float](), np.inf, np.inf
     while goes_on(steps, partial(_rule, best)) and left > 0:
