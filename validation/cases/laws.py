@@ -66,8 +66,7 @@ def oncoming_people_slow_down(setting: Setting) -> Verdict:
 
 def pushes_travel(setting: Setting) -> Verdict:
     """Whether a push goes through a row of people, and the further and faster, the stronger it is."""
-    (found,) = row.run(setting)
-    return bool(found.passed), found.figure
+    return row.pushes(setting)[:2]
 
 
 LAWS: dict[str, tuple[Callable[[Setting], Verdict], str]] = {

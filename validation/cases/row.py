@@ -170,6 +170,16 @@ def _of_heads(setting: Setting, push: Push) -> tuple[bool, str, dict[str, Any]]:
 
 def run(setting: Setting) -> list[Row]:
     """Return the row.  People stand: how they would walk has no part in it."""
+    grows, figure, more = pushes(setting)
+    if make_scheme(setting.scheme).drives:
+        good, heads, more["balance"] = _of_heads(setting, PUSHES["open"])
+    else:
+        good, heads = False, "nobody can keep a balance: no force of the ground acts on these people"
+    return [row("row", setting, good and grows, f"{figure}; {heads}", **more)]
+
+
+def pushes(setting: Setting) -> tuple[bool, str, dict[str, Any]]:
+    """Return whether stronger pushes go further and faster through discs, the figures, and the numbers behind them."""
     told, verdicts = [], []
     more: dict[str, Any] = {"strength": STRENGTHS}
     for name, push in PUSHES.items():
@@ -178,18 +188,14 @@ def run(setting: Setting) -> list[Row]:
         reached, speed = zip(*(travel(one, push.place) for one in moved), strict=True)
         verdicts.append(met(list(reached), list(speed)))
         most = moved[-1].max(axis=0)
-        pushes = ", ".join(
+        by_strength = ", ".join(
             f"{strength:g}: {count} at {number(pace, 1)} m/s"
             for strength, count, pace in zip(STRENGTHS, reached, speed, strict=True)
         )
         where = "nothing in front" if push.wall is None else "wall in front"
-        told.append(f"{where}, by strength: {pushes}; furthest {', '.join(number(one) for one in most)} m")
+        told.append(f"{where}, by strength: {by_strength}; furthest {', '.join(number(one) for one in most)} m")
         more[name] = {"reached": reached, "speed": speed, "furthest": moved.max(axis=1)}
-    if make_scheme(setting.scheme).drives:
-        good, figure, more["balance"] = _of_heads(setting, PUSHES["open"])
-    else:
-        good, figure = False, "nobody can keep a balance: no force of the ground acts on these people"
-    return [row("row", setting, good and all(verdicts), "; ".join([*told, figure]), **more)]
+    return all(verdicts), "; ".join(told), more
 
 
 def draw(folder: Path, rows: Sequence[Row]) -> None:
