@@ -305,7 +305,7 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
     assert config["reward"]["weights"]["contact"] > 0.0 and "ahead" in config["observation"]["terms"]
     assert set(seen) == {(0.01, 6), (0.01, 20), (0.005, 20)}  # trained, validated, judged
     rows = json.loads((folder / "results.json").read_text())["rows"]
-    names = ["rule", "rule-best-speed", "density-cap", "headway", "follow", "evolution", "zipper"]
+    names = ["rule", "rule-best-speed", "density-cap", "headway", "follow", "evolution", "yield-when-stuck", "zipper"]
     names += ["learned:sampled", "learned"]
     assert [row["policy"] for row in rows] == names
     assert all(row["people"] == 20 and row["task"] == "literal-room" for row in rows)
