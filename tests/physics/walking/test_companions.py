@@ -11,8 +11,6 @@ from walking_crowds import decided, manner, standing
 from crowd_env import Attraction, Companionship, Geometry, Pulls, Simulation
 from crowd_env.core.arrays.state import make_bodies, make_state
 
-pytestmark = pytest.mark.kernels
-
 RULE = Companionship(gaze=2.5, cohesion=2.0, repulsion=0.7, spacing=0.9)
 POINTS = (Attraction(2.0, 1.0, 1.5, reach=1.5, lifetime=4.0), Attraction(-1.0, 0.5, 0.8, since=5.0))
 
@@ -77,6 +75,7 @@ def expected(simulation, ways, time=0.0):
     return found
 
 
+@pytest.mark.kernels
 @looped("seed", range(20))
 def test_the_closed_form_of_all_forces(seed):
     (simulation, asked), ways = a_few(seed)
@@ -84,6 +83,7 @@ def test_the_closed_form_of_all_forces(seed):
     np.testing.assert_allclose(decided(simulation, asked), wanted, rtol=0, atol=1e-8)
 
 
+@pytest.mark.kernels
 def test_an_attraction_begins_and_fades():
     (simulation, asked), ways = a_few(3)
     for time in (4.9, 5.0, 9.0, 60.0):
@@ -92,6 +92,7 @@ def test_an_attraction_begins_and_fades():
         np.testing.assert_allclose(decided(simulation, asked), wanted, rtol=0, atol=1e-8)
 
 
+@pytest.mark.kernels
 def test_people_who_keep_a_distance_walk_where_they_are_pulled():
     """Where nobody is near and no wall, the manner changes nothing."""
     far = 12.0 * np.arange(3)[:, None] * [0.0, 0.5] + [[0.0, -6.0]]
@@ -102,6 +103,7 @@ def test_people_who_keep_a_distance_walk_where_they_are_pulled():
         np.testing.assert_allclose(decided(simulation, asked), wanted, rtol=0, atol=1e-8)
 
 
+@pytest.mark.kernels
 def test_repulsion_in_a_company_changes_no_momentum():
     rule = Companionship(gaze=0.0, cohesion=0.0, repulsion=0.1)
     rng = np.random.default_rng(0)
