@@ -23,6 +23,7 @@ from .evaluation.comparison import last_times, mean_times
 from .evaluation.entries import RULE
 from .evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate
 from .evaluation.folder import source_stamp
+from .evaluation.plans import interquartile_mean
 from .evaluation.protocol import task_row
 from .networks import network_digest
 from .policy import Policy
@@ -211,13 +212,6 @@ def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
 
 
 # ----------------------------------------------------------------------------------------------------------- what came out
-
-
-def interquartile_mean(values: np.ndarray) -> Floats:
-    """Return the mean of the middle half along the last axis; a quarter, rounded down, is cut off at each end."""
-    ordered = np.sort(values, axis=-1)
-    cut = ordered.shape[-1] // 4
-    return np.asarray(ordered[..., cut : ordered.shape[-1] - cut].mean(axis=-1))
 
 
 def bootstrap_interval(values: Sequence[float] | Floats) -> tuple[float, float]:

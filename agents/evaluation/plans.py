@@ -177,10 +177,14 @@ def hindsight(found: Mapping[str, Outcomes], rules: Sequence[str] = RULES) -> Fl
     return np.asarray(np.min([found[name].time for name in rules if name in found], axis=0))
 
 
-def interquartile_mean(times: Floats) -> float:
-    """Return the mean of the middle half of some times [s], of which up to a quarter may be infinite."""
-    ordered, cut = np.sort(times), len(times) // 4
-    return float(ordered[cut : len(times) - cut].mean())
+def interquartile_mean(values: Floats) -> Floats:
+    """Return the mean of the middle half along the last axis; a quarter, rounded down, is cut off at each end.
+
+    Up to a quarter may be infinite: times of those who never get out.
+    """
+    ordered = np.sort(values, axis=-1)
+    cut = ordered.shape[-1] // 4
+    return np.asarray(ordered[..., cut : ordered.shape[-1] - cut].mean(axis=-1))
 
 
 def figures(found: Mapping[str, Outcomes]) -> list[dict[str, Any]]:
@@ -201,7 +205,10 @@ def _row(name: str, time: Floats, best: Floats, one: Outcomes | None = None) -> 
     plans, out = len(time), np.isfinite(time)
     both = out & np.isfinite(best)
     row: dict[str, Any] = {"policy": name, "plans": plans, "left_in": int((~out).sum()), "out": float(out.mean())}
-    row |= {"out_interval": list(share_interval(int(out.sum()), plans)), "time": json_number(interquartile_mean(time))}
+    row |= {
+        "out_interval": list(share_interval(int(out.sum()), plans)),
+        "time": json_number(float(interquartile_mean(time))),
+    }
     row["over_hindsight"] = json_number(np.median(time[both] / best[both])) if both.any() else None
     if one is not None:
         pressed = one.pressure > INJURY

@@ -18,6 +18,7 @@ from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.rendering.canvas import new_figure, quiet_axes, series
 from crowd_env.reproduce.paper import Settings, option
 from crowd_env.reproduce.result import RawTable, Result, Row
+from crowd_env.scenarios.distributions import Uniform
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
 
@@ -56,7 +57,7 @@ def corridor(size: int, settings: MoussaidSettings) -> Scenario:
         exits={"end": [(_LENGTH, 0.0), (_LENGTH, _WIDTH)]},
         regions={"start": box(0.5, 2.0, 3.5, 6.0)},
     )
-    people = Population(size, start_region="start", companions=size)  # type: ignore[arg-type]  # as in a file
+    people = Population(size, start_region="start", companions=Uniform(size, size))
     pulls = Pulls(Companionship(gaze=settings.gaze))
     return Scenario("companies", place, people, 120.0, manner=settings.manner, strategy="shortest", pulls=pulls)
 
