@@ -70,7 +70,7 @@ def test_an_interrupted_evaluation_goes_on_elsewhere(local, tmp_path):
     while process.poll() is None and not list(tmp_path.glob("out/kept/[!.]*.npz")):
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all processes
-    _, said = process.communicate(timeout=120)
+    _, said = process.communicate(timeout=600)
     assert process.returncode == 130, said
     assert said.splitlines()[-1] == "interrupted: the same command goes on" and "Traceback" not in said
     kept = {path: path.read_bytes() for path in (tmp_path / "out/kept").iterdir()}
@@ -88,6 +88,6 @@ def test_tables_of_papers_are_the_same(tmp_path):
 def test_a_cluster_that_is_not_there_is_one_sentence(monkeypatch):
     monkeypatch.setitem(ALONE, "RAY_ADDRESS", "127.0.0.1:1")
     process = started(*EVALUATE, "--ray")
-    _, said = process.communicate(timeout=300)
+    _, said = process.communicate(timeout=600)
     assert process.returncode == 2 and "cannot connect to a Ray cluster at RAY_ADDRESS 127.0.0.1:1" in said
     assert "Traceback" not in said

@@ -218,7 +218,7 @@ def test_ctrl_c_ends_with_a_sentence_and_the_work_goes_on(tmp_path):
     while process.poll() is None and not list(tmp_path.glob("runs/*/*.json")):
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all processes
-    out, said = process.communicate(timeout=60)
+    out, said = process.communicate(timeout=600)
     assert (process.returncode, out) == (130, "")
     assert said.count("\n") == 1 and "of 24 runs are kept" in said
     kept = int(said.split()[1])

@@ -189,7 +189,7 @@ for _ in range(100):
 def test_a_hopeless_run_neither_crashes_nor_hangs(program):
     head = "import numpy as np\nfrom shapely.geometry import box\nfrom crowd_env import *\n"
     command = [sys.executable, "-c", head + program]
-    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=90, check=False)
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600, check=False)
     assert result.returncode in (0, 1), result.stderr  # not a signal
     if result.returncode:
         assert result.stderr.strip().splitlines()[-1].startswith(("FloatingPointError", "ValueError")), result.stderr
