@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from crowd_env import Scenario
+from crowd_env import Scenario, make_scheme
 from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.executors import Executor, Processes
 from crowd_env.core.files.store import Store
@@ -85,12 +85,16 @@ def _does_so(task: Task, result: Evaluation) -> bool:
 
 
 def ship(task: Task, runs: int | None = None, executor: Executor | None = None) -> None:
-    """Compute and write what ships of the rules in a task; what was finished before an interruption is kept in ``runs/``."""
+    """Compute and write what ships of the rules in a task, where that is not good any more all of it.
+
+    What was finished before an interruption is kept in ``runs/``.
+    """
     place, runs = task.place(), task.runs if runs is None else runs
     folder = EvaluationFolder(Path("runs") / f"rules-{task.name}", settings_of(place, runs, 0, task))
-    entries = make_entries(OF_TASK, place, task)
+    if not (good := shipped(task, place, make_scheme(task.scheme), runs)):
+        shutil.rmtree(FOLDER / task.name, ignore_errors=True)
+    entries = make_entries([name for name in OF_TASK if name not in good], place, task)
     results = compare(entries, place, [task.scheme], runs=runs, folder=folder, executor=executor)
-    shutil.rmtree(FOLDER / task.name, ignore_errors=True)
     store = Store(FOLDER / task.name, task.identity())
     for result in results:
         content = content_of(result)
