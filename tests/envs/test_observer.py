@@ -104,6 +104,23 @@ def test_stood_counts_from_when_one_last_got_nearer_and_knows_nothing_of_the_epi
     assert (shown >= (now - since[inside]) / (now - since[inside] + 5.0) - 1e-6).mean() > 0.9
 
 
+def test_stood_begins_anew_where_one_has_been_led_five_seconds_back():
+    env = CrowdEnv(make_scenario("room-v0", people=4, side=20.0), observation=ObservationLayout(("stood",)))
+    env.reset(seed=0)
+    potential = [env._observer.view.potential.copy()]
+    stood = [np.zeros(4)]
+    for step in range(90):  # to the exit, and back
+        stood.append(env.step(np.tile([1.0 if step < 20 else -1.0, 0.0], (4, 1))).observation[:, 0])
+        potential.append(env._observer.view.potential.copy())
+    way, stood = np.array(potential), np.array(stood)
+    lost = way - np.minimum.accumulate(way)
+    back = (lost > 5.1).argmax(axis=0)
+    assert (back > 20).sum() >= 2  # the others have a wall behind them
+    for person in np.flatnonzero(back):
+        begun = back[person]
+        assert stood[begun - 12 : begun - 3, person].min() > 0.4 and stood[begun, person] < 0.1
+
+
 def test_what_was_shown_stays_as_it_was():
     env = CrowdEnv("room-v0", num_envs=2, people=6, autoreset=True)
     kept = [env.reset(seed=0)[0]]
