@@ -101,9 +101,7 @@ class Standing(NamedTuple):
     rule: str  # the best policy that is a rule
     rule_left: int
     rule_time: float
-    hindsight: (
-        float  # s  if the policy that is soonest could be picked in every draw; nan where all leave somebody in one
-    )
+    hindsight: float  # s  could the soonest policy be picked in every draw; nan where all leave somebody in one
 
     @property
     def gap(self) -> float:

@@ -30,10 +30,8 @@ SHARE = 0.5  # of the people: the same order clears a door for half of them, and
 _PATIENCE = 10.0  # s without anyone getting out, after which a run is given up
 _SECONDS = 1.5  # s a person, which a run may take: exits of 0.7 people a second
 _STEP = 1.0  # of the weights at first, and at every new beginning
-_LAST, _LAST_STEP = (
-    12,
-    0.3,
-)  # generations with everybody, and their first step: what half of the people find is nearly it
+_LAST = 12  # generations with everybody: what half of the people find is nearly it ...
+_LAST_STEP = 0.3  # ... and their first step
 _WINDOW = 10  # generations whose mean is held against that of as many before
 _BETTER = 0.98  # of the cost: what is more is no gain, but the luck of a draw
 MOST, SHOWN = 150, 20  # generations before a training, and between those that a learning curve shows
@@ -64,6 +62,7 @@ def evolve(
 
     A search that gets no better begins anew where it is, with the step size it had at first: what looks like an end is often
     a loose crowd that waits, from which there is a way on.  When that was in vain, the last generations have all the people.
+    One that is not even better than full speed begins anew there, with twice the step: it has not found order yet.
 
     Parameters
     ----------
@@ -80,28 +79,41 @@ def evolve(
     population, draws = settings.population, settings.draws
     everybody = place.population.people
     env = _rooms(place, options, max(1, round(SHARE * everybody)), population * draws)
-    best = former = np.zeros(len(fields(Evolved)))
-    search = _begun(best, _STEP, population, seed)
-    rng, steps, course, before, left = np.random.default_rng(seed), 0, list[float](), np.inf, np.inf
+    rng, steps, course, left = np.random.default_rng(seed), 0, list[float](), np.inf
+
+    def race(candidates: Sequence[Floats]) -> Floats:
+        """Return the mean costs of candidates, each on as many draws as there are rooms for, the same for all."""
+        nonlocal steps
+        each, spare = divmod(env.num_envs, len(candidates))
+        first = int(rng.integers(0, HELD_OUT_SEED - each))
+        rows = [*np.repeat(candidates, each, axis=0), *[candidates[0]] * spare]
+        costs, decided = _race(env, np.array(rows), [*range(first, first + each)] * len(candidates) + [first] * spare)
+        steps += decided
+        return costs[: each * len(candidates)].reshape(-1, each).mean(axis=1)
+
+    nothing = np.zeros(len(fields(Evolved)))
+    best, former, step = nothing, nothing, _STEP
+    search = _begun(best, step, population, seed)
     while goes_on(steps, partial(_rule, best)) and left > 0:
         left -= 1
         if left == np.inf and stalled(course):
-            reached, step = float(np.mean(course[-_WINDOW:])), _STEP
-            if reached > before:
-                best = former
-            if reached > _BETTER * before and not settings.endless:
-                left, step = _LAST - 1, _LAST_STEP
-                env = _rooms(place, options, everybody, population * draws)
+            full_speed, was, reached = race(
+                [nothing, former, best]
+            )  # on fresh draws: the search had the luck of its own
+            if reached > _BETTER * full_speed:
+                best, step = nothing, 2.0 * step
+            else:
+                best = former = former if reached > was else best
+                step = _STEP
+                if reached > _BETTER * was and not settings.endless:
+                    left, step = _LAST - 1, _LAST_STEP
+                    env = _rooms(place, options, everybody, population * draws)
             search, course = _begun(best, step, population, int(rng.integers(2**31))), []
-            former, before = best, min(before, reached)
-        first = int(rng.integers(0, HELD_OUT_SEED - draws))
         candidates = search.ask()
-        costs, decided = _race(env, np.repeat(candidates, draws, axis=0), [*range(first, first + draws)] * population)
-        means = costs.reshape(population, draws).mean(axis=1)
-        search.tell(candidates, means)
-        course.append(float(means.min()))
+        costs = race(candidates)
+        search.tell(candidates, costs)
+        course.append(float(costs.min()))
         best = np.asarray(search.result.xfavorite)
-        steps += decided
 
 
 def _rule(weights: Floats) -> Evolved:
