@@ -19,7 +19,7 @@ from crowd_env.envs.observation.view import SPEED_SCALE, TIME_SCALE
 
 from .surroundings import LEADER, PREDECESSOR, read_leader
 
-_ANY = Range(-100.0, 100.0)  # of weights that a search may set
+WEIGHT = Range(-100.0, 100.0)  # of weights that a search may set
 _WEIGHTS = ("own", "far", "density", "close", "match", "crowd", "always")  # of `Evolved`, in the order of `inputs`
 _SLOWEST, _FASTEST = 0.05, 3.0  # 2 m/s, of a desired speed that is divided by; and times one's own
 
@@ -259,7 +259,7 @@ class Evolved(WalkingRule):
     always: float = 6.21
 
     def __post_init__(self) -> None:
-        check_fields(self.name, self, **dict.fromkeys(_WEIGHTS, _ANY))
+        check_fields(self.name, self, **dict.fromkeys(_WEIGHTS, WEIGHT))
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
         """Return the speed along the way."""

@@ -23,7 +23,7 @@ from ..evaluation.entries import RULE
 from ..evaluation.evaluation import HELD_OUT_SEED
 from ..policy import Policy
 from ..training_config import NOTHING, physics_of, place_of, start_of
-from ..walking import Evolved, WalkingRule, inputs
+from ..walking import WEIGHT, Evolved, WalkingRule, inputs
 
 FOUND = "search.json"  # weights, in the folder of a run
 SHARE = 0.5  # of the people: the same order clears a door for half of them, and four times the candidates are tried meanwhile
@@ -34,6 +34,7 @@ _LAST = 12  # generations with everybody: what half of the people find is nearly
 _LAST_STEP = 0.3  # ... and their first step
 _WINDOW = 10  # generations whose mean is held against that of as many before
 _BETTER = 0.98  # of the cost: what is more is no gain, but the luck of a draw
+_PAYS = 0.9  # of the cost of full speed: at the door of the task order costs 0.65 of it, and what luck finds 0.98
 MOST, SHOWN = 150, 20  # generations before a training, and between those that a learning curve shows
 
 # Takes the steps so far and what returns the policy as it is now; returns whether to go on.
@@ -62,7 +63,7 @@ def evolve(
 
     A search that gets no better begins anew where it is, with the step size it had at first: what looks like an end is often
     a loose crowd that waits, from which there is a way on.  When that was in vain, the last generations have all the people.
-    One that is not even better than full speed begins anew there, with twice the step: it has not found order yet.
+    Where the crowd is hardly better than at full speed it has not found order: it begins at nothing again, with twice the step.
 
     Parameters
     ----------
@@ -79,45 +80,46 @@ def evolve(
     population, draws = settings.population, settings.draws
     everybody = place.population.people
     env = _rooms(place, options, max(1, round(SHARE * everybody)), population * draws)
-    rng, steps, course, left = np.random.default_rng(seed), 0, list[float](), np.inf
-
-    def race(candidates: Sequence[Floats]) -> Floats:
-        """Return the mean costs of candidates, each on as many draws as there are rooms for, the same for all."""
-        nonlocal steps
-        each, spare = divmod(env.num_envs, len(candidates))
-        first = int(rng.integers(0, HELD_OUT_SEED - each))
-        rows = [*np.repeat(candidates, each, axis=0), *[candidates[0]] * spare]
-        costs, decided = _race(env, np.array(rows), [*range(first, first + each)] * len(candidates) + [first] * spare)
-        steps += decided
-        return costs[: each * len(candidates)].reshape(-1, each).mean(axis=1)
-
-    nothing = np.zeros(len(fields(Evolved)))
-    best, former, step = nothing, nothing, _STEP
-    search = _begun(best, step, population, seed)
+    nothing, far = np.zeros(len(fields(Evolved))), _STEP
+    best = former = nothing
+    search = _begun(best, _STEP, population, seed)
+    rng, steps, first, course, before, left = np.random.default_rng(seed), 0, 0, list[float](), np.inf, np.inf
     while goes_on(steps, partial(_rule, best)) and left > 0:
         left -= 1
         if left == np.inf and stalled(course):
-            full_speed, was, reached = race(
-                [nothing, former, best]
-            )  # on fresh draws: the search had the luck of its own
-            if reached > _BETTER * full_speed:
-                best, step = nothing, 2.0 * step
+            reached, step = float(np.mean(course[-_WINDOW:])), _STEP
+            better = former if reached > before else best
+            in_vain = reached > _BETTER * before and not settings.endless
+            if in_vain and _pays(env, better, first + draws):
+                best, left, step = better, _LAST - 1, _LAST_STEP
+                env = _rooms(place, options, everybody, population * draws)
+            elif in_vain:
+                far *= 2.0
+                best, reached, before, step = nothing, np.inf, np.inf, far
             else:
-                best = former = former if reached > was else best
-                step = _STEP
-                if reached > _BETTER * was and not settings.endless:
-                    left, step = _LAST - 1, _LAST_STEP
-                    env = _rooms(place, options, everybody, population * draws)
+                best = better
             search, course = _begun(best, step, population, int(rng.integers(2**31))), []
+            former, before = best, min(before, reached)
+        first = int(rng.integers(0, HELD_OUT_SEED - draws))
         candidates = search.ask()
-        costs = race(candidates)
-        search.tell(candidates, costs)
-        course.append(float(costs.min()))
+        costs, decided = _race(env, np.repeat(candidates, draws, axis=0), [*range(first, first + draws)] * population)
+        means = costs.reshape(population, draws).mean(axis=1)
+        search.tell(candidates, means)
+        course.append(float(means.min()))
         best = np.asarray(search.result.xfavorite)
+        steps += decided
 
 
 def _rule(weights: Floats) -> Evolved:
-    return Evolved(*weights.tolist())
+    return Evolved(*np.clip(weights, WEIGHT.low, WEIGHT.high).tolist())
+
+
+def _pays(env: CrowdEnv, weights: Floats, first: int) -> bool:
+    """Return whether weights are clearly better than full speed, on draws that a search has not had the luck of."""
+    draws = env.num_envs // 2
+    seeds = [*range(min(first, HELD_OUT_SEED - draws), HELD_OUT_SEED)[:draws]] * 2
+    costs, _ = _race(env, np.repeat([weights, np.zeros_like(weights)], draws, axis=0), seeds)
+    return bool(costs[:draws].mean() <= _PAYS * costs[draws:].mean())
 
 
 def stalled(course: Sequence[float]) -> bool:
