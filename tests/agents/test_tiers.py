@@ -36,7 +36,8 @@ def test_every_setting_can_be_drawn(setting):
     assert bound_time(setting) >= capacity_time(place) > 0.0
 
 
-def test_a_bound_is_of_the_door_or_of_the_walk_whichever_is_later():
+def test_a_bound_is_of_the_door_or_of_the_walk_whichever_is_later(monkeypatch):
+    monkeypatch.setattr("crowd_env.agents.tasks.floors._ALONE", 20)
     task = TASKS["competitive-door"]
     assert capacity_time(task.place()) == pytest.approx(100 / 2.8)
     wide, narrow = (Variation("w", "", options={"door_width": width}) for width in (4.0, 0.5))

@@ -7,6 +7,7 @@ from late import late
 
 from crowd_env import CrowdEnv, GeneratedCrowds
 from crowd_env.agents.walking import Evolved
+from crowd_env.envs import generated
 from crowd_env.scenarios.generated import conditions_of
 
 PPOSettings, make_ppo = late("crowd_env.agents.learned.ppo", "PPOSettings", "make_ppo")
@@ -125,7 +126,8 @@ def test_no_place_beyond_the_seeds_is_drawn_and_levels_count_from_the_next_one_o
         ({"action": "speeds-exits", "seeds": 50}, "space stays"),
     ],
 )
-def test_what_cannot_be_is_refused(options, words):
+def test_what_cannot_be_is_refused(monkeypatch, options, words):
+    monkeypatch.setattr(generated, "TRIES", 20)
     with pytest.raises(ValueError, match=words):
         crowds(20, **options).reset(seed=0)
 
@@ -155,6 +157,7 @@ def _silent(model):
     return callback
 
 
+@pytest.mark.more
 def test_a_rule_is_cloned_in_them(monkeypatch):
     monkeypatch.setattr(cloning, "ROUNDS", 2)
     monkeypatch.setattr(cloning, "DECISIONS", 30)

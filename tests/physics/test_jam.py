@@ -67,7 +67,7 @@ def deepest(geometry, bodies, state):
 # --------------------------------------------------------------------------------------------- overlap and residual
 
 
-@looped("goal", [(9.0, 9.0), (9.0, 4.5)], ids=["corner", "door"])
+@looped("goal", [(9.0, 4.5), (9.0, 9.0)], ids=["door", "corner"], quick=1)
 @pytest.mark.parametrize("name", SCHEMES)
 def test_a_jam_of_100_stays_within_the_stated_overlap_and_residual(name, goal):
     geometry = closed_room(9.0) if goal == (9.0, 9.0) else door_room(9.0)

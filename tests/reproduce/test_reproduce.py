@@ -115,6 +115,7 @@ def test_figure_1_rows_are_close_to_their_closed_forms(results):
         assert row.paper is None and row.here == pytest.approx(row.expected, rel=3e-3), row.quantity
 
 
+@pytest.mark.more
 def test_figure_1_soft_discs_are_thrown_back_more_slowly(results):
     rows = {row.quantity: row.here for row in results("fig1").rows}
     for tau in fig1.TAUS:
