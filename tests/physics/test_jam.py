@@ -194,7 +194,7 @@ PROBLEMS = {
 
 
 @pytest.mark.parametrize("count", [20, 100, pytest.param(1000, marks=pytest.mark.more)])
-@looped("place", ["corner", "door"])
+@looped("place", ["door", "corner"], quick=1)
 @looped("problem", PROBLEMS)
 def test_velocities_in_a_jam_agree_with_an_interior_point_solver(problem, place, count):
     scheme, reference = PROBLEMS[problem]
