@@ -107,6 +107,7 @@ def test_the_report_of_runs_is_made_of_their_metrics():
     json.dumps(told, allow_nan=False)
 
 
+@pytest.mark.more
 def test_a_table_shows_every_policy():
     text = io.StringIO()
     results = [judge(name, time_limit=3.0) for name in POLICIES]

@@ -147,7 +147,7 @@ def test_doors_that_lock_everyone_in_at_the_start_leave_no_ways_of_the_episode_b
 # ---------------------------------------------------------------------------------------------------- fastest ways
 
 
-@pytest.mark.parametrize("place", ["two-exit-hall-v0", "supermarket-v0"])
+@pytest.mark.parametrize("place", ["two-exit-hall-v0", pytest.param("supermarket-v0", marks=pytest.mark.more)])
 def test_the_first_observation_and_reward_are_by_the_ways_of_the_crowd_that_is_there(place):
     fresh, used = (CrowdEnv(place, routing="fastest", physics="dem") for _ in range(2))
     play(used, [1], 15)

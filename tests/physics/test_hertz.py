@@ -52,7 +52,7 @@ def test_stiffnesses_are_those_of_table_1():
     assert Hertz().tangential_stiffness == pytest.approx(4.571e6, rel=1e-3) == KT
 
 
-@looped("closing", [0.5, 1.0, 2.0, 4.0])
+@looped("closing", [1.0, 4.0, 0.5, 2.0], quick=2)
 def test_an_undamped_collision_is_elastic_and_meets_the_closed_forms(closing):
     simulation, deepest, strongest = collide(ELASTIC, closing, 1e-4)
     velocity = simulation.state.velocity
@@ -171,7 +171,7 @@ def test_friction_turns_spin_into_motion_and_keeps_linear_momentum():
     np.testing.assert_allclose(bodies.mass @ state.velocity, 0.0, atol=1e-10)
 
 
-@looped("spin", [(8.0, 8.0), (8.0, -3.0), (0.0, 0.0)])
+@looped("spin", [(8.0, 8.0), (8.0, -3.0), (0.0, 0.0)], quick=2)
 def test_angular_momentum_changes_only_by_the_offset_of_the_contact_point(spin):
     # Eq 6 takes the lever arm r, the contact lies at about r - overlap/2: each step makes F_t times the overlap of it.
     radii, masses, dt = (0.28, 0.33), (65.0, 78.0), 1e-4
