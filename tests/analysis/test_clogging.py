@@ -149,7 +149,7 @@ def test_the_fit_is_that_of_its_formulas():
 
 @needs_powerlaw
 def test_exponential_gaps_are_told_apart():
-    found = clogging([run_of(np.random.default_rng(1).exponential(1.0, 600))])
+    found = clogging([run_of(np.random.default_rng(1).exponential(1.0, 1500))])
     assert found.tail.ratio < 0
     assert "exponential" in found.statement()
 
@@ -159,7 +159,7 @@ def test_the_clogged_state_is_named():
     clogged, free = clogging([run_of(pareto(1.6, 300, 1))]), clogging([run_of(pareto(3.0, 300, 1))])
     assert clogged.as_json()["clogged"] is True and "diverges" in clogged.statement()
     assert free.as_json()["clogged"] is False and "finite" in free.statement()
-    near = clogging([run_of(pareto(2.0, 200, 4))])
+    near = clogging([run_of(pareto(2.0, 400, 4))])
     assert "within two standard errors" in near.statement()
 
 

@@ -297,7 +297,7 @@ def test_the_printed_law_is_kept_under_its_name_and_ends_in_bounds_or_in_words()
     assert tight(SCHEMES["nsm2-printed"]).info.name == "nsm2-printed"
     speeds = {}
     for name in ("nsm2", "nsm2-printed"):
-        env = CrowdEnv(hall(1000, 3.1, 1.2), physics=name)
+        env = CrowdEnv(hall(500, 3.1, 1.2), physics=name)
         env.reset([0])
         lost, metrics = run_out(env, 60)
         assert (lost, metrics.escaped) == (0, 0)
