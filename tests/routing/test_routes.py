@@ -104,7 +104,7 @@ def shortest_way(geometry, points, goal):
 @pytest.mark.parametrize("name", PLANS)
 def test_times_and_paths_are_the_shortest_to_exits_and_into_regions(name, goal):
     geometry, field, arrays = plan(name, goal)
-    points = starts(geometry, 30, seed=3)
+    points = starts(geometry, 60, seed=3)
     if goal:
         points = points[~geometry.contains(points, goal)]
     exact = shortest_way(geometry, points, goal)
