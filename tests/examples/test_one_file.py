@@ -42,7 +42,7 @@ def copy_of(simulation):
 @LAWS
 def test_single_steps_from_recorded_states(law):
     env, touched = room(law), 0
-    for draw in range(2):
+    for draw in range(4):
         env.reset(seed=draw)
         for _ in range(5):
             for _ in range(45):
