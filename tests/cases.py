@@ -4,9 +4,14 @@ import inspect
 from collections.abc import Callable, Iterable
 from typing import Any
 
+import pytest
+
 
 def looped(
-    names: str | tuple[str, ...], cases: Iterable[Any], ids: Callable[[Any], str] | list[str] | None = None
+    names: str | tuple[str, ...],
+    cases: Iterable[Any],
+    ids: Callable[[Any], str] | list[str] | None = None,
+    quick: int | None = None,
 ) -> Any:
     """Return a decorator that runs a test for each case, as ``pytest.mark.parametrize`` would, under one id.
 
@@ -17,6 +22,7 @@ def looped(
     names : arguments that a case gives, as for ``parametrize``.
     cases : values of the arguments, or a tuple of them for each case.
     ids : names of the cases, or what makes one of a value.
+    quick : how many of the first cases ``make test`` runs; all others are marked ``more``.  Without it, it runs all.
     """
     words = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
     cases = list(cases)
@@ -28,27 +34,32 @@ def looped(
 
     def decorate(test: Callable[..., Any]) -> Callable[..., Any]:
         # A loop around a loop is one loop over all pairs.
-        once, inner = getattr(test, "looped", (test, [("", {})]))
+        once, inner = getattr(test, "looped", (test, [("", {}, True)]))
         pairs = [
-            (", ".join(filter(None, [name, within])), {**case, **part})
-            for name, case in zip(called, values, strict=True)
-            for within, part in inner
+            (", ".join(filter(None, [name, within])), {**case, **part}, at_once and (quick is None or k < quick))
+            for k, (name, case) in enumerate(zip(called, values, strict=True))
+            for within, part, at_once in inner
         ]
 
-        def run(subtests: Any, **fixtures: Any) -> None:
-            assert pairs, "no case to run"
-            for name, case in pairs:
+        def run(subtests: Any, extent: str = "", **fixtures: Any) -> None:
+            chosen = [pair for pair in pairs if not extent or pair[2] == (extent == "quick")]
+            assert chosen, "no case to run"
+            for name, case, _ in chosen:
                 with subtests.test(msg=name):
                     once(**case, **fixtures)
 
         signature = inspect.signature(test)
+        parts = quick is not None and "extent" not in signature.parameters
         kept = [p for name, p in signature.parameters.items() if name not in {*words, "subtests"}]
-        first = inspect.Parameter("subtests", inspect.Parameter.KEYWORD_ONLY)
-        kept = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in kept]
+        first = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY) for name in ("subtests", *parts * ["extent"])]
+        taken = [*first, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in kept)]
         run.__dict__.update(test.__dict__)  # marks
-        run.__signature__ = signature.replace(parameters=[first, *kept])  # type: ignore[attr-defined]
+        run.__signature__ = signature.replace(parameters=taken)  # type: ignore[attr-defined]
         run.__name__, run.__doc__, run.__module__ = test.__name__, test.__doc__, test.__module__
         run.looped = (once, pairs)  # type: ignore[attr-defined]
+        if parts:
+            rest = pytest.param("more", marks=pytest.mark.more)
+            return pytest.mark.parametrize("extent", ["quick", rest])(run)  # type: ignore[no-any-return]
         return run
 
     return decorate

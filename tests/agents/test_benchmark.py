@@ -110,6 +110,7 @@ def arguments(folder, *more):
     return (*plan, "--out", folder, *more)
 
 
+@pytest.mark.more
 def test_the_command_trains_every_seed_once_and_goes_on_where_it_was(small, tmp_path):
     code, out, err = call(*arguments(tmp_path, "--seeds", 2))
     assert code == 0, err

@@ -47,7 +47,11 @@ def test_bodies_that_pass_through_each_other_are_caught(small):
     assert rows["rule"]["credible"] == rows["follow"]["credible"] == {"ok": True, "reasons": []}
     verdict = rows["ghosts"]["credible"]
     assert verdict["ok"] is False and any("deepest overlap" in reason for reason in verdict["reasons"])
-    code, out, _ = call("--task", "small", "--policies", "rule", "follow", "ghosts")
+
+
+@pytest.mark.more
+def test_a_table_says_who_is_not_credible(small):
+    _, out, _ = call("--task", "small", "--policies", "rule", "follow", "ghosts")
     text = " ".join(out.split())
     assert "Credible, held against the rule: rule, follow." in text and "NOT CREDIBLE: ghosts: the deepest" in text
 

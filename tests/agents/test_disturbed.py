@@ -43,8 +43,9 @@ def test_no_noise_and_no_delay_change_nothing(policy):
 
 @looped(
     "hindered",
-    [{"noise": 0.05}, {"delay": 0.3}, {"unseen": 0.2}, {"noise": 0.05, "delay": 0.3, "unseen": 0.5}],
+    [{"noise": 0.05, "delay": 0.3, "unseen": 0.5}, {"noise": 0.05}, {"delay": 0.3}, {"unseen": 0.2}],
     ids=repr,
+    quick=1,
 )
 def test_a_run_is_the_same_in_a_batch_of_any_size_and_another_than_undisturbed(monkeypatch, hindered):
     many = episodes(FOLLOW, **hindered)

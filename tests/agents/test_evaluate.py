@@ -40,7 +40,7 @@ def test_all_policies_start_from_the_same_people_in_the_same_places(scheme):
             np.testing.assert_array_equal(ours, theirs)
 
 
-@looped("name", ["shortest", "fastest"])
+@looped("name", ["fastest", "shortest"], quick=1)
 def test_a_run_does_not_depend_on_what_was_run_beside_and_before_it(name, monkeypatch):
     many = run(name, runs=7)
     monkeypatch.setattr("crowd_env.envs.rollout._PEOPLE_AT_ONCE", 2 * 14)  # two at once: environments are used again
@@ -116,6 +116,7 @@ def printed(*tables):
     return console.export_text()
 
 
+@pytest.mark.more
 def test_one_json_object_with_a_row_for_each_policy_and_scheme(small):
     asked = ("--scenario", "hall", "--policies", "shortest", "east", "--physics", "dem", "nsm1", "--runs", 3, "--json")
     code, out, _ = call(*asked)

@@ -46,9 +46,9 @@ def test_places_take_turns_by_their_share():
     env = crowds(0.5)
     env.reset(seed=0)
     rng, places = np.random.default_rng(1), []
-    for _ in range(60):
+    for _ in range(16):
         places.append(env._next(rng).place)
-    assert 15 <= places.count(-1) <= 45
+    assert 3 <= places.count(-1) <= 13
     env.reset(seed=0)
     before = list(env.place_of_env)
     env.reset(seed=0)

@@ -36,6 +36,7 @@ def test_policies_and_controllers_are_evaluated_with_an_outline():
         assert repr(own.episodes) == repr(option.episodes)
 
 
+@pytest.mark.more
 def test_training_keeps_its_outline(tmp_path, monkeypatch):
     pytest.importorskip("stable_baselines3")
     from training_runs import tiny

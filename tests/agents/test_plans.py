@@ -1,6 +1,7 @@
 """Policies in generated places: figures against closed forms, outcomes against an evaluation, and a judgement that goes on."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -38,6 +39,7 @@ def test_hindsight_takes_the_best_rule_of_each_plan_and_no_learned_policy():
     assert rows[plans.HINDSIGHT]["left_in"] == 0
 
 
+@cache
 def small_seed():
     """Return a seed whose place is small and cleared by full speed, with forces and without noise."""
     return next(

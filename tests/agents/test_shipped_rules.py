@@ -51,7 +51,7 @@ def here(name, task, runs, first=0):
     return evaluate_driver(driver, task.place(), name, task.scheme, runs=runs, measure=True, first_seed=seed)
 
 
-@looped("runs", [5, 2])
+@looped("runs", [2, 5], quick=1)
 def test_it_is_what_an_evaluation_finds(runs, monkeypatch):
     monkeypatch.setattr("crowd_env.agents.drivers.SHARES", (0.9,))
     there = found(runs=runs)

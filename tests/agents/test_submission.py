@@ -46,13 +46,19 @@ def files(tmp_path_factory):
         code, out, _ = call(*asked, "--out", folder / "out", "--folder", folder / "kept")
         assert code == 0
         paths = out.split()
-        stamp = (folder / "kept/all/kept/rule-nsm2.npz").stat().st_mtime_ns
-        before = [(folder / "out/small" / name).read_text() for name in ("follow.json", "mine.json")]
-        assert call(*asked, "--out", folder / "out", "--folder", folder / "kept")[0] == 0
-        assert stamp == (folder / "kept/all/kept/rule-nsm2.npz").stat().st_mtime_ns  # it went on, and comes to the same
-        assert before == [(folder / "out/small" / name).read_text() for name in ("follow.json", "mine.json")]
     assert paths == [str(folder / "out/small/follow.json"), str(folder / "out/small/mine.json")]
     return folder / "out/small/follow.json", folder / "out/small/mine.json", folder / "mine.safetensors"
+
+
+@pytest.mark.more
+def test_a_submission_that_is_asked_for_again_goes_on_and_comes_to_the_same(files, monkeypatch):
+    folder = files[2].parent
+    monkeypatch.setitem(TASKS, "small", SMALL)
+    kept, left = folder / "kept/all/kept/rule-nsm2.npz", files[:2]
+    stamp, before = kept.stat().st_mtime_ns, [path.read_text() for path in left]
+    asked = ("--task", "small", "--policy", "follow", files[2], "--robustness-runs", 2)
+    assert call(*asked, "--out", folder / "out", "--folder", folder / "kept")[0] == 0
+    assert stamp == kept.stat().st_mtime_ns and before == [path.read_text() for path in left]
 
 
 @pytest.mark.more
@@ -241,6 +247,7 @@ def test_a_new_version_of_the_task_refuses_files_of_the_old_one(files, monkeypat
         read_submission(files[0])
 
 
+@pytest.mark.more
 def test_a_policy_that_comes_later_is_submitted_alone_and_is_the_same_as_beside_the_references(
     files, tmp_path, monkeypatch
 ):

@@ -36,17 +36,17 @@ def test_every_setting_can_be_drawn(setting):
     assert bound_time(setting) >= capacity_time(place) > 0.0
 
 
-def test_a_bound_is_of_the_door_or_of_the_walk_whichever_is_later():
-    task = TASKS["competitive-door"]
-    assert capacity_time(task.place()) == pytest.approx(100 / 2.8)
+def test_a_bound_is_of_the_door_or_of_the_walk_whichever_is_later(monkeypatch):
+    monkeypatch.setattr("crowd_env.agents.tasks.floors._ALONE", 20)
+    assert capacity_time(TASKS["competitive-door"].place()) == pytest.approx(100 / 2.8)
+    task = TASKS["room"]
     wide, narrow = (Variation("w", "", options={"door_width": width}) for width in (4.0, 0.5))
     assert exit_widths(wide.place(task)).sum() == pytest.approx(4.0)
-    alone = free_walk_time(task)
     at_the_wide_one = bound_time(Setting("hard", task, wide, 1))
-    assert at_the_wide_one == pytest.approx(max(free_walk_time(task, wide), 100 / (2.8 * 4.0)))
-    assert bound_time(Setting("hard", task, narrow, 1)) == pytest.approx(100 / (2.8 * 0.5))
-    slow = Variation("s", "", population={"desired_speed": 1.0})
-    assert free_walk_time(task, slow) == pytest.approx(2.0 * alone, rel=0.1)  # half the speed
+    assert at_the_wide_one == pytest.approx(max(free_walk_time(task, wide), 20 / (2.8 * 4.0)))
+    assert bound_time(Setting("hard", task, narrow, 1)) == pytest.approx(20 / (2.8 * 0.5))
+    slow, fast = (free_walk_time(task, Variation("s", "", population={"desired_speed": speed})) for speed in (1.0, 2.0))
+    assert slow == pytest.approx(2.0 * fast, rel=0.1)  # half the speed
 
 
 def results(**times):

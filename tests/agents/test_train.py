@@ -42,6 +42,7 @@ def job(tmp_path_factory):
     return root, result
 
 
+@pytest.mark.more
 def test_a_run_leaves_model_config_results_curves_and_film(job):
     root, _ = job
     folder = root / "tiny"
@@ -56,6 +57,7 @@ def test_a_run_leaves_model_config_results_curves_and_film(job):
     assert {"scenario": "room-v0", "scheme": "nsm2", "dt": 0.01, "seed": 7}.items() <= facts["trained"].items()
 
 
+@pytest.mark.more
 def test_the_config_holds_every_parameter(job):
     config = json.loads((job[0] / "tiny" / "config.json").read_text())
     assert (
@@ -65,6 +67,7 @@ def test_the_config_holds_every_parameter(job):
     assert {"learning_rate", "gamma", "gae_lambda", "n_steps", "batch_size"} <= set(config["ppo"])
 
 
+@pytest.mark.more
 def test_the_results_compare_all_policies_on_the_same_held_out_draws(job):
     root, result = job
     told = json.loads((root / "tiny" / "results.json").read_text())
@@ -81,6 +84,7 @@ def test_the_results_compare_all_policies_on_the_same_held_out_draws(job):
     assert all(name in result.stdout for name in rows)
 
 
+@pytest.mark.more
 def test_the_learning_curve_has_a_row_before_and_after(job):
     rows = curve(job[0] / "tiny")
     assert tuple(rows[0]) == training.CURVE_COLUMNS

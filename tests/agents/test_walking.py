@@ -252,13 +252,12 @@ def test_the_best_share_is_full_speed_where_nothing_is_in_the_way(monkeypatch):
     ],
 )
 def test_the_best_share_leaves_the_fewest_inside_and_then_is_the_soonest(monkeypatch, outcomes, best, tries):
-    tried = []
+    tried, (episode,) = [], run_episodes(hall(1), 1)
 
     def made_up(scenario, runs, *, seed, driver):
         share = driver.policy.share
         tried.append(share)
         left, last = outcomes.get(share, outcomes[0.5])
-        (episode,) = run_episodes(hall(1), 1)
         stuck = episode.metrics._replace(evacuation_time=np.nan, unfinished=max(left, 1))
         clear = episode.metrics._replace(evacuation_time=last)
         two = (stuck if left else clear, stuck if np.isnan(last) else clear)

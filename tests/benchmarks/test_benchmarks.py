@@ -190,6 +190,7 @@ def test_one_json_object_a_case_and_one_table_of_the_pages(monkeypatch, tmp_path
     assert "times b 1.0" in run("one").stdout
 
 
+@pytest.mark.more
 def test_pictures_are_of_the_tables(tmp_path):
     read = {
         name: list(pictures.cells(pages.TABLES, *name))

@@ -160,7 +160,7 @@ def test_what_was_written_by_something_else_is_not_written_over(line, name, tmp_
     assert [path.name for path in folder.iterdir()] == [name] and (folder / name).read_text() == "mine"
 
 
-@looped("error", [OSError(errno.ENOLCK, "No locks available"), ImportError("no fcntl")])
+@looped("error", [OSError(errno.ENOLCK, "No locks available"), ImportError("no fcntl")], quick=1)
 def test_where_there_are_no_locks_it_is_said_and_gone_on(error, tmp_path, monkeypatch):
     def no_locks(_):
         raise error

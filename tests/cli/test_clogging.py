@@ -71,6 +71,7 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.more
 @needs_powerlaw
 def test_the_command_prints_one_json_object_and_writes_what_it_saw(folder, tmp_path):
     result = CliRunner().invoke(app, ["clogging", str(folder), "--json", "--out", str(tmp_path)])

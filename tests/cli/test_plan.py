@@ -30,6 +30,7 @@ def of(line, out):
     return head
 
 
+@pytest.mark.more
 def test_it_says_how_large_a_plan_is_and_how_wide_its_exits(tmp_path):
     head = of(f"{FOYER} {DOOR} --people 40", tmp_path / "foyer.png")
     assert head["bounds"] == [0, 0, 14, 8] and head["area"] == pytest.approx(9 * 8 + 5 * 2.5 - 0.8**2)
@@ -133,6 +134,7 @@ def test_more_people_than_fit_are_refused_in_one_sentence(tmp_path):
     assert any("people cannot be placed: 4000 people do not fit" in remark for remark in nowhere["remarks"])
 
 
+@pytest.mark.more
 def test_coordinates_of_millions_of_meters_lose_nothing(tmp_path):
     plan = tmp_path / "utm.wkt"
     plan.write_text("POLYGON ((500000 5000000, 500012 5000000, 500012 5000009, 500000 5000009, 500000 5000000))")

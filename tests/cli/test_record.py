@@ -42,6 +42,7 @@ def test_runs_are_recorded_wherever_they_are_made(tmp_path, monkeypatch):
         assert kept.contacts is None
 
 
+@pytest.mark.more
 def test_a_full_disk_loses_recordings_alone(tmp_path, monkeypatch):
     def full(self, part):
         raise OSError("cannot write it: disk is full")

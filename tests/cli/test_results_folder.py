@@ -26,6 +26,7 @@ def whole(tmp_path_factory):
     return folder
 
 
+@pytest.mark.more
 def test_the_folder_holds_what_was_run_and_what_came_of_it(whole, tmp_path):
     told = call(f"{RUN} --runs 4 --out {tmp_path} --json")
     assert (
@@ -127,6 +128,7 @@ def test_a_full_disk_loses_no_figures(monkeypatch, tmp_path):
     ]
 
 
+@pytest.mark.more
 def test_a_config_runs_the_same_again(whole, tmp_path):
     config = whole / "config.json"
     told = call(f"run --config {config} --out {tmp_path}")
@@ -137,6 +139,7 @@ def test_a_config_runs_the_same_again(whole, tmp_path):
     assert "seed is 3 there and 4 here" in changed.stderr
 
 
+@pytest.mark.more
 def test_a_plan_in_a_file_is_found_from_anywhere(tmp_path, monkeypatch):
     plan, starts = tmp_path / "plan.geojson", tmp_path / "starts.csv"
     floor = {"type": "Polygon", "coordinates": [[[0, 0], [6, 0], [6, 5], [0, 5], [0, 0]]]}
@@ -155,6 +158,7 @@ def test_a_plan_in_a_file_is_found_from_anywhere(tmp_path, monkeypatch):
     assert set(files) == {str(plan), str(starts)} and all(len(digest) == 64 for digest in files.values())
 
 
+@pytest.mark.more
 def test_what_was_noted_of_a_plan_stays_with_its_results(tmp_path):
     """Whoever reads the results later has to know in which unit the plan was taken."""
     drawing = room_drawing(tmp_path / "room.dxf", 2, 3.28)

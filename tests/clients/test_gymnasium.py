@@ -20,6 +20,7 @@ def small(monkeypatch):
     monkeypatch.setitem(example.ROOM, "people", 6)
 
 
+@pytest.mark.more
 @pytest.mark.parametrize("patient", [False, True])
 def test_all_batches_tell_the_same_of_the_same_seeds(small, patient):
     episodes = [example.first_episodes(example.make_rooms(batch, 3), patient, seed=5) for batch in (NATIVE, SYNC)]
@@ -54,6 +55,7 @@ def test_one_seed_draws_the_same_first_room_and_others_after_it(small):
     assert same == [True, False, False]
 
 
+@pytest.mark.more
 def test_who_waits_for_a_turn_is_not_stuck():
     stuck = [
         sum(one["unfinished"] for one in example.first_episodes(example.make_rooms(NATIVE, 8), patient, seed=0))

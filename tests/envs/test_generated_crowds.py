@@ -7,6 +7,7 @@ from late import late
 
 from crowd_env import CrowdEnv, GeneratedCrowds
 from crowd_env.agents.walking import Evolved
+from crowd_env.envs import generated
 from crowd_env.scenarios.generated import conditions_of
 
 PPOSettings, make_ppo = late("crowd_env.agents.learned.ppo", "PPOSettings", "make_ppo")
@@ -27,7 +28,8 @@ def seeds_of(env):
 
 
 def actions(env, rng):
-    return rng.integers(0, env.single_action_space.n, env.num_people)
+    most = env.single_action_space.n
+    return rng.integers(most // 2, most, env.num_people)  # of five speeds the higher three
 
 
 class Alone:
@@ -49,10 +51,10 @@ def test_places_are_what_they_are_alone_and_take_turns(monkeypatch):
     env, rng = crowds(people=16, level=0.12), np.random.default_rng(0)
     with monkeypatch.context() as patched:
         patched.setattr(CrowdEnv, "reset", watched)
-        seen, _ = env.reset(seed=3)
+        seen, _ = env.reset(seed=4)  # two of the four places are noisy
     alone = [Alone(*pair) for pair in zip(seeds_of(env), env.scenario_of_env, list(drawn), strict=True)]
     ended, noisy = 0, False
-    while ended < 6 or not noisy:
+    while ended < 3 or not noisy:
         for e, one in enumerate(alone):
             rows, n = seen[env.people(e)], one.env.num_people
             assert not rows[n:].any() and not env.active[env.people(e)][n:].any()
@@ -89,9 +91,9 @@ def test_places_are_what_they_are_alone_and_take_turns(monkeypatch):
 
 def test_a_seed_repeats_everything_and_other_seeds_draw_other_places():
     def run(seed):
-        env, rng = crowds(), np.random.default_rng(1)
+        env, rng = crowds(2), np.random.default_rng(1)
         seen, rewards = [env.reset(seed)[0]], []
-        for _ in range(60):
+        for _ in range(20):
             step = env.step(actions(env, rng))
             seen.append(step.observation)
             rewards.append(step.reward)
@@ -104,7 +106,7 @@ def test_a_seed_repeats_everything_and_other_seeds_draw_other_places():
 
 
 def test_no_place_beyond_the_seeds_is_drawn_and_levels_count_from_the_next_one_on():
-    env = crowds(8, people=60, seeds=7)
+    env = crowds(4, people=60, seeds=7)
     env.reset(seed=0)
     assert set(seeds_of(env)) <= set(range(7))
     assert {place.population.people for place in env.scenario_of_env} == {10}
@@ -125,23 +127,24 @@ def test_no_place_beyond_the_seeds_is_drawn_and_levels_count_from_the_next_one_o
         ({"action": "speeds-exits", "seeds": 50}, "space stays"),
     ],
 )
-def test_what_cannot_be_is_refused(options, words):
+def test_what_cannot_be_is_refused(monkeypatch, options, words):
+    monkeypatch.setattr(generated, "TRIES", 20)
     with pytest.raises(ValueError, match=words):
         crowds(20, **options).reset(seed=0)
 
 
 def test_stable_baselines3_learns_from_those_who_are_inside_alone():
-    env = crowds()
+    env = crowds(2)
     model = make_ppo(env, PPOSettings(n_steps=64, batch_size=64, n_epochs=1, hidden=8), 0)
     assert isinstance(model.rollout_buffer, MaskedRolloutBuffer)
-    empty = np.tile(np.arange(12) >= 10, 4)
+    empty = np.tile(np.arange(12) >= 10, 2)
     found = []
 
     def look(local, _):
         found.append([len(local["infos"][row]) > 0 for row in range(env.num_people)])
         return True
 
-    model.learn(500 * env.num_people, callback=look)
+    model.learn(400 * env.num_people, callback=look)
     ended = np.array(found)
     assert ended[:, ~empty].any() and not ended[:, empty].any()
     assert all(np.isfinite(value.detach().numpy()).all() for value in model.policy.parameters())
@@ -155,6 +158,7 @@ def _silent(model):
     return callback
 
 
+@pytest.mark.more
 def test_a_rule_is_cloned_in_them(monkeypatch):
     monkeypatch.setattr(cloning, "ROUNDS", 2)
     monkeypatch.setattr(cloning, "DECISIONS", 30)

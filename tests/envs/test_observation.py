@@ -145,7 +145,7 @@ def test_push_and_crush_are_the_impulses_of_the_contacts(scheme):
     )
     observation, _ = env.reset(seed=2)
     simulation, pushed = env.simulation, 0
-    for k in range(250):
+    for k in range(190):
         observation = env.step(None).observation
         if k < 100:
             continue

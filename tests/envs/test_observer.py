@@ -24,7 +24,7 @@ CLUTTERED = Scenario("cluttered", cluttered(), Population(25, **TABLE_4), 60.0, 
 HALL = make_scenario("room-v0", people=300, side=16.0)
 
 
-@pytest.mark.parametrize("neighbors", [1, 6, 7, 32])
+@pytest.mark.parametrize("neighbors", [1, *(pytest.param(n, marks=pytest.mark.more) for n in (6, 7)), 32])
 @pytest.mark.parametrize("terms", [tuple(TERMS), ("density",), ("neighbors",), ("lead",), ("ahead",), ("queues_seen",)])
 def test_all_pairs_and_cells_show_the_same_to_the_last_bit(terms, neighbors):
     env = CrowdEnv([HALL, CLUTTERED], num_envs=3, observation=ObservationLayout(terms, neighbors=neighbors))

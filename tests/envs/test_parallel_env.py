@@ -25,7 +25,7 @@ def random_actions(env, rng):
 
 @pytest.mark.parametrize("options", [{}, {"action": "discrete"}, {"action": WORLD}, {"physics": "dem"}])
 def test_pettingzoo_accepts_it(options):
-    parallel_api_test(parallel_env(**SMALL, **options), num_cycles=200)
+    parallel_api_test(parallel_env(**SMALL, **options), num_cycles=80)
 
 
 def test_pettingzoo_accepts_its_seeding():

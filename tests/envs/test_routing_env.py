@@ -24,7 +24,16 @@ FIVE = [(1.0, 2.0), (2.0, 3.0), (3.5, 0.5), (5.0, 1.0), (7.0, 2.5)]
 # ------------------------------------------------------------------------------------------------------ the checkers
 
 
-@pytest.mark.parametrize("options", [{}, {"grid": (1, 1), "interval": 0.5}, {"regions": ["start"], "physics": "dem"}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        *(
+            pytest.param(one, marks=pytest.mark.more)
+            for one in ({"grid": (1, 1), "interval": 0.5}, {"regions": ["start"], "physics": "dem"})
+        ),
+    ],
+)
 def test_gymnasium_accepts_it(options):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

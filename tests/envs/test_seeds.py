@@ -56,7 +56,7 @@ def room(count, side=6.0, **options):
 
 
 @every_scheme
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("threads", [pytest.param(1, marks=pytest.mark.more), 2])
 def test_small_and_large_crowds_beside_each_other_are_what_each_is_alone_and_fresh(scheme, threads, forty_are_many):
     make = partial(CrowdEnv, physics=scheme, action={"name": "continuous", "frame": "world"})
     places = [room(60), room(12), room(45), room(60)]
@@ -147,7 +147,7 @@ def test_doors_that_lock_everyone_in_at_the_start_leave_no_ways_of_the_episode_b
 # ---------------------------------------------------------------------------------------------------- fastest ways
 
 
-@pytest.mark.parametrize("place", ["two-exit-hall-v0", "supermarket-v0"])
+@pytest.mark.parametrize("place", ["two-exit-hall-v0", pytest.param("supermarket-v0", marks=pytest.mark.more)])
 def test_the_first_observation_and_reward_are_by_the_ways_of_the_crowd_that_is_there(place):
     fresh, used = (CrowdEnv(place, routing="fastest", physics="dem") for _ in range(2))
     play(used, [1], 15)
@@ -185,7 +185,7 @@ def test_others_go_on_with_the_ways_they_have_where_one_begins_anew():
 
 
 @every_scheme
-@pytest.mark.parametrize("dt", [0.01, 0.002])
+@pytest.mark.parametrize("dt", [0.01, pytest.param(0.002, marks=pytest.mark.more)])
 def test_memory_that_runs_full_in_the_midst_of_a_step_changes_nothing(scheme, dt, monkeypatch):
     # Near a round wall of many edges the lists hold more than they have room for at first.
     corners = 2.0 * np.array([(np.cos(a), np.sin(a)) for a in np.linspace(0, 2 * np.pi, 2400, endpoint=False)])

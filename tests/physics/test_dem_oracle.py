@@ -121,7 +121,7 @@ PEOPLE = [
 ]
 
 
-@looped(("dt", "steps"), [(0.001, 200), (0.01, 40)])
+@looped(("dt", "steps"), [(0.01, 40), (0.001, 200)], quick=1)
 def test_dem_is_the_law_written_plainly(dt, steps):
     rng = np.random.default_rng(5)
     position, velocity, target = (np.array(column, dtype=float) for column in zip(*PEOPLE, strict=True))

@@ -19,15 +19,20 @@ BARE = replace(Hertz(), social=None)
 KN, KT = 2 * 5e6 / (3 * 1.25 * 0.75), 2 * 5e6 / (1.25 * 1.75)
 
 
-def collide(scheme, closing, dt, *, masses=(70.0, 70.0), radii=(0.3, 0.3), side=0.0, spin=(0.0, 0.0)):
-    """Return the simulation of two grains after they have met and parted, with the deepest overlap and force on the way."""
+def meeting(scheme, closing, dt, *, masses=(70.0, 70.0), radii=(0.3, 0.3), side=0.0, spin=(0.0, 0.0)):
+    """Return the simulation of two grains that are about to meet."""
     bodies = make_bodies(np.array(radii), np.array(masses))
     gap = 0.01
     start = np.array([[0.0, 0.0], [sum(radii) + gap, 0.0]])
     velocity = np.array([[0.5 * closing, 0.5 * side], [-0.5 * closing, -0.5 * side]])
     state = make_state(start, velocity)
     state.spin[:] = spin
-    simulation = Simulation(plain(), bodies, state, scheme=scheme, dt=dt, fields=[None], driving=False)
+    return Simulation(plain(), bodies, state, scheme=scheme, dt=dt, fields=[None], driving=False)
+
+
+def collide(scheme, closing, dt, **options):
+    """Return the simulation of two grains after they have met and parted, with the deepest overlap and force on the way."""
+    simulation = meeting(scheme, closing, dt, **options)
     deepest, strongest, met = 0.0, 0.0, False
     while True:
         simulation.advance()
@@ -47,7 +52,7 @@ def test_stiffnesses_are_those_of_table_1():
     assert Hertz().tangential_stiffness == pytest.approx(4.571e6, rel=1e-3) == KT
 
 
-@looped("closing", [0.5, 1.0, 2.0, 4.0])
+@looped("closing", [1.0, 4.0, 0.5, 2.0], quick=2)
 def test_an_undamped_collision_is_elastic_and_meets_the_closed_forms(closing):
     simulation, deepest, strongest = collide(ELASTIC, closing, 1e-4)
     velocity = simulation.state.velocity
@@ -74,8 +79,10 @@ def test_the_error_of_an_elastic_collision_is_small_at_the_steps_in_use(dt, erro
 
 
 def restitution(scheme, closing=1.0):
-    simulation, _, _ = collide(replace(scheme, social=None), closing, 2e-5)
-    velocity = simulation.state.velocity
+    simulation = meeting(replace(scheme, social=None), closing, 2e-5)
+    (position, velocity), reach = simulation.state[:2], simulation.bodies.radius.sum()
+    while position[1, 0] - position[0, 0] < reach or velocity[1, 0] < velocity[0, 0]:
+        simulation.advance(n_substeps=50)
     return (velocity[1, 0] - velocity[0, 0]) / closing
 
 
@@ -164,7 +171,7 @@ def test_friction_turns_spin_into_motion_and_keeps_linear_momentum():
     np.testing.assert_allclose(bodies.mass @ state.velocity, 0.0, atol=1e-10)
 
 
-@looped("spin", [(8.0, 8.0), (8.0, -3.0), (0.0, 0.0)])
+@looped("spin", [(8.0, 8.0), (8.0, -3.0), (0.0, 0.0)], quick=2)
 def test_angular_momentum_changes_only_by_the_offset_of_the_contact_point(spin):
     # Eq 6 takes the lever arm r, the contact lies at about r - overlap/2: each step makes F_t times the overlap of it.
     radii, masses, dt = (0.28, 0.33), (65.0, 78.0), 1e-4
@@ -173,7 +180,7 @@ def test_angular_momentum_changes_only_by_the_offset_of_the_contact_point(spin):
     state.spin[:] = spin
     simulation = Simulation(plain(), bodies, state, scheme=BARE, dt=dt, fields=[None], driving=False)
     before, expected, moved = total_angular_momentum(bodies, state), 0.0, 0.0
-    for _ in range(3000):
+    for _ in range(1000):
         simulation.advance()
         contacts = simulation.contacts()
         if len(contacts.gap):

@@ -70,7 +70,7 @@ def steps(simulation, seconds):
 
 
 @every_scheme
-@looped("threads", [2, 8])
+@looped("threads", [2, 8], quick=1)
 def test_state_hash_for_any_number_of_threads_and_any_place_in_the_batch(name, threads):
     alone = crowd(name, 130)
     many = crowd(name, 130, environments=5, threads=threads)
@@ -97,7 +97,7 @@ def test_one_large_crowd_is_the_same_for_any_number_of_threads():
     assert len(hashes) == len(sums) == 1
 
 
-@looped("threads", [1, 3])
+@looped("threads", [3, 1], quick=1)
 def test_what_everyone_gets_is_what_the_contacts_say_across_slabs_too(threads):
     simulation = crowd("dem", 4200, threads=threads)
     simulation.advance(n_substeps=60)
@@ -114,7 +114,7 @@ def test_what_everyone_gets_is_what_the_contacts_say_across_slabs_too(threads):
     np.testing.assert_allclose(simulation.results.impulse_magnitude, crush, atol=1e-9)
 
 
-@looped("threads", [1, 3])
+@looped("threads", [3, 1], quick=1)
 def test_slabs_list_every_pair_that_may_touch_once_and_in_order(threads):
     simulation = crowd("dem", 4200, threads=threads)
     simulation.advance(n_substeps=20)

@@ -15,6 +15,7 @@ from crowd_env.recording import RunRecorder, load
 
 pedpy = late("pedpy")
 
+pytestmark = pytest.mark.more  # it takes seconds to import
 
 READERS = {".sqlite": "jupedsim_sqlite", ".h5": "ped_data_archive_hdf5"}
 

@@ -67,6 +67,7 @@ def test_a_real_recording_shows_at_its_frames_who_is_inside_where():
 # --------------------------------------------------------------------------------------------------------------- films
 
 
+@pytest.mark.more
 def test_gif_lasts_as_long_as_the_evacuation_and_is_small(tmp_path):
     drawn = []
     options = {"fps": 20.0, "hold": 1.0, "progress": lambda count, of: drawn.append((count, of))}

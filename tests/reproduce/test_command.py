@@ -12,6 +12,7 @@ from crowd_env.reproduce import FIGURES, Row
 KEYS = {"quantity", "paper", "here", "unit", "n"}
 
 
+@pytest.mark.more
 def test_json_files_and_figure(folder):
     for name, line in {
         "fig2": "fig2 --runs 2 --seed 3",

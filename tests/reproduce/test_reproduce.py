@@ -19,6 +19,7 @@ from crowd_env.scenarios import make_scenario
 # ----------------------------------------------------------------------------------------------------------- Table 3
 
 
+@pytest.mark.more
 def test_table_3_digit_by_digit(results):
     rows = {row.quantity: row for row in results("table3").rows}
     assert [row.paper for row in list(rows.values())[:5]] == [
@@ -30,6 +31,7 @@ def test_table_3_digit_by_digit(results):
     assert rows["u_y, every h"].difference() == "exact"
 
 
+@pytest.mark.more
 def test_table_3_what_is_not_exact_is_said(results):
     rows = {row.quantity: row for row in results("table3").rows}
     # The last of the 16 digits is rounding: exact arithmetic gives ...2919, the paper prints ...293.
@@ -42,6 +44,7 @@ def test_table_3_what_is_not_exact_is_said(results):
     assert table3.MENDED.replace("00000003535854", "0000003535854") == last.paper
 
 
+@pytest.mark.more
 def test_table_3_converges_with_the_second_power_of_the_step(results):
     (order,) = [row.here for row in results("table3").rows if row.quantity.startswith("order")]
     assert order == pytest.approx(2.0, abs=0.1)
@@ -115,6 +118,7 @@ def test_figure_1_rows_are_close_to_their_closed_forms(results):
         assert row.paper is None and row.here == pytest.approx(row.expected, rel=3e-3), row.quantity
 
 
+@pytest.mark.more
 def test_figure_1_soft_discs_are_thrown_back_more_slowly(results):
     rows = {row.quantity: row.here for row in results("fig1").rows}
     for tau in fig1.TAUS:

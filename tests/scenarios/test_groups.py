@@ -126,6 +126,7 @@ def hall(*parts, **options):
         ("west", [["east"], ["loop"], ["east or north"], ["west"]]),
         ("loop", [["east"], ["loop"], ["east or north"], ["loop"]]),
     ],
+    quick=3,
 )
 def test_every_group_means_to_take_its_own_way(strategy, expected):
     place = hall(

@@ -27,7 +27,7 @@ def test_the_time_limit_of_a_plan_lets_people_walk_out_and_queue(tmp_path):
     for name, area, people, least, most in (
         ("room", box(0, 0, 40, 2), 5, 300, 300),
         ("long", box(-560, 0, 40, 2), 5, 1.5 * 600 / 0.8, 1.5 * 600 / 0.8 + 200),  # 600 m at 0.8 m/s
-        ("full", box(0, -40, 40, 40), 2000, 2000 / (0.5 * 2), 2400),  # 2000 people by an exit of 2 m
+        ("full", box(0, -20, 40, 20), 1000, 1000 / (0.5 * 2), 1200),  # 1000 people by an exit of 2 m
     ):
         (tmp_path / f"{name}.wkt").write_text(area.wkt)
         place = make_scenario(tmp_path / f"{name}.wkt", exits=["40,0,40,2"], people=people)

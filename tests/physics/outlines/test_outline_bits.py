@@ -33,7 +33,7 @@ def has_friction(simulation):
     return (contacts.history[rows, 0] != 0.0).sum() > 50
 
 
-@looped("threads", [1, 2, 3])
+@looped("threads", [2, 1, 3], quick=1)
 @looped("manner", [None, "hurried"])
 def test_alone_and_anywhere_in_a_batch_on_any_number_of_threads(threads, manner):
     options = {"density": PRESSED, "manner": manner}
@@ -45,7 +45,7 @@ def test_alone_and_anywhere_in_a_batch_on_any_number_of_threads(threads, manner)
     assert {moves(many, slice(90 * e, 90 * (e + 1))) for e in range(4)} == {moves(alone)}
 
 
-@looped("count", [90, 1100])
+@looped("count", [90, 1100], quick=1)
 def test_one_call_or_many(count):
     at_once, in_parts = (before_a_door(count, density=PRESSED) for _ in range(2))
     at_once.advance(n_substeps=200)
@@ -78,7 +78,7 @@ def test_a_checkpoint_of_another_outline_is_refused():
             before_a_door(30, outline=outline).restore(checkpoint)
 
 
-@looped("count", [90, 1100])
+@looped("count", [90, 1100], quick=1)
 def test_a_step_that_is_done_again_with_more_room_comes_out_alike(count, monkeypatch):
     # From few entries a person, so that neither the lists nor, at some step, the contacts of all discs fit.
     expected = before_a_door(count, density=9.0)

@@ -91,7 +91,7 @@ def test_a_run_goes_on_as_if_nothing_had_been_in_between(scheme):
 @pytest.mark.parametrize("strategy", [pytest.param("shortest", marks=pytest.mark.more), "fastest"])
 def test_doors_rules_and_fields_too(scheme, strategy):
     place = hall()
-    env = goes_on(lambda: CrowdEnv(place, num_envs=2, physics=scheme, routing=strategy))
+    env = goes_on(lambda: CrowdEnv(place, num_envs=2, people=20, physics=scheme, routing=strategy))
     assert env.simulation.state.time[0] > 1.3  # both doors have moved since then
     assert env.simulation.history.rule_on.shape == (2, 1)
 

@@ -189,7 +189,7 @@ def test_no_draw_has_a_shorter_stable_step_than_the_one_that_is_checked(scheme, 
 
 def test_a_step_that_nobody_gave_is_that_of_the_scenario_and_a_part_of_the_decision():
     people = {"radius": Uniform(0.2, 0.25), "mass": Uniform(60.0, 100.0)}
-    few, many = (make_scenario("room-v0", side=30.0, population=Population(n, **people)) for n in (20, 400))
+    few, many = (make_scenario("room-v0", side=20.0, population=Population(n, **people)) for n in (20, 400))
     law = SCHEMES["hertz"]
     steps = [CrowdEnv(few, num_envs=n, physics="hertz").simulation.dt for n in (1, 3)]
     assert steps == [0.005, 0.005]  # whoever shares the batch

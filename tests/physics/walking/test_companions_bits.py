@@ -41,7 +41,7 @@ def test_companies_of_one_change_no_bit(name):
 
 @every_scheme
 @looped("keeps", [KEEPS, None], ids=["keeps a distance", "full speed"])
-@looped("threads", [1, 2, 3])
+@looped("threads", [2, 1, 3], quick=1)
 def test_alone_and_anywhere_in_a_batch_beside_people_without_companions(name, threads, keeps):
     without = before_a_door(60, keeps, scheme=name)
     together = before_a_door(60, keeps, scheme=name, company=in_threes(60))
@@ -67,7 +67,7 @@ def test_a_large_crowd_of_companions_that_threads_share():
 
 
 @every_scheme
-@looped("count", [60, 1100])
+@looped("count", [60, 1100], quick=1)
 def test_a_run_of_companions_that_goes_on_from_a_checkpoint(name, count):
     for keeps in (KEEPS, None):
         simulation = before_a_door(count, keeps, scheme=name, company=in_threes(count), pulls=PULLS)

@@ -34,7 +34,7 @@ def moves(simulation, people=slice(None)):
 
 
 @every_scheme
-@looped("threads", [1, 2, 3])
+@looped("threads", [2, 1, 3], quick=1)
 def test_alone_and_anywhere_in_a_batch_on_any_number_of_threads(name, threads):
     alone = before_a_door(90, KEEPS, scheme=name, waited=2.0)
     many = before_a_door(90, KEEPS, scheme=name, waited=2.0, environments=4, threads=threads)

@@ -1,5 +1,7 @@
 """Ways for bodies of every size: nobody is led into a passage that does not fit, wherever else there is another way."""
 
+import functools
+
 import numpy as np
 import pytest
 from shapely.affinity import rotate
@@ -13,6 +15,7 @@ from crowd_env.routing.fields.lookup import direction_at
 LARGE = 0.232  # m, radius
 
 
+@functools.cache
 def hall(closet: float, slit: float = 0.454) -> Geometry:
     """Return a hall with a slit and a door of 1.5 m to the exit, and a closet behind a door of this width [m]."""
     doors = [box(10, 2.77, 10.2, 2.77 + slit), box(10, 4, 10.2, 5.5), box(2, 6, 2 + closet, 6.2)]
@@ -20,11 +23,17 @@ def hall(closet: float, slit: float = 0.454) -> Geometry:
     return Geometry.from_polygon([*rooms, *doors], exits={"out": [(14, 1), (14, 5)]})
 
 
+@functools.cache
+def field_arrays(geometry: Geometry, radius: float, least: float):
+    """Return the arrays of the field of a place."""
+    return join_fields([travel_time_field(geometry, radius, min_radius=least)], geometry.boundary)
+
+
 def way(
     geometry: Geometry, start: tuple[float, float], radius: float, least: float, length: float = 30.0
 ) -> np.ndarray:
     """Return the places (K, 2) [m] of a point that follows the field, 1 cm apart."""
-    arrays = join_fields([travel_time_field(geometry, radius, min_radius=least)], geometry.boundary)
+    arrays = field_arrays(geometry, radius, least)
     places = [np.array(start)]
     for _ in range(int(100 * length)):
         places.append(places[-1] + 0.01 * np.array(direction_at(arrays, geometry.boundary, 0, *places[-1], least)))

@@ -58,7 +58,7 @@ def test_a_queue_is_one_door_wide():
     assert found == pytest.approx(seconds * 1.4 / congestion._fronts._depth)
 
 
-@pytest.mark.parametrize("name", ["classroom-v0", "l-corridor-v0", "floor-v0"])
+@pytest.mark.parametrize("name", ["classroom-v0", "l-corridor-v0", pytest.param("floor-v0", marks=pytest.mark.more)])
 def test_without_people_the_shortest_way_is_the_fastest_everywhere(name):
     fronts = make_scenario(name).route_set("fastest").routes[1].congestion._fronts
     assert fronts.keeps_on(np.ones(len(fronts._beside))).all()

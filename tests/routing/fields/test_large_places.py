@@ -85,6 +85,7 @@ def test_ways_around_a_wall_end_keep_a_body_radius_off_it_in_a_large_place():
         ([Point(90, 88.5).buffer(1.0), Point(90, 91.4).buffer(1.0)], [[(90, 0), (90, 87.5)], [(90, 92.4), (90, 170)]],
          (95, 89.95), 95),
     ],
+    quick=1,
 )  # fmt: skip
 def test_passages_of_less_than_a_meter_are_found_in_a_large_place(obstacles, thin_walls, start, length):
     field = hall(obstacles, thin_walls)

@@ -23,7 +23,7 @@ def gap(width):
     return Geometry.from_polygon(box(0, 0, 8, 5), exits=[[[8, 2], [8, 3]]], obstacles=walls)
 
 
-@looped("width", [0.50, 0.51, 0.53, 0.60])
+@looped("width", [0.50, 0.53, 0.51, 0.60], quick=2)
 def test_passages_a_body_just_fits_through_are_found(width):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -73,8 +73,12 @@ def test_closed_pocket_smaller_than_a_body_is_no_error():
     assert np.hypot(*direction_at(arrays, pocket.boundary, 0, 6.2, 0.2, RADIUS)) == pytest.approx(1)
 
 
-def test_spacing_is_fine_in_a_room_and_bounded_in_a_hall():
+def test_spacing_is_fine_in_a_room():
     assert plan("room")[1].spacing == 0.05
+
+
+@pytest.mark.more
+def test_spacing_is_bounded_in_a_hall():
     hall = Geometry.from_polygon(box(0, 0, 120, 90), exits=[[[0, 10], [0, 12]]])
     assert travel_time_field(hall, RADIUS, min_radius=0.2).spacing == pytest.approx(0.1)
 
