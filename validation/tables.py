@@ -16,6 +16,7 @@ from validation.cases.case import DISC, share
 from validation.cases.standing import DENSITIES
 from validation.map import criteria, measured, passed, write_limits
 from validation.pages import MADE_BY, Grid, grid, pivoted, read_table, write_table
+from validation.seeds import seeds
 from validation.sources import Source
 
 _SPREAD = "{evacuation_time[mean]:.2f} ± {evacuation_time[sd]:.2f}"
@@ -303,7 +304,7 @@ def _of_tasks(make: Callable[[], Grid]) -> Callable[[Source], Grid]:
 
 
 _OF_CASES = (schemes, halls, jambs, bodies_gate, bodies_doors, clogging, frozen, standing, measured, criteria)
-_OF_POLICIES = (strategies, controller, training, plans, dilemma, dilemma_shares)
+_OF_POLICIES = (strategies, controller, training, seeds, plans, dilemma, dilemma_shares)
 _OF_ROOMS = (scenarios, bodies, theatre, variants, clearance, flows)
 # Name of the table -> what makes it; made_by.csv says by which command its figures are measured.
 MAKERS: dict[str, Callable[[Source], Grid]] = {

@@ -1,0 +1,68 @@
+"""What runs of the main job with several seeds learned, from nothing: a table, and one picture of their curves."""
+
+import csv
+from typing import Any
+
+import numpy as np
+
+from crowd_env.core.arrays.state import Floats
+from validation.pages import ROOT, Grid, grid
+from validation.sources import Source
+
+PICTURE = ROOT / "docs/images/learning.png"
+_BESIDE = ("rule-best-speed", "follow")
+
+
+def seeds(source: Source) -> Grid:
+    """One row a run, which lies in FOLDER/SEED; the picture has the curves of all, search and training one after the other."""
+    runs = sorted((one.parent.name for one in source.folder.glob("*/results.json")), key=int)
+    rules = {row["policy"]: row["clearing_time"]["mean"] for row in source.read(f"{runs[0]}/results.json")["rows"]}
+    _draw([_curve(source, run) for run in runs], {name: rules[name] for name in _BESIDE})
+    return grid([_row(source, run) for run in runs], **{
+        "seed": "{seed}",
+        "last look at the search, s": "{search[evacuation_time]:.1f}", "after, CPU s": "{search[cpu_seconds]:.0f}",
+        "network kept": "{kept}", "last person out, s": "{time[mean]:.1f} [{time[ci95][0]:.1f}, {time[ci95][1]:.1f}]",
+        "of that of `evolution`": "{ratio:.3f}", "exits blocked": "{blocked} of {runs}",
+        "search and training, CPU s": "{spent[cpu_seconds]:.0f}",
+    })  # fmt: skip
+
+
+def _row(source: Source, run: str) -> dict[str, Any]:
+    told = source.read(f"{run}/results.json")
+    rows = {row["policy"]: row for row in told["rows"]}
+    learned, beside = rows["learned"], rows["evolution"]["clearing_time"]["mean"]
+    kept = f"of step {told['confirmation']['steps']:,.0f}" if told["confirmation"]["kept"] == "trained" else "the start"
+    return {
+        **told,
+        **learned,
+        "seed": run,
+        "search": _rows(source, run, "search_curve.csv")[-1],
+        "kept": kept,
+        "time": learned["clearing_time"],
+        "ratio": learned["clearing_time"]["mean"] / beside,
+    }
+
+
+def _rows(source: Source, run: str, file: str) -> list[dict[str, float]]:
+    with (source.folder / run / file).open(newline="", encoding="utf-8") as lines:
+        return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(lines)]
+
+
+def _curve(source: Source, run: str) -> Floats:
+    """Return CPU seconds and times of the last person [s] of what a run had by then (T, 2)."""
+    rows = [*_rows(source, run, "search_curve.csv"), *_rows(source, run, "learning_curve.csv")]
+    return np.array([(row["cpu_seconds"], row["evacuation_time"]) for row in rows])
+
+
+def _draw(curves: list[Floats], reference: dict[str, float]) -> None:
+    from crowd_env.rendering import learning_curve
+
+    at = np.linspace(0.0, min(curve[-1, 0] for curve in curves), 400)
+    learning_curve(
+        PICTURE,
+        at,
+        {f"{len(curves)} seeds": np.array([np.interp(at, *curve.T) for curve in curves])},
+        reference=reference,
+        title="Learning from nothing: mean and range",
+        xlabel="CPU seconds: search, then clone and PPO",
+    )
