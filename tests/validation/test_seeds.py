@@ -1,0 +1,40 @@
+"""The table and the picture of several seeds, of runs that are made up."""
+
+import pytest
+
+from crowd_env.core.files.csv_table import write_csv
+from crowd_env.core.files.json_file import write_json
+from validation import seeds
+from validation.sources import Source
+
+HEAD = ("cpu_seconds", "evacuation_time")
+
+
+def time(mean):
+    return {"clearing_time": {"mean": mean, "ci95": [mean - 1.0, mean + 1.0]}, "blocked": 0, "runs": 200}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for seed, mean, kept in ((0, 51.0, "start"), (10, 52.0, "trained"), (9, 60.0, "start")):
+        rows = {"evolution": 50.0, "learned": mean, "rule-best-speed": 94.0, "follow": 61.0}
+        run = tmp_path / str(seed)
+        run.mkdir()
+        write_json(run / "results.json", {
+            "rows": [{"policy": name, **time(value)} for name, value in rows.items()],
+            "confirmation": {"kept": kept, "steps": 3000}, "spent": {"cpu_seconds": 300.0 + seed},
+        })  # fmt: skip
+        write_csv(run / "search_curve.csv", HEAD, [(0.0, 350.0), (100.0, 53.0 + seed)])
+        write_csv(run / "learning_curve.csv", HEAD, [(200.0, 53.0), (300.0, mean)])
+    return tmp_path
+
+
+def test_every_run_is_a_row_and_all_curves_are_in_one_picture(folder, monkeypatch):
+    monkeypatch.setattr(seeds, "PICTURE", folder / "learning.png")
+    head, *rows = seeds.seeds(Source(dict, folder))
+    assert [row[0] for row in rows] == ["0", "9", "10"]
+    found = dict(zip(head, rows[2], strict=True))
+    assert found["last person out, s"] == "52.0 [51.0, 53.0]" and found["of that of `evolution`"] == "1.040"
+    assert found["network kept"] == "of step 3,000" and rows[0][head.index("network kept")] == "the start"
+    assert found["last look at the search, s"] == "63.0" and found["exits blocked"] == "0 of 200"
+    assert (folder / "learning.png").read_bytes()[:4] == b"\x89PNG"
