@@ -53,13 +53,12 @@ def looped(
         kept = [p for name, p in signature.parameters.items() if name not in {*words, "subtests"}]
         first = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY) for name in ("subtests", *parts * ["extent"])]
         taken = [*first, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in kept)]
-        run.__dict__.update(test.__dict__)  # marks
-        run.__signature__ = signature.replace(parameters=taken)  # type: ignore[attr-defined]
         run.__name__, run.__doc__, run.__module__ = test.__name__, test.__doc__, test.__module__
-        run.looped = (once, pairs)  # type: ignore[attr-defined]
+        vars(run).update(vars(test))  # marks
+        vars(run).update(__signature__=signature.replace(parameters=taken), looped=(once, pairs))
         if parts:
             rest = pytest.param("more", marks=pytest.mark.more)
-            return pytest.mark.parametrize("extent", ["quick", rest])(run)  # type: ignore[no-any-return]
+            pytest.mark.parametrize("extent", ["quick", rest])(run)  # in place
         return run
 
     return decorate

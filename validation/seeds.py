@@ -1,6 +1,5 @@
 """What runs of the main job with several seeds learned, from nothing: a table, and one picture of their curves."""
 
-import csv
 from typing import Any
 
 import numpy as np
@@ -44,8 +43,9 @@ def _row(source: Source, run: str) -> dict[str, Any]:
 
 
 def _rows(source: Source, run: str, file: str) -> list[dict[str, float]]:
-    with (source.folder / run / file).open(newline="", encoding="utf-8") as lines:
-        return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(lines)]
+    from crowd_env.agents.learned.training import read_curve
+
+    return read_curve(source.folder / run / file)
 
 
 def _curve(source: Source, run: str) -> Floats:

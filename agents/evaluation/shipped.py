@@ -85,7 +85,7 @@ def _does_so(task: Task, result: Evaluation) -> bool:
 
 
 def ship(task: Task, runs: int | None = None, executor: Executor | None = None) -> None:
-    """Compute and write what ships of the rules in a task, where that is not good any more all of it.
+    """Compute and write what ships of the rules in a task; what is still good stays.
 
     What was finished before an interruption is kept in ``runs/``.
     """

@@ -89,15 +89,14 @@ def evolve(
         if left == np.inf and stalled(course):
             reached, step = float(np.mean(course[-_WINDOW:])), _STEP
             better = former if reached > before else best
-            in_vain = reached > _BETTER * before and not settings.endless
-            if in_vain and _pays(env, better, first + draws):
+            if reached <= _BETTER * before or settings.endless:
+                best = better
+            elif _pays(env, better, first + draws):
                 best, left, step = better, _LAST - 1, _LAST_STEP
                 env = _rooms(place, options, everybody, population * draws)
-            elif in_vain:
+            else:
                 far *= 2.0
                 best, reached, before, step = nothing, np.inf, np.inf, far
-            else:
-                best = better
             search, course = _begun(best, step, population, int(rng.integers(2**31))), []
             former, before = best, min(before, reached)
         first = int(rng.integers(0, HELD_OUT_SEED - draws))
@@ -116,10 +115,10 @@ def _rule(weights: Floats) -> Evolved:
 
 def _pays(env: CrowdEnv, weights: Floats, first: int) -> bool:
     """Return whether weights are clearly better than full speed, on draws that a search has not had the luck of."""
-    draws = env.num_envs // 2
-    seeds = [*range(min(first, HELD_OUT_SEED - draws), HELD_OUT_SEED)[:draws]] * 2
-    costs, _ = _race(env, np.repeat([weights, np.zeros_like(weights)], draws, axis=0), seeds)
-    return bool(costs[:draws].mean() <= _PAYS * costs[draws:].mean())
+    rooms = np.arange(env.num_envs)
+    seeds = min(first, HELD_OUT_SEED - env.num_envs) + rooms // 2
+    costs, _ = _race(env, np.where(rooms[:, None] % 2, 0.0, weights), seeds.tolist())
+    return bool(costs[::2].mean() <= _PAYS * costs[1::2].mean())
 
 
 def stalled(course: Sequence[float]) -> bool:

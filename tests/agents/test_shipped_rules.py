@@ -51,6 +51,24 @@ def here(name, task, runs, first=0):
     return evaluate_driver(driver, task.place(), name, task.scheme, runs=runs, measure=True, first_seed=seed)
 
 
+def test_what_is_still_good_stays_and_what_is_missing_is_made(room, tmp_path, monkeypatch):
+    for name, value in {"FOLDER": tmp_path / "there", "OF_TASK": ("rule", "rule-best-speed", "follow")}.items():
+        monkeypatch.setattr(shipped, name, value)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("crowd_env.agents.drivers.SHARES", (0.9,))
+    shutil.copytree(room / ROOM.name, tmp_path / "there" / ROOM.name)
+    before = {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in (tmp_path / "there").rglob("*.npz")}
+    gone = tmp_path / "there" / ROOM.name / "follow.npz"
+    gone.unlink()
+    shipped.ship(ROOM, runs=5)
+    assert gone.exists() and list(found()) == ["rule", "rule-best-speed", "follow"]
+    for path, (written, content) in before.items():
+        assert path == gone or (path.stat().st_mtime_ns, path.read_bytes()) == (written, content)
+    monkeypatch.setattr(shipped, "_does_so", lambda task, result: False)  # as after a change of the code
+    shipped.ship(ROOM, runs=5)
+    assert all(path.stat().st_mtime_ns > written for path, (written, _) in before.items())
+
+
 @looped("runs", [2, 5], quick=1)
 def test_it_is_what_an_evaluation_finds(runs, monkeypatch):
     monkeypatch.setattr("crowd_env.agents.drivers.SHARES", (0.9,))

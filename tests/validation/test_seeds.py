@@ -1,13 +1,21 @@
 """The table and the picture of several seeds, of runs that are made up."""
 
 import pytest
+from late import late
 
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.json_file import write_json
 from validation import seeds
 from validation.sources import Source
 
-HEAD = ("cpu_seconds", "evacuation_time")
+training = late("crowd_env.agents.learned.training")
+
+
+def write(path, *points):
+    """Write a curve of CPU seconds and times of the last person [s]."""
+    columns = training.CURVE_COLUMNS
+    rows = [dict.fromkeys(columns, 0.0) | {"cpu_seconds": cpu, "evacuation_time": time} for cpu, time in points]
+    write_csv(path, columns, [list(row.values()) for row in rows])
 
 
 def time(mean):
@@ -24,8 +32,8 @@ def folder(tmp_path):
             "rows": [{"policy": name, **time(value)} for name, value in rows.items()],
             "confirmation": {"kept": kept, "steps": 3000}, "spent": {"cpu_seconds": 300.0 + seed},
         })  # fmt: skip
-        write_csv(run / "search_curve.csv", HEAD, [(0.0, 350.0), (100.0, 53.0 + seed)])
-        write_csv(run / "learning_curve.csv", HEAD, [(200.0, 53.0), (300.0, mean)])
+        write(run / training.SEARCH, (0.0, 350.0), (100.0, 53.0 + seed))
+        write(run / training.CURVE, (200.0, 53.0), (300.0, mean))
     return tmp_path
 
 
