@@ -21,6 +21,7 @@ from ..controllers import Controller
 from ..drivers import PolicyBatches, driver_of
 from ..mixed import learned_people
 from ..policy import Policy
+from .goals import at_goals
 
 # Training draws from (seed, environment) with seeds below this; draws from here on have never been trained on.
 HELD_OUT_SEED = 1_000_000
@@ -33,7 +34,7 @@ FINAL_SEED, OWN_SEED = 3_000_000, 10_000_000
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Many evacuations under one policy and scheme."""
+    """Many evacuations under one policy and scheme; people who strayed count as left inside, see `at_goals`."""
 
     policy: str
     scheme: str
@@ -297,7 +298,7 @@ def _warm_up(cell: Cell) -> None:
 
 def _joined(cell: Cell, batches: Sequence[BatchDone]) -> Evaluation:
     """Return the evaluation that the batches of a cell, in their order, amount to."""
-    episodes = [episode for batch in batches for episode in batch.episodes]
+    episodes = [at_goals(episode, cell.scenario) for batch in batches for episode in batch.episodes]
     recorder = batches[0].recorder
     for batch in batches[1:] if recorder is not None else ():
         recorder.merge(batch.recorder)

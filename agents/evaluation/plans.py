@@ -35,6 +35,7 @@ from ..trained import names_file
 from .entries import RULE
 from .evaluation import HELD_OUT_SEED
 from .folder import source_stamp
+from .goals import at_goals
 
 PLANS = 2000
 # Rules that a pedestrian could walk by: `zipper` knows more, and `rule-best-speed` asks for a search in every plan.
@@ -47,7 +48,7 @@ class Outcomes(NamedTuple):
     """What came of one policy in K plans."""
 
     time: Floats  # (K,)  s    when the last person was out; inf where somebody was left
-    left: Floats  # (K,)  people left inside
+    left: Floats  # (K,)  people left inside, or out by an exit that they do not mean, see `at_goals`
     pressure: Floats  # (K,)  N/m  greatest contact force on someone over circumference, mean of a decision step
     impulse: Floats  # (K,)  N s  contact impulse magnitudes per person
 
@@ -162,7 +163,7 @@ def judge_plan(
     episodes = simulate_batch(batches[0], stopped).episodes
     if not episodes:
         raise KeyboardInterrupt
-    episode = episodes[0]
+    episode = at_goals(episodes[0], place)
     left = episode.metrics.unfinished
     return Outcome(
         0.0 if left else float(episode.metrics.evacuation_time),

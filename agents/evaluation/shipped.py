@@ -29,6 +29,7 @@ from ..walking import RuleAtShare
 from .entries import RULE, make_entries, policy_entry
 from .evaluation import HELD_OUT_SEED, Evaluation
 from .folder import EvaluationFolder, content_of, evaluation_of, settings_of
+from .goals import strayed
 from .same_draws import compare
 
 FOLDER = Path(__file__).parents[1] / "tasks/rules"
@@ -80,7 +81,8 @@ def _does_so(task: Task, result: Evaluation) -> bool:
     state, until = driver.env.simulation.state, np.max(there, where=np.isfinite(there), initial=0.0)
     while state.time.max() < until and not driver.env.finished.all():
         driver.step()
-    here = np.sort(state.exit_time.reshape(draws, -1))[:, :_PEOPLE]
+    stray = strayed(state.exit_index.reshape(draws, -1), place)
+    here = np.sort(np.where(stray, np.nan, state.exit_time.reshape(draws, -1)))[:, :_PEOPLE]
     return np.allclose(here, there, rtol=0.0, atol=_ALIKE, equal_nan=True)
 
 
