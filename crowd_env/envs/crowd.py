@@ -242,6 +242,7 @@ class CrowdEnv:
         self._restart(np.flatnonzero(chosen).tolist())
         self._started = True
         observation, transition = self._observer.observe(self.active), self._transition
+        self._wait_for_the_first(chosen)
         fresh = chosen[self.env_of_person]
         transition.travel_time_before[fresh] = transition.travel_time_after[fresh]
         if chosen.all():
@@ -289,6 +290,7 @@ class CrowdEnv:
             info["final_observation"] = observation.copy()
             self._restart(over.tolist())
             self._observer.observe(state.active, over, observation)
+            self._wait_for_the_first(over)
         transition.travel_time_before[:] = transition.travel_time_after
         return Step(observation, reward, left, truncated, info)
 
@@ -373,7 +375,13 @@ class CrowdEnv:
         people = begun[self.env_of_person]
         self._choice.chosen_at[people], transition.impulse[people], transition.inside[people] = -np.inf, 0.0, True
         self._observer.view.reached[people] = np.inf, 0.0
-        transition.last_exit[chosen], transition.step_start[chosen], transition.finished[chosen] = 0.0, 0.0, False
+        transition.step_start[chosen], transition.finished[chosen] = 0.0, False
+
+    def _wait_for_the_first(self, chosen: Bools | Ints) -> None:
+        """Let exits count as blocked only when nobody has got out for a while since somebody could have."""
+        first = self._observer.view.potential + self.simulation.bodies.response_time
+        soonest = np.minimum.reduceat(np.where(np.isfinite(first), first, 0.0), self.env_start[:-1])
+        self._transition.last_exit[chosen] = soonest[chosen]
 
     def _command(
         self, action: ArrayLike | None, scripted: ArrayLike | None

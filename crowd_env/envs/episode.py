@@ -61,11 +61,12 @@ def metrics_of(e: int, people: slice, step: Transition, simulation: "Simulation"
     sums = simulation.diagnostics
     exits = summarise_exits(np.sort(simulation.state.exit_time[people]))
     blocked = simulation.state.time[e] - step.last_exit[e] > step.blocked_after[e]
+    since = float(step.last_exit[e]) if exits.missing < people.stop - people.start else 0.0
     return EpisodeMetrics(
         evacuation_time=exits.last,
         mean_exit_time=exits.mean,
         unfinished=exits.missing,
-        blocked_since=float(step.last_exit[e]) if exits.missing and blocked else float("nan"),
+        blocked_since=since if exits.missing and blocked else float("nan"),
         flow=exits.flow,
         contact_impulse=float(step.impulse[people].mean()),
         max_overlap=float(sums.max_overlap[e]),

@@ -17,7 +17,7 @@ class EpisodeMetrics(NamedTuple):
     evacuation_time: float  #: s, when the last person got out; nan if someone did not
     mean_exit_time: float  #: s, over those who got out
     unfinished: int  #: people still inside at the time limit, or when the exits were found blocked
-    blocked_since: float  #: s, when the last person got out before the exits blocked for good; nan if they did not
+    blocked_since: float  #: s, last exit before the exits blocked for good, 0 if nobody got out; nan if they did not
     flow: float  #: 1/s, least-squares slope of the number out against time; nan with fewer than 3 exits
     contact_impulse: float  #: N s, contact impulse magnitudes per person, summed over the episode
     max_overlap: float  #: m

@@ -34,7 +34,7 @@ class Transition(NamedTuple):
     step_start: Floats  # (E,)   s    when the step started
     time_limit: Floats  # (E,)   s
     blocked_after: Floats  # (E,)   s
-    last_exit: Floats  # (E,)   s    when somebody last got out in this episode; 0 = nobody has
+    last_exit: Floats  # (E,)   s    when somebody last got out in this episode, or at first could have
     finished: Bools  # (E,)   the episode is over, or none has begun
     ended: Bools  # (E,)   the episode ended in this step
 

