@@ -47,8 +47,9 @@ BLOCK = 20  # plans of a piece of work
 class Outcomes(NamedTuple):
     """What came of one policy in K plans."""
 
-    time: Floats  # (K,)  s    when the last person was out; inf where somebody was left
-    left: Floats  # (K,)  people left inside, or out by an exit that they do not mean, see `at_goals`
+    time: Floats  # (K,)  s    when the last person was out; inf where somebody was left or strayed
+    left: Floats  # (K,)  people left inside
+    strayed: Floats  # (K,)  people out by an exit that their route does not lead to, see `strayed`
     pressure: Floats  # (K,)  N/m  greatest contact force on someone over circumference, mean of a decision step
     impulse: Floats  # (K,)  N s  contact impulse magnitudes per person
 
@@ -130,7 +131,10 @@ def judge_plans(
         return np.concatenate([np.array(one, dtype=np.float64) for one in values])[:plans]
 
     found_of = {name: Outcomes(*(joined(name, part) for part in Outcomes._fields)) for name in policies}
-    return {name: one._replace(time=np.where(one.left > 0.0, np.inf, one.time)) for name, one in found_of.items()}
+    return {
+        name: one._replace(time=np.where(one.left + one.strayed > 0.0, np.inf, one.time))
+        for name, one in found_of.items()
+    }
 
 
 def _judge_block(piece: tuple[str, int, int | None], stopped: Callable[[], bool]) -> dict[str, list[float | None]]:
@@ -143,8 +147,9 @@ def _judge_block(piece: tuple[str, int, int | None], stopped: Callable[[], bool]
 class Outcome(NamedTuple):
     """What came of one policy in one plan; the fields are those of `Outcomes`."""
 
-    time: float  # s    0 where somebody was left
+    time: float  # s    0 where somebody was left or strayed
     left: float
+    strayed: float
     pressure: float  # N/m
     impulse: float  # N s
 
@@ -163,11 +168,12 @@ def judge_plan(
     episodes = simulate_batch(batches[0], stopped).episodes
     if not episodes:
         raise KeyboardInterrupt
-    episode = at_goals(episodes[0], place)
-    left = episode.metrics.unfinished
+    episode, left = at_goals(episodes[0], place), episodes[0].metrics.unfinished
+    missing = episode.metrics.unfinished
     return Outcome(
-        0.0 if left else float(episode.metrics.evacuation_time),
+        0.0 if missing else float(episode.metrics.evacuation_time),
         left,
+        missing - left,
         episode.record,
         float(episode.metrics.contact_impulse),
     )
@@ -191,21 +197,24 @@ def interquartile_mean(values: Floats) -> Floats:
 def figures(found: Mapping[str, Outcomes]) -> list[dict[str, Any]]:
     """Return a row for each policy, and one for the best rule of each plan picked in hindsight, ready for JSON.
 
-    ``out`` is the share of plans in which everybody got out, ``pressed`` that in which somebody once bore more than `INJURY`,
-    each with its Wilson interval; ``pressed_by_force`` counts the laws alone whose contacts are forces.  ``time`` [s] is the
-    interquartile mean over plans of the time of the last person, ``over_hindsight`` the median over plans of the time over
-    that of the best rule, of plans that both cleared.
+    ``out`` is the share of plans in which everybody got out where they meant to; ``left_in`` counts the plans in which somebody
+    was left inside, ``elsewhere`` the others in which somebody strayed.  ``pressed`` is the share in which somebody once bore
+    more than `INJURY`; shares have Wilson intervals.  ``time`` [s] is the interquartile mean over plans of the time of the last
+    person, ``over_hindsight`` the median over plans of the time over that of the best rule, of plans that both cleared.
     """
-    plans = len(next(iter(found.values())).time)
-    best = hindsight(found) if any(name in found for name in RULES) else np.full(plans, np.inf)
-    rows = [_row(name, one.time, best, one) for name, one in found.items()]
-    return [*rows, _row(HINDSIGHT, best, best)] if np.isfinite(best).any() else rows
+    plans, rules = len(next(iter(found.values())).time), [found[name] for name in RULES if name in found]
+    best = hindsight(found) if rules else np.full(plans, np.inf)
+    rows = [_row(name, one.time, one.left, best, one) for name, one in found.items()]
+    if np.isfinite(best).any():
+        rows.append(_row(HINDSIGHT, best, np.min([one.left for one in rules], axis=0), best))
+    return rows
 
 
-def _row(name: str, time: Floats, best: Floats, one: Outcomes | None = None) -> dict[str, Any]:
+def _row(name: str, time: Floats, left: Floats, best: Floats, one: Outcomes | None = None) -> dict[str, Any]:
     plans, out = len(time), np.isfinite(time)
-    both = out & np.isfinite(best)
-    row: dict[str, Any] = {"policy": name, "plans": plans, "left_in": int((~out).sum()), "out": float(out.mean())}
+    both, inside = out & np.isfinite(best), ~out & (left > 0.0)
+    row: dict[str, Any] = {"policy": name, "plans": plans, "out": float(out.mean())}
+    row |= {"left_in": int(inside.sum()), "elsewhere": int((~out & ~inside).sum())}
     row |= {
         "out_interval": list(share_interval(int(out.sum()), plans)),
         "time": json_number(float(interquartile_mean(time))),
@@ -225,6 +234,7 @@ def table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
         "policy",
         "plans",
         "somebody left in",
+        "somebody elsewhere",
         "everybody out",
         "somebody above 1.6 kN/m",
         "last out, IQM, s",
@@ -236,7 +246,8 @@ def table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
         out, pressed = (_share(row, name) for name in ("out", "pressed"))
         over = "" if row["over_hindsight"] is None else f"{row['over_hindsight']:.3f}"
         time = "never" if row["time"] is None else f"{row['time']:.1f}"
-        made.add_row(row["policy"], str(row["plans"]), str(row["left_in"]), out, pressed, time, over)
+        counts = (str(row[name]) for name in ("plans", "left_in", "elsewhere"))
+        made.add_row(row["policy"], *counts, out, pressed, time, over)
     return made
 
 

@@ -27,6 +27,7 @@ from crowd_env.scenarios.generated import Conditions
 from .. import make_policy
 from ..drivers import policy_driver
 from ..evaluation.entries import RULE
+from ..evaluation.goals import at_goals
 from ..evaluation.plans import BLOCK, judge_plans
 from ..policy import Policy
 from ..rules import StrategyPolicy
@@ -101,7 +102,9 @@ def find_teachers(config: Mapping[str, Any], folder: Path | None, threads: int =
             TEACHERS, plans, first=0, most=places["people"], executor=executor, progress=progress,
             folder=None if folder is None else folder / "teachers",
         )  # fmt: skip
-    cost = np.array([one.left * 1e6 + np.where(np.isfinite(one.time), one.time, 0.0) for one in judged.values()])
+    cost = np.array(
+        [(one.left + one.strayed) * 1e6 + np.where(np.isfinite(one.time), one.time, 0.0) for one in judged.values()]
+    )
     walked = np.flatnonzero(~np.isnan(cost).any(axis=0))
     best = np.argmin(cost[:, walked], axis=0)
     teachers = Teachers({int(seed): TEACHERS[k] for seed, k in zip(walked, best, strict=True)}, of_beside)
@@ -136,7 +139,7 @@ def _cost_beside(piece: tuple[Beside, str], stopped: Callable[[], bool] = never)
         "strategy": place.strategy_of_run(),
     }
     driver = replace(policy_driver(_policy(name, place), place, **options), passes_rest=True)
-    episodes = run_episodes(place, _DRAWS, driver=driver)
+    episodes = [at_goals(one, place) for one in run_episodes(place, _DRAWS, driver=driver)]
     left = float(sum(episode.metrics.unfinished for episode in episodes))
     return left, float(np.mean([episode.end for episode in episodes]))
 

@@ -136,14 +136,15 @@ class Keeper:
 class PlanKeeper(Keeper):
     """A `Keeper` of a training in all places: it judges in generated ones, of seeds that training never draws.
 
-    In its curve ``unfinished`` counts plans in which somebody was left, and ``evacuation_time`` is the interquartile mean over
-    plans, with the standard error of a mean of the middle half.
+    In its curve ``unfinished`` counts plans in which somebody was left or strayed, and ``evacuation_time`` is the interquartile
+    mean over plans, with the standard error of a mean of the middle half.
     """
 
     def _row(self, who: Policy | LearnedController, steps: float, cpu: float = 0.0) -> dict[str, float]:
         seeds = range(VALIDATION_SEED, VALIDATION_SEED + self.config["eval_runs"])
         found = [judge_plan(cast(Policy, who), seed) for seed in seeds]
-        times = np.sort([one.time if not one.left else np.inf for one in found])
+        missing = np.array([one.left + one.strayed for one in found])
+        times = np.sort(np.where(missing > 0.0, np.inf, [one.time for one in found]))
         middle = times[len(times) // 4 : len(times) - len(times) // 4]
         return {
             "steps": float(steps),
@@ -151,7 +152,7 @@ class PlanKeeper(Keeper):
             "cpu_seconds": self.cpu_seconds + cpu,
             "evacuation_time": float(middle.mean()),
             "standard_error": float(middle.std(ddof=1) / np.sqrt(len(middle))),
-            "unfinished": float(sum(one.left > 0 for one in found)),
+            "unfinished": float((missing > 0.0).sum()),
             "contact_impulse": float(np.mean([one.impulse for one in found])),
             "reward": float(np.mean(self.returns)) if self.returns else np.nan,
             "episodes": float(len(self.returns)),

@@ -16,7 +16,9 @@ from crowd_env.scenarios.generated import conditions_of, draw_place
 
 def outcomes(times, pressure=0.0):
     times = np.asarray(times, dtype=float)
-    return Outcomes(times, np.isinf(times).astype(float), np.full(len(times), pressure), np.zeros(len(times)))
+    return Outcomes(
+        times, np.isinf(times).astype(float), np.zeros(len(times)), np.full(len(times), pressure), np.zeros(len(times))
+    )
 
 
 def test_interquartile_mean_is_that_of_the_middle_half():
@@ -37,6 +39,17 @@ def test_hindsight_takes_the_best_rule_of_each_plan_and_no_learned_policy():
     assert rows["learned"]["pressed"] == 1.0 and rows["follow"]["pressed"] == 0.0
     assert rows["learned"]["over_hindsight"] == pytest.approx(np.median([0.1, 0.025, 0.04]))
     assert rows[plans.HINDSIGHT]["left_in"] == 0
+
+
+def test_who_strayed_is_neither_inside_nor_out():
+    found = {
+        "rule": outcomes([10.0, np.inf, np.inf])._replace(
+            left=np.array([0.0, 0.0, 3.0]), strayed=np.array([0.0, 2.0, 0.0])
+        )
+    }
+    rule, best = figures(found)
+    assert (rule["left_in"], rule["elsewhere"], rule["out"]) == (1, 1, pytest.approx(1 / 3))
+    assert (best["left_in"], best["elsewhere"]) == (1, 1)
 
 
 @cache
@@ -75,7 +88,7 @@ def test_a_judgement_goes_on_and_takes_what_is_kept(tmp_path, monkeypatch):
 
     def judged(policy, seed, most, stopped):
         walked.append((policy, seed))
-        return plans.Outcome(float(seed), 0.0, 0.0, 0.0)
+        return plans.Outcome(float(seed), 0.0, 0.0, 0.0, 0.0)
 
     monkeypatch.setattr(plans, "judge_plan", judged)
     first = judge_plans(("rule",), 3, first=100, folder=tmp_path)
