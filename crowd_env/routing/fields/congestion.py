@@ -141,6 +141,8 @@ class CongestionField:
             (shortest, cell, sure), least = self._spread, _ABREAST
         alike = sure & ((direction * shortest).sum(axis=-1) > least)
         keeps = (keeps_on & known) | alike | (self._inside & ~self._free)
+        if people is not None and people.keeps_distance:
+            keeps |= seeds  # beside an exit the marched times do not say which way it faces
         direction[keeps] = shortest[keeps]
         fill_from_nearest(time, direction, self._inside, known, self.spacing)
         if not keeps_on.any():

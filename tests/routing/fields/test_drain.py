@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from cases import looped
+from shapely import transform
 from shapely.geometry import box
 
-from crowd_env import Scenario, Simulation, make_scenario, make_state
+from crowd_env import CrowdEnv, Population, Scenario, Simulation, Uniform, make_scenario, make_state
 from crowd_env.core.arrays.state import make_bodies
-from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.fields.drain import spread
 from crowd_env.routing.fields.field import join_fields, travel_time_field
 from crowd_env.routing.fields.lookup import direction_at
@@ -146,3 +147,27 @@ def test_people_keep_to_the_exit_of_the_shortest_way():
     points = np.random.default_rng(2).uniform((-6.8, -5.8), (-0.5, 5.8), (400, 2))
     shortest, spreading = (walk(geometry, field, points) > 0.0 for field in fields(geometry))
     assert (shortest != spreading).mean() < 0.01
+
+
+@looped("angle", [0.0, 17.0, 34.0, 56.0, 73.0])
+def test_in_front_of_an_exit_the_fastest_way_leads_out(angle):
+    """Of people who keep a distance, within the spacing of the marched field, whichever way the exit faces."""
+    turn = turning(np.radians(angle))
+    exits = {name: turn(np.array(line)) for name, line in (("narrow", [(0, 3), (0, 3.61)]), ("wide", [(7, 2), (7, 4)]))}
+    geometry = Geometry.from_polygon(transform(box(0, 0, 7, 8), turn), exits=exits)
+    body = {"radius": Uniform(0.226, 0.226), "desired_speed": Uniform(1.0, 1.0)}
+    env = CrowdEnv(Scenario("room", geometry, Population(42, **body), 60.0), walking="hurried", routing="fastest")
+    env.reset(0)
+    names, position = [route.name for route in env.route_set[0].routes], env.simulation.state.position
+    inside = turn(np.array([3.5, 4.0]))
+    for a, b in np.asarray(geometry.exits).reshape(-1, 2, 2):
+        along, middle = (b - a) / np.hypot(*(b - a)), (a + b) / 2
+        out = np.array([along[1], -along[0]]) * np.sign(
+            along[1] * (middle - inside)[0] - along[0] * (middle - inside)[1]
+        )
+        half = np.hypot(*(b - a)) / 2 - 0.23
+        points = [middle - d * out + s * half * along for d in (0.01, 0.05, 0.1, 0.2) for s in (-1, -0.5, 0, 0.5, 1)]
+        position[: len(points)] = points
+        env.simulation.state.route[:] = names.index("fastest")
+        env._observer.observe(env.active)
+        assert (env._observer.view.direction[: len(points)] @ out).min() > 0.5
