@@ -12,7 +12,7 @@ from crowd_env.cli.main import app
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
     monkeypatch.setattr(plans, "BLOCK", 2)
-    monkeypatch.setattr(plans, "judge_plan", lambda policy, seed, most, stopped: plans.Outcome(5.0, 0.0, 1.0, 2.0))
+    monkeypatch.setattr(plans, "judge_plan", lambda policy, seed, most, stopped: plans.Outcome(5.0, 0.0, 0.0, 1.0, 2.0))
 
 
 def invoke(*words):
