@@ -186,7 +186,7 @@ def plans(source: Source) -> Grid:
     """One row a policy in generated places, and one for the best rule of each of them in hindsight."""
     return grid(source.read("rows.json")["rows"], **{
         "policy": "`{policy}`", "places": "{plans}", "somebody left inside": "{left_in}", "elsewhere": "{elsewhere}",
-        "everybody out": "{out:.1%}", "interval": "{out_interval[0]:%} to {out_interval[1]:%} %",
+        "all out, as meant": "{out:.1%}", "interval": "{out_interval[0]:%} to {out_interval[1]:%} %",
         "last person, interquartile mean, s": "{time:.1f}", "of that of the best rule": "{over_hindsight:.2f}",
         "somebody above 1.6 kN/m": "{pressed:%} %", "greatest pressure, median, kN/m": "{median_pressure:k}",
     })  # fmt: skip
