@@ -102,9 +102,8 @@ def find_teachers(config: Mapping[str, Any], folder: Path | None, threads: int =
             TEACHERS, plans, first=0, most=places["people"], executor=executor, progress=progress,
             folder=None if folder is None else folder / "teachers",
         )  # fmt: skip
-    cost = np.array(
-        [(one.left + one.strayed) * 1e6 + np.where(np.isfinite(one.time), one.time, 0.0) for one in judged.values()]
-    )
+    # The time is infinite where somebody was left or strayed.
+    cost = np.array([np.where(np.isinf(one.time), 1e6 * (one.left + one.strayed), one.time) for one in judged.values()])
     walked = np.flatnonzero(~np.isnan(cost).any(axis=0))
     best = np.argmin(cost[:, walked], axis=0)
     teachers = Teachers({int(seed): TEACHERS[k] for seed, k in zip(walked, best, strict=True)}, of_beside)

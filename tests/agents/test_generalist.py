@@ -6,7 +6,9 @@ from late import late
 
 from crowd_env import CrowdEnv, GeneratedCrowds, ObservationLayout, make_scenario
 from crowd_env.agents import make_policy, training_config
+from crowd_env.agents.evaluation.plans import Outcomes
 from crowd_env.agents.tasks import TASKS
+from crowd_env.agents.walking import Evolved, RuleAtShare
 from crowd_env.scenarios.generated import Conditions
 
 generalist = late("crowd_env.agents.learned.generalist")
@@ -14,6 +16,7 @@ generalist = late("crowd_env.agents.learned.generalist")
 LAYOUT = ObservationLayout(terms=tuple(training_config.GENERALIST["terms"]))
 ROOM = make_scenario("room-v0", people=12)
 OURS = Conditions("nsm2", "competitive", 0.0)
+BACK = Evolved(own=0.0, far=0.0, density=0.0, close=0.0, match=0.0, crowd=0.0, always=-2.0)  # at full speed
 
 
 def crowds(share, num_envs=3, **more):
@@ -87,6 +90,28 @@ def test_who_leaves_fewer_people_teaches_before_who_is_sooner(monkeypatch):
     monkeypatch.setattr(generalist, "_cost_beside", lambda piece, stopped: times.get(piece[1], (9.0, 9.0)))
     places = [generalist.Beside("a", ROOM, OURS), generalist.Beside("b", ROOM, OURS)]
     assert generalist._best_beside(places, generalist.Serial()) == ["evolution", "evolution"]
+
+
+def test_who_lets_people_stray_teaches_no_more_than_who_leaves_them(monkeypatch):
+    def judged(names, plans, **options):
+        none = np.zeros(plans)
+        quick = Outcomes(np.full(plans, np.inf), none, none + 2.0, none, none)  # 2 people out elsewhere, and soon
+        slow, left = quick._replace(time=none + 90.0, strayed=none), quick._replace(left=none + 3.0, strayed=none)
+        return {name: {"rule": quick, "evolution": slow}.get(name, left) for name in names}
+
+    monkeypatch.setattr(generalist, "judge_plans", judged)
+    monkeypatch.setattr(generalist, "places_of_tasks", lambda people: [])
+    config = {"places": {"people": 150, "taught": 20}}
+    assert set(generalist.find_teachers(config, None).of_seed.values()) == {"evolution"}
+    monkeypatch.setattr(generalist, "TEACHERS", ("hertz-room/ppo", "rule"))
+    assert set(generalist.find_teachers(config, None).of_seed.values()) == {"rule"}
+
+
+def test_in_a_task_who_steps_back_through_the_entrance_is_left(monkeypatch):
+    monkeypatch.setattr(generalist, "_policy", lambda name, place: RuleAtShare(0.0) if name == "rule" else BACK)
+    monkeypatch.setattr(generalist, "_DRAWS", 2)
+    place = generalist.Beside("counter-flow", make_scenario("counter-flow-v0", people=8), OURS)
+    assert [generalist._cost_beside((place, name))[0] for name in ("rule", "back")] == [16.0, 16.0]
 
 
 def test_the_parameters_of_a_training_in_all_places_are_plain_and_checked():

@@ -246,3 +246,17 @@ def test_who_responds_late_is_waited_for_in_every_episode():
         ends += [(int(e), metrics.unfinished) for e, metrics in step.info["metrics"].items()]
     # 8 and 14 s an episode, a decision more for each, 40 s in all.
     assert ends.count((0, 2)) == 4 and ends.count((1, 2)) == 2
+
+
+def test_the_wait_of_an_episode_knows_nothing_of_the_one_before():
+    env = CrowdEnv(who_stands(blocked_after=5.0), autoreset=True)
+    env.reset(0)
+    ends, time = [], 0.0
+    while len(ends) < 2:
+        walks = not ends and time > 4.0  # out after 11 s; the second stand, and are given up after 7 + 5
+        step = env.step(np.full((2, 2), [float(walks), 0.0]))
+        time += env.decision_dt
+        ends += [(time, metrics.unfinished) for metrics in step.info["metrics"].values()]
+    (first, out), (second, left) = ends
+    assert out == 0 and first > 11.0 and left == 2
+    assert second - first == pytest.approx(12.0, abs=0.25)

@@ -162,9 +162,8 @@ def test_in_front_of_an_exit_the_fastest_way_leads_out(angle):
     inside = turn(np.array([3.5, 4.0]))
     for a, b in np.asarray(geometry.exits).reshape(-1, 2, 2):
         along, middle = (b - a) / np.hypot(*(b - a)), (a + b) / 2
-        out = np.array([along[1], -along[0]]) * np.sign(
-            along[1] * (middle - inside)[0] - along[0] * (middle - inside)[1]
-        )
+        out = np.array([along[1], -along[0]])
+        out *= np.sign(out @ (middle - inside))
         half = np.hypot(*(b - a)) / 2 - 0.23
         points = [middle - d * out + s * half * along for d in (0.01, 0.05, 0.1, 0.2) for s in (-1, -0.5, 0, 0.5, 1)]
         position[: len(points)] = points
