@@ -28,6 +28,9 @@ SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall mus
 _ALIKE = 0.5  # cosine between two directions that lead the same way
 _WIDE = 1.6  # m, for the middle of a body, of openings over which density alone does not spread people; fitted
 _ABREAST = 0.7  # the same cosine, for people who spread: who turns off further goes around a crowd
+_AT_EXIT = 1.0  # s, at 1 m/s
+_TIP = 2.0  # nodes that a corner may reach beyond the discs that fit into it
+_AHEAD = 0.6  # m, of the fine way, to tell whether the marched field leads the same way
 _SMOOTHING = 0.5  # m, half width of the window that density is averaged over, twice
 
 
@@ -46,17 +49,20 @@ class CongestionField:
         self, fine: NavigationField, walls: Floats, speed: Callable[[Floats], Floats], exits: Floats | None
     ) -> None:
         stride = max(1, int(min(SPACING, 0.8 * fine.radius) / fine.spacing + 1e-9))
+        self._tight = fine.free is not None and _is_tight(fine.free & ~(fine.travel_time < _AT_EXIT), stride // 2)
+        if self._tight:
+            stride = max(1, stride // 2)
         self.spacing = stride * fine.spacing
         self.origin = fine.origin
         walkable = ~np.isnan(fine.travel_time)
         self._inside = walkable[::stride, ::stride]
         self._free = self._inside if fine.free is None else _any_near(fine.free, stride) & self._inside
-        self._first = _least_near(np.where(walkable, fine.travel_time, np.inf), stride)
+        self._first = _least_near(np.where(walkable, fine.travel_time, np.inf), stride // 2, stride)
         shape = self._inside.shape
         self._speed = speed(grid.node_points(self.origin, self.spacing, shape))
         blocked = grid.blocked_lines(walls, shape, self.origin, self.spacing)
-        # Within a meter of a door the straight line to it is the way, whatever the crowd.
-        near_door = (fine.direct >= 0) & (fine.travel_time < 1.0)
+        # This near to a door the straight line to it is the way, whatever the crowd.
+        near_door = (fine.direct >= 0) & (fine.travel_time < _AT_EXIT)
         direct = np.where(near_door, fine.direct, -1)[::stride, ::stride]
         self._direct, self._blocked = fine.direct[::stride, ::stride], blocked
         self._template = replace(
@@ -77,6 +83,7 @@ class CongestionField:
         self._fronts = Fronts(self._first, self._free, self._speed, blocked, self.spacing, width)
         self._shortest, self._fine, self._walls = fine.direction[::stride, ::stride], fine, walls
         self._narrow = np.zeros_like(self._inside) if fine.free is None else _narrow(fine.free, stride) & self._inside
+        self._ahead = _walk(fine, stride, round(_AHEAD / fine.spacing)) if self._tight else None
         level = self._first - SOURCE * self.spacing
         self._level = np.ma.MaskedArray(np.where(np.isfinite(level), level, 1e3), ~self._free)
 
@@ -121,6 +128,14 @@ class CongestionField:
         total, floor = _box_mean(values * floor, half), _box_mean(floor, half)
         return np.divide(total, floor, out=np.ones_like(total), where=floor > 1e-6)
 
+    def _leads_on(self, time: Floats, speed: Floats, ahead: tuple[Ints, Ints, Floats]) -> Bools:
+        """Return where the fine way leads on in the marched field of ``time`` and ``speed``, all (rows, cols)."""
+        row, col, walked = ahead
+        least = _least_near(np.where(np.isnan(time), np.inf, time), 1)
+        least[np.isinf(least)] = np.nan  # nothing is known around: no comparison holds
+        gained = 0.5 * (speed + speed[row, col]) * (least - least[row, col])
+        return np.asarray(gained > _ALIKE * walked)
+
     def march(self, position: Floats | None = None, people: FundamentalDiagram | None = None) -> NavigationField:
         """Return the field for ``people`` at ``position`` (K, 2) [m], or for an empty place."""
         speed, keeps_on = self._speed, np.zeros_like(self._inside)
@@ -140,6 +155,8 @@ class CongestionField:
         if people is not None and people.keeps_distance:
             (shortest, cell, sure), least = self._spread, _ABREAST
         alike = sure & ((direction * shortest).sum(axis=-1) > least)
+        if self._ahead is not None:  # there no slope between two nodes tells: the march cuts corners that bodies touch
+            alike |= sure & self._leads_on(time, speed, self._ahead)
         keeps = (keeps_on & known) | alike | (self._inside & ~self._free)
         if people is not None and people.keeps_distance:
             keeps |= seeds  # beside an exit the marched times do not say which way it faces
@@ -161,15 +178,45 @@ def _narrow(free: Bools, stride: int) -> Bools:
     return _any_near(free & ~opened, stride)
 
 
+def _is_tight(free: Bools, half: int) -> bool:
+    """Return whether there are passages that no disc of ``half`` nodes fits into; the tips of corners are none."""
+
+    def spread_out(area: Bools, reach: float) -> Bools:
+        pad, (rows, cols) = int(reach), area.shape
+        padded, near = np.pad(area, pad), np.zeros_like(area)
+        steps = range(-pad, pad + 1)
+        for p, q in ((p, q) for p in steps for q in steps if p * p + q * q <= reach * reach):
+            near |= padded[pad + p : pad + p + rows, pad + q : pad + q + cols]
+        return near
+
+    middle = free & ~spread_out(~free, half)
+    return bool((free & ~spread_out(middle, half + _TIP)).any())
+
+
+def _walk(fine: NavigationField, stride: int, steps: int) -> tuple[Ints, Ints, Floats]:
+    """Return the coarse nodes where ``steps`` from node to fine node lead from every coarse one, and how far that is [m]."""
+    rows, cols = fine.travel_time.shape
+    row, col = np.indices(fine.travel_time[::stride, ::stride].shape) * float(stride)
+    walked = np.zeros(row.shape)
+    for _ in range(steps):
+        towards = fine.direction[_whole(row, rows), _whole(col, cols)]
+        row, col = row + towards[..., 1], col + towards[..., 0]
+        walked += fine.spacing * (towards != 0.0).any(axis=-1)
+    return _whole(row / stride, len(row)), _whole(col / stride, row.shape[1]), walked
+
+
+def _whole(index: Floats, count: int) -> Ints:
+    return np.rint(index).astype(np.int64).clip(0, count - 1)
+
+
 def _any_near(fine: Bools, stride: int) -> Bools:
     """Return for every stride-th node whether any node around it is true."""
-    return np.asarray(_least_near(np.where(fine, 0.0, 1.0), stride) == 0.0)
+    return np.asarray(_least_near(np.where(fine, 0.0, 1.0), stride // 2, stride) == 0.0)
 
 
-def _least_near(fine: Floats, stride: int) -> Floats:
-    """Return for every stride-th node the least value among those nearer to it than to the next."""
-    half = stride // 2
-    padded = np.pad(fine, half, constant_values=np.inf)
+def _least_near(values: Floats, half: int, stride: int = 1) -> Floats:
+    """Return for every stride-th node the least value in a square window of 2 ``half`` + 1 nodes."""
+    padded = np.pad(values, half, constant_values=np.inf)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * half + 1, 2 * half + 1))
     return np.asarray(windows[::stride, ::stride].min(axis=(2, 3)))
 

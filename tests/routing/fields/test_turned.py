@@ -1,18 +1,23 @@
 """The way out does not depend on how a place lies to the axes of the grid, and is the one that a taut string takes."""
 
 import functools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
 from cases import looped
+from evacuations import evacuated
 from navigation_plans import RADIUS, ROOM, exit_targets, shortest_ways
 from shapely.affinity import rotate
 from shapely.geometry import Point, Polygon, box
 
+from crowd_env import make_scenario
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields.field import join_fields, travel_time_field
 from crowd_env.routing.fields.lookup import direction_at, travel_time_at
+from crowd_env.routing.route_set import RoutePlan
+from crowd_env.routing.spec import Route
 
 PLACES = {  # area, exit, obstacles
     "a door of 1 m": (ROOM, [(5, 2), (5, 3)], []),
@@ -82,3 +87,26 @@ def test_ways_are_those_of_a_taut_string(name):
     ahead, length = ways(name, points, RADIUS)
     np.testing.assert_allclose(length, exact, rtol=0.01)
     assert between(ahead, toward).mean() < 0.5
+
+
+@looped("degrees", [45, 137, 20, 250], quick=1)
+def test_nobody_stays_at_the_end_of_a_seat_row_however_it_lies(degrees):
+    place = make_scenario("theatre-v0", stair_speed=0.5).turned(np.radians(degrees))
+    place = replace(place, time_limit=100.0, blocked_after=20.0)
+    env = evacuated(place, physics="nsm2", walking="competitive", routing="fastest")
+    assert env.metrics(0).unfinished == 0
+
+
+@looped("degrees", [0, 20, 45, 137])
+def test_tight_are_passages_between_walls_and_no_corners_or_exits(degrees):
+    def is_tight(width, door=1.0):
+        area, *walls = (rotate(shape, degrees, origin=(0, 0)) for shape in (
+            box(0, 0, 8, 5), box(4, 0, 4.3, 2.1), box(4, 2.1 + width, 4.3, 5)))  # fmt: skip
+        exits = [turned([(8, 2), (8, 2 + door)], degrees)]
+        geometry = Geometry.from_polygon(area, exits=exits, obstacles=walls)
+        route_set = RoutePlan(geometry, RADIUS, routes=[Route("quick", strategy="fastest")]).build()
+        return route_set.routes[-1].congestion.spacing < 0.15
+
+    assert is_tight(0.58)
+    assert not is_tight(0.9)
+    assert not is_tight(0.9, door=0.6)
