@@ -192,6 +192,12 @@ def plans(source: Source) -> Grid:
     })  # fmt: skip
 
 
+def algorithms(source: Source) -> Grid:
+    """One row an algorithm or a policy beside it, as the command prints them."""
+    head, _, *rows = (source.folder / "table.md").read_text(encoding="utf-8").splitlines()
+    return [line[2:-2].split(" | ") for line in (head, *rows)]
+
+
 def scenarios(source: Source) -> Grid:
     """One row a scenario in which arches hold, one column a scheme: 100 runs each."""
     rows = [
@@ -304,7 +310,7 @@ def _of_tasks(make: Callable[[], Grid]) -> Callable[[Source], Grid]:
 
 
 _OF_CASES = (schemes, halls, jambs, bodies_gate, bodies_doors, clogging, frozen, standing, measured, criteria)
-_OF_POLICIES = (strategies, controller, training, seeds, plans, dilemma, dilemma_shares)
+_OF_POLICIES = (strategies, controller, training, seeds, plans, algorithms, dilemma, dilemma_shares)
 _OF_ROOMS = (scenarios, bodies, theatre, variants, clearance, flows)
 # Name of the table -> what makes it; made_by.csv says by which command its figures are measured.
 MAKERS: dict[str, Callable[[Source], Grid]] = {
