@@ -105,10 +105,7 @@ def bodies_doors(source: Source) -> Grid:
 
 def clogging(source: Source) -> Grid:
     """One row a desired speed."""
-    rows = [
-        {"speed": speed, **source(f"crowd_env clogging {source.folder / speed}")["sets"][0]}
-        for speed in ("1.0", "1.5", "1.8")
-    ]
+    rows = [{"speed": v, **source(f"crowd_env clogging {source.folder / v}")["sets"][0]} for v in ("1.0", "1.5", "1.8")]
     return grid(rows, **{
         "desired speed, m/s": "{speed}", "gaps": "{gaps[count]}", "mean, s": "{gaps[mean]:.2f}", "sd / mean": "{gaps[cv]:.2f}",
         "exponent α": "{tail[alpha]:.2f} ± {tail[error]:.2f}", "with open gaps": "{tail[alpha_open]:.2f}",
