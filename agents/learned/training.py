@@ -146,12 +146,13 @@ class PlanKeeper(Keeper):
         missing = np.array([one.left + one.strayed for one in found])
         times = np.sort(np.where(missing > 0.0, np.inf, [one.time for one in found]))
         middle = times[len(times) // 4 : len(times) - len(times) // 4]
+        spread = middle.std(ddof=1) if np.isfinite(middle).all() else np.inf
         return {
             "steps": float(steps),
             "seconds": self.seconds,
             "cpu_seconds": self.cpu_seconds + cpu,
             "evacuation_time": float(middle.mean()),
-            "standard_error": float(middle.std(ddof=1) / np.sqrt(len(middle))),
+            "standard_error": float(spread / np.sqrt(len(middle))),
             "unfinished": float((missing > 0.0).sum()),
             "contact_impulse": float(np.mean([one.impulse for one in found])),
             "reward": float(np.mean(self.returns)) if self.returns else np.nan,

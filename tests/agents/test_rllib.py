@@ -21,7 +21,8 @@ from crowd_env.agents.learned.ppo import PPOSettings  # noqa: E402
 from crowd_env.agents.learned.rllib import training  # noqa: E402  (these load RLlib)
 from crowd_env.agents.learned.rllib.runner import _Seen  # noqa: E402
 from crowd_env.agents.trained import LearnedPolicy  # noqa: E402
-from crowd_env.agents.training_config import make_env, task_config  # noqa: E402
+from crowd_env.agents.learned.generalist import KEPT, places_of_tasks
+from crowd_env.agents.training_config import generalist_config, make_env, task_config  # noqa: E402
 from crowd_env.core.files.json_file import write_json  # noqa: E402
 
 MEMORY = {"object_store_memory": 150_000_000}
@@ -113,8 +114,22 @@ def test_an_interrupted_training_goes_on_from_its_checkpoint(nodes, tmp_path, mo
     assert whole and more[0][0] > rows[-1][0] and check_folder(tmp_path)[-1] >= 2_000
 
 
+def test_it_trains_in_all_places(nodes, tmp_path, monkeypatch):
+    told = generalist_config(0, people=20, envs=2, steps=1_000, minutes=30.0) | {"eval_every": 10**9, "eval_runs": 2}
+    told["ppo"] |= {"n_steps": 16, "n_epochs": 1, "hidden": 8}
+    told["places"] |= {"taught": 20, "rounds": 1}
+    everywhere = {"of_seed": {str(k): "rule" for k in range(20)}, "of_beside": ["evolution"] * len(places_of_tasks(20))}
+    write_json(tmp_path / KEPT, everywhere)
+    assert training.train_on_cluster(tmp_path, told, runners=2)
+    env = make_env(told, envs=1)
+    policy = LearnedPolicy.load(tmp_path / "best.safetensors")
+    assert policy.act(env.reset(seed=0)[0], env.layout, np.random.default_rng(0)).shape == (20,)
+    with (tmp_path / "learning_curve.csv").open() as file:
+        assert [float(row["steps"]) for row in csv.DictReader(file)] == [0.0, 1_280.0]
+
+
 @looped("kind", ["speeds", "continuous"])
-def test_it_begins_as_the_native_training(kind):
+def test_it_begins_as_the_native_training(kind, tmp_path):
     from ray.rllib.algorithms.ppo.torch.default_ppo_torch_rl_module import DefaultPPOTorchRLModule
     from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 
@@ -122,7 +137,7 @@ def test_it_begins_as_the_native_training(kind):
 
     settings = PPOSettings(**config()["ppo"] | {"rule_logit": 2.0})
     told = config(action=kind, start="rule", ppo=asdict(settings))
-    env, first = make_env(told, envs=1), first_policy(told)
+    env, first = make_env(told, envs=1), first_policy(told, tmp_path, 1)
     module = RLModuleSpec(
         module_class=DefaultPPOTorchRLModule,
         observation_space=env.single_observation_space,

@@ -13,7 +13,7 @@ from crowd_env.core.executors import RayCluster
 
 from ...training_config import make_env
 from ..rate import FallingRate
-from ..training import Keeper, trained_in
+from ..training import keeper_of, trained_in
 from .algorithm import begin_with, make_algorithm, policy_of, set_rate
 from .module import first_policy
 
@@ -56,7 +56,7 @@ class _Training:
 
     def __init__(self, folder: Path, config: Mapping[str, Any], runners: int, threads: int) -> None:
         self.folder, self.config, self.threads, self.interrupted = folder, config, threads, False
-        self.keeper, self.env = Keeper(folder, config, threads), make_env(config, envs=1)
+        self.keeper, self.env = keeper_of(folder, config, threads), make_env(config, envs=1)
         say(f"{runners} runners simulate; compiling the physics takes half a minute of each node the first time")
         self.algorithm = make_algorithm(config, runners)
         self.rate = FallingRate(config["ppo"]["learning_rate"])
