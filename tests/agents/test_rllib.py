@@ -17,11 +17,11 @@ pytestmark = pytest.mark.nightly
 
 import torch  # noqa: E402
 
+from crowd_env.agents.learned.generalist import KEPT, places_of_tasks  # noqa: E402
 from crowd_env.agents.learned.ppo import PPOSettings  # noqa: E402
 from crowd_env.agents.learned.rllib import training  # noqa: E402  (these load RLlib)
 from crowd_env.agents.learned.rllib.runner import _Seen  # noqa: E402
 from crowd_env.agents.trained import LearnedPolicy  # noqa: E402
-from crowd_env.agents.learned.generalist import KEPT, places_of_tasks
 from crowd_env.agents.training_config import generalist_config, make_env, task_config  # noqa: E402
 from crowd_env.core.files.json_file import write_json  # noqa: E402
 
