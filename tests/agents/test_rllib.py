@@ -114,7 +114,7 @@ def test_an_interrupted_training_goes_on_from_its_checkpoint(nodes, tmp_path, mo
     assert whole and more[0][0] > rows[-1][0] and check_folder(tmp_path)[-1] >= 2_000
 
 
-def test_it_trains_in_all_places(nodes, tmp_path, monkeypatch):
+def test_it_trains_in_all_places(nodes, tmp_path):
     told = generalist_config(0, people=20, envs=2, steps=1_000, minutes=30.0) | {"eval_every": 10**9, "eval_runs": 2}
     told["ppo"] |= {"n_steps": 16, "n_epochs": 1, "hidden": 8}
     told["places"] |= {"taught": 20, "rounds": 1}
