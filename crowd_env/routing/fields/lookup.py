@@ -135,6 +135,17 @@ def _nearest_node(travel_time: Floats, start: int, rows: int, cols: int, i0: int
 
 
 @inner_kernel
+def _time_of_nearest(field: FieldArrays, f: int, x: float, y: float, first: int) -> float:
+    """Return the travel time at (x, y) by the known node nearest to its cell; nan if the field has none."""
+    cols, start, h = field.shape[f, 1], field.node_start[f], field.spacing[f]
+    node = _nearest_node(field.travel_time, start, field.shape[f, 0], cols, (first - start) // cols, (first - start) % cols)
+    if node < 0:
+        return np.nan
+    px, py = field.origin[f, 0] + (node - start) % cols * h, field.origin[f, 1] + (node - start) // cols * h
+    return field.travel_time[node] + np.sqrt((px - x) ** 2 + (py - y) ** 2)
+
+
+@inner_kernel
 def _node_for(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, first: int) -> int:
     """Return the one node to follow in a cell that a wall runs through or that has no walkable corner; -1 = none.
 
@@ -215,6 +226,8 @@ def way_at(
                 ex, ey = field.direction[node, 0], field.direction[node, 1]
             if not length >= 0.0:
                 length = field.travel_time[node]
+            if not length >= 0.0:  # beside a wall, where a march on so fine a grid keeps out
+                length = _time_of_nearest(field, f, x, y, first)
         return ex, ey, length
     node = _node_for(field, boundary, f, x, y, first)
     if node < 0:

@@ -13,6 +13,8 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields.field import join_fields, travel_time_field
 from crowd_env.routing.fields.grid import connected_parts
 from crowd_env.routing.fields.lookup import direction_at, travel_time_at
+from crowd_env.routing.route_set import RoutePlan
+from crowd_env.routing.spec import Route
 
 ndimage = late("scipy.ndimage")
 
@@ -118,6 +120,18 @@ def test_impossible_fields_are_refused_in_one_sentence(build, message):
     with pytest.raises(ValueError, match=message) as caught:
         build()
     assert "\n" not in str(caught.value)
+
+
+def test_the_way_out_has_a_length_beside_the_walls_of_a_tight_place_too():
+    geometry = gap(0.58)
+    fastest = RoutePlan(geometry, RADIUS, routes=[Route("quick", strategy="fastest")]).build().routes[-1].congestion.march()
+    points = np.random.default_rng(0).uniform((0, 0), (8, 5), (2000, 2))
+    points = points[geometry.contains(points)]
+    fields = (join_fields([field], geometry.boundary) for field in (fastest, travel_time_field(geometry, RADIUS)))
+    length = [[travel_time_at(field, geometry.boundary, 0, *point, RADIUS) for point in points] for field in fields]
+    beside = geometry.clearance(points) < 0.1
+    assert beside.sum() > 100
+    np.testing.assert_allclose(*np.array(length)[:, beside], rtol=0.05, atol=0.15)
 
 
 def test_connected_parts_are_those_of_scipy():
