@@ -138,7 +138,9 @@ def _nearest_node(travel_time: Floats, start: int, rows: int, cols: int, i0: int
 def _time_of_nearest(field: FieldArrays, f: int, x: float, y: float, first: int) -> float:
     """Return the travel time at (x, y) by the known node nearest to its cell; nan if the field has none."""
     cols, start, h = field.shape[f, 1], field.node_start[f], field.spacing[f]
-    node = _nearest_node(field.travel_time, start, field.shape[f, 0], cols, (first - start) // cols, (first - start) % cols)
+    node = _nearest_node(
+        field.travel_time, start, field.shape[f, 0], cols, (first - start) // cols, (first - start) % cols
+    )
     if node < 0:
         return np.nan
     px, py = field.origin[f, 0] + (node - start) % cols * h, field.origin[f, 1] + (node - start) // cols * h

@@ -151,6 +151,22 @@ def test_the_same_seed_learns_the_same_and_another_something_else():
     assert not np.array_equal(first, parameters(learned(1, steps=1)))
 
 
+@pytest.mark.parametrize(("field", "named"), [("observation", "observations"), ("reward", "advantages")])
+def test_what_is_not_finite_is_not_learned_from(field, named, monkeypatch):
+    env = CrowdEnv("room-v0", autoreset=True, action="speeds", **SMALL)
+    model, step = make_ppo(env, PPOSettings(n_steps=8), seed=0), env.step
+
+    def spoiled(action):
+        done = step(action)
+        getattr(done, field)[0] = np.nan
+        return done
+
+    monkeypatch.setattr(env, "step", spoiled)
+    with pytest.raises(ValueError, match=f"{named} of this rollout are not all finite"):
+        model.learn(48)
+    assert all(torch.isfinite(one).all() for one in model.policy.parameters())
+
+
 def test_learning_starts_from_the_rule():
     env = CrowdEnv("room-v0", num_envs=1, autoreset=True)
     model = make_ppo(env, PPOSettings(), seed=0)

@@ -124,7 +124,9 @@ def test_impossible_fields_are_refused_in_one_sentence(build, message):
 
 def test_the_way_out_has_a_length_beside_the_walls_of_a_tight_place_too():
     geometry = gap(0.58)
-    fastest = RoutePlan(geometry, RADIUS, routes=[Route("quick", strategy="fastest")]).build().routes[-1].congestion.march()
+    fastest = (
+        RoutePlan(geometry, RADIUS, routes=[Route("quick", strategy="fastest")]).build().routes[-1].congestion.march()
+    )
     points = np.random.default_rng(0).uniform((0, 0), (8, 5), (2000, 2))
     points = points[geometry.contains(points)]
     fields = (join_fields([field], geometry.boundary) for field in (fastest, travel_time_field(geometry, RADIUS)))

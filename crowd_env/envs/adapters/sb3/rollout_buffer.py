@@ -69,6 +69,11 @@ class MaskedRolloutBuffer(RolloutBuffer):
 
         Samples are shuffled once a rollout, and minibatches at every call: they are views, and no sample is copied twice.  A
         last minibatch of fewer than half the size is joined to the one before it: its gradient would be all noise.
+
+        Raises
+        ------
+        ValueError
+            If an observation or a reward is no finite number: one of them would spoil the network for good.
         """
         assert self.full, "the buffer is not full yet"
         draw: Any = np.random  # the generator that stable-baselines3 seeds
@@ -77,6 +82,10 @@ class MaskedRolloutBuffer(RolloutBuffer):
             for name in _SAMPLED:
                 array = getattr(self, name)
                 setattr(self, name, array.reshape(self.mask.size, *array.shape[2:])[valid])
+                if not np.isfinite(getattr(self, name)).all():
+                    raise ValueError(
+                        f"{name} of this rollout are not all finite: an observation term or a reward is not"
+                    )
             self.generator_ready = True
         tensors = [torch.as_tensor(getattr(self, name), device=self.device) for name in _SAMPLED]
         total = len(self.values)
