@@ -122,4 +122,6 @@ def test_the_table_of_tiers_is_what_was_measured():
     for one in SETTINGS:
         found = standing(one, tiers.FOLDER)
         if found is not None:
+            rows = json.loads((tiers.FOLDER / f"{one.title}.json").read_text())["rows"]
+            assert set(usual(one)) <= set(rows), one.title
             assert found.tier == one.tier, f"{one.title}: {json.dumps(found[1:])}"
