@@ -124,15 +124,15 @@ def test_impossible_fields_are_refused_in_one_sentence(build, message):
 
 def test_the_way_out_has_a_length_beside_the_walls_of_a_tight_place_too():
     geometry = gap(0.58)
-    fastest = (
-        RoutePlan(geometry, RADIUS, routes=[Route("quick", strategy="fastest")]).build().routes[-1].congestion.march()
-    )
+    quick = RoutePlan(geometry, RADIUS, routes=[Route("quick", strategy="fastest")]).build().routes[-1]
     points = np.random.default_rng(0).uniform((0, 0), (8, 5), (2000, 2))
     points = points[geometry.contains(points)]
-    fields = (join_fields([field], geometry.boundary) for field in (fastest, travel_time_field(geometry, RADIUS)))
+    known = quick.congestion.march(), travel_time_field(geometry, RADIUS)
+    fields = [join_fields([field], geometry.boundary) for field in known]
     length = [[travel_time_at(field, geometry.boundary, 0, *point, RADIUS) for point in points] for field in fields]
     beside = geometry.clearance(points) < 0.1
     assert beside.sum() > 100
+    # The time of the nearest node alone, without the way to it, is up to half a meter short.
     np.testing.assert_allclose(*np.array(length)[:, beside], rtol=0.05, atol=0.15)
 
 
