@@ -21,12 +21,13 @@ from stable_baselines3.common.logger import configure
 from crowd_env import CrowdEnv, GeneratedCrowds
 from crowd_env.core.console import notes, say, stops_by
 from crowd_env.core.files.csv_table import write_csv
+from crowd_env.envs.action import SpeedTable, make_action
 from crowd_env.envs.routing.env import RoutingVectorEnv
 
 from ..evaluation.comparison import last_times
 from ..evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from ..evaluation.plans import judge_plan
-from ..networks import NETWORK, Network
+from ..networks import MLP, NETWORK, BetweenMLP, Network
 from ..policy import Policy
 from ..trained import LearnedController, LearnedPolicy
 from ..training_config import facts_of, judged_place, make_env, physics_of, task_of
@@ -171,9 +172,13 @@ def trained_in(
     config: Mapping[str, Any],
     spread: list[float] | None = None,
 ) -> LearnedPolicy | LearnedController:
-    """Return the policy or controller that a network is, after training in ``env``."""
+    """Return the policy or controller that a network is, after training in ``env``; of all places, it acts between speeds."""
     facts = facts_of(config)
     if isinstance(env, CrowdEnv | GeneratedCrowds):
+        table = env.action_kind.decode
+        if isinstance(env, GeneratedCrowds) and isinstance(network, MLP) and type(table) is SpeedTable:
+            network = BetweenMLP(network.weights, network.biases, network.activation, table)
+            return LearnedPolicy(network, {**env_options_of(env), "action": make_action("continuous")}, facts)
         return LearnedPolicy(network, env_options_of(env), facts, spread)
     return LearnedController(network, env.batch.choices, config["routing"], facts)
 

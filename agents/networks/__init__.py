@@ -1,6 +1,16 @@
 """Networks as plain numbers: used, written and read with numpy alone, so that opening one runs nobody's code."""
 
 from .file import NETWORK, NETWORKS, network_digest, read_network, write_network
-from .network import MLP, BetaMLP, Network
+from .network import MLP, BetaMLP, BetweenMLP, Network
 
-__all__ = ["MLP", "NETWORK", "NETWORKS", "BetaMLP", "Network", "network_digest", "read_network", "write_network"]
+__all__ = [
+    "MLP",
+    "NETWORK",
+    "NETWORKS",
+    "BetaMLP",
+    "BetweenMLP",
+    "Network",
+    "network_digest",
+    "read_network",
+    "write_network",
+]

@@ -16,11 +16,11 @@ from safetensors.numpy import save
 from crowd_env.core.checks import known
 from crowd_env.core.files.atomic import written
 
-from .network import MLP, BetaMLP, Network
+from .network import MLP, BetaMLP, BetweenMLP, Network
 
 NETWORK = "best.safetensors"  # file in the folder of a training
 # Kind, as files call it -> network.
-NETWORKS: dict[str, type[Network]] = {one.kind: one for one in (MLP, BetaMLP)}
+NETWORKS: dict[str, type[Network]] = {one.kind: one for one in (MLP, BetaMLP, BetweenMLP)}
 FORMAT, VERSION = "crowd_env network", 2
 _FACTS = "crowd_env"  # key of the metadata
 _MOST_BYTES = 2**28  # of a file: a hundred times the networks made here

@@ -1,14 +1,15 @@
-"""Networks as numbers: what every kind has, layers of units, and such layers that end in Beta distributions."""
+"""Networks as numbers: what every kind has, layers of units, and such that end in Beta distributions or between two speeds."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Floats
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import known
+from crowd_env.envs.action import SpeedTable
 
 # Multiplications at once, of the largest layer: larger products are shared out to threads, which costs more than it saves, ten
 # times as much on busy cores.
@@ -188,6 +189,79 @@ class BetaMLP(MLP):
         """Return the modes (K, A) in [-1, 1] for inputs (K, I)."""
         alpha, beta = np.split(LEAST + np.logaddexp(0.0, super().forward(rows)), 2, axis=1)
         return 2.0 * beta_mode(alpha, beta) - 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class BetweenMLP(MLP):
+    """An `MLP` over the choices of a `SpeedTable` that acts between two of its speeds.
+
+    The layers end in a logit for each choice.  The heading is that of the likeliest choice.  The speed is the mean, weighted by
+    their odds, of that choice and of the likelier of the two with the speeds beside it.  A teacher whose speed the table lacks
+    is learned as shares of the two beside it (`crowd_env.agents.learned.cloning`): their mean is what it wanted, and the
+    likelier of them alone is too fast or too slow.
+
+    Parameters
+    ----------
+    table : what the choices mean.
+
+    Raises
+    ------
+    ValueError
+        As an `MLP`, or if the layers do not end in as many numbers as there are choices.
+    """
+
+    kind: ClassVar[str] = "between-mlp"
+    table: SpeedTable = field(default_factory=SpeedTable)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.biases[-1]) != self._choices:
+            raise ValueError(f"its layers end in {len(self.biases[-1])} numbers; its table has {self._choices} choices")
+
+    @property
+    def _choices(self) -> int:
+        return len(self.table.speeds) * len(self.table.headings)
+
+    @property
+    def outputs(self) -> int:
+        """How many numbers of a command it returns."""
+        return 2
+
+    @property
+    def commands(self) -> Floats:
+        """The command of each of K choices, and one that stands for no choice (K + 1, 2)."""
+        return np.vstack([self.table.commands, np.zeros(2)])
+
+    @property
+    def beside(self) -> Ints:
+        """The choices with the next lower and the next higher speed in the same heading (2, K); K where there is none."""
+        speeds, headings = np.array(self.table.speeds), np.arange(len(self.table.headings))
+        order = np.array([-1, *np.argsort(speeds), -1])
+        rank = 1 + np.argsort(np.argsort(speeds))
+        speed = order[np.stack([rank - 1, rank + 1])][:, :, None]
+        found = np.where(speed < 0, self._choices, speed * len(headings) + headings)
+        return np.asarray(found.reshape(2, -1), dtype=np.int64)
+
+    def settings(self) -> dict[str, Any]:
+        """Return the activation, the speeds and the headings."""
+        return {**super().settings(), "speeds": list(self.table.speeds), "headings": list(self.table.headings)}
+
+    @classmethod
+    def of(cls, tensors: Mapping[str, np.ndarray], settings: Mapping[str, Any]) -> "BetweenMLP":
+        """Return the network of these tensors; see `Network.of`."""
+        own = {name: settings[name] for name in ("speeds", "headings") if name in settings}
+        layers = MLP.of(tensors, {name: value for name, value in settings.items() if name not in own})
+        return cls(layers.weights, layers.biases, layers.activation, SpeedTable(**own))
+
+    def forward(self, rows: Floats) -> Floats:
+        """Return the commands (K, 2) for inputs (K, I)."""
+        logits = np.pad(super().forward(rows), ((0, 0), (0, 1)), constant_values=-np.inf)
+        row, best = np.arange(len(rows)), logits.argmax(axis=1)
+        slower, faster = self.beside[:, best]
+        beside = np.where(logits[row, faster] > logits[row, slower], faster, slower)
+        odds = np.exp(logits[row, beside] - logits[row, best])
+        share, commands = odds / (1.0 + odds), self.commands
+        return np.asarray(commands[best] + share[:, None] * (commands[beside] - commands[best]))
 
 
 def beta_mode(alpha: Floats, beta: Floats) -> Floats:

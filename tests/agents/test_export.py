@@ -12,10 +12,10 @@ from typer import Typer
 from typer.testing import CliRunner
 
 from crowd_env import ObservationLayout
-from crowd_env.agents.networks import MLP
+from crowd_env.agents.networks import MLP, BetweenMLP
 from crowd_env.agents.trained import LearnedController, LearnedPolicy
 from crowd_env.cli.agents import export
-from crowd_env.envs.action import make_action
+from crowd_env.envs.action import SpeedTable, make_action
 
 LAYOUT = ObservationLayout(terms=("direction", "neighbors"), neighbors=3)
 SPEEDS = {"name": "speeds", "speeds": [-0.5, 0.0, 1.0]}
@@ -78,6 +78,18 @@ def test_an_exported_policy_acts_as_it_does_here(tmp_path, action, outputs):
     best = np.sort(logits, axis=1)
     clear = best[:, -1] - best[:, -2] > 1e-4  # single precision may decide a tie otherwise
     assert clear.mean() > 0.99 and (chosen == expected)[clear].all() and len(set(chosen.tolist())) == outputs
+
+
+@looped("speeds", [[-0.5, 1.0, 0.0, 0.4], [1.0]])
+def test_an_exported_network_acts_between_the_same_speeds(tmp_path, speeds):
+    table, found = SpeedTable(speeds, (0.0, 0.5, -0.5)), policy("continuous", 2)
+    layers = loud(LAYOUT.size, len(table.commands))
+    found.network = BetweenMLP(layers.weights, layers.biases, table=table)
+    runs, _ = exported(found, tmp_path)
+    seen = rows(LAYOUT.size)
+    given, expected = runs.run(["action"], {"observation": seen})[0], found.act(seen, LAYOUT, None)
+    close = np.abs(given - expected).max(axis=1) < 1e-4  # single precision may decide a tie otherwise
+    assert given.shape == (2000, 2) and close.mean() > 0.995 and len(np.unique(expected.round(3), axis=0)) >= 3
 
 
 @looped("activation", ["tanh", "relu"])

@@ -14,7 +14,7 @@ import numpy as np
 import typer
 
 from crowd_env.agents import make_policy
-from crowd_env.agents.networks import MLP, Network
+from crowd_env.agents.networks import MLP, BetweenMLP, Network
 from crowd_env.agents.pretrained import load
 from crowd_env.agents.tasks import make_task
 from crowd_env.agents.trained import LearnedController, LearnedPolicy
@@ -45,7 +45,7 @@ class Graph:
 
     def constant(self, name: str, values: np.ndarray) -> str:
         """Add an array, and return its name."""
-        self.constants.append(self.onnx.numpy_helper.from_array(np.ascontiguousarray(values), name))
+        self.constants.append(self.onnx.numpy_helper.from_array(np.array(values, order="C"), name))
         return name
 
     def node(self, kind: str, inputs: list[str], output: str, **attributes: Any) -> str:
@@ -70,8 +70,39 @@ def _mlp(graph: Graph, network: Network, output: str) -> None:
             values = graph.node(_UNITS[network.activation], [values], f"units{k}")
 
 
+def _between(graph: Graph, network: Network, output: str) -> None:
+    """Add layers of units, and the mean of the likeliest choice and the likelier one beside it."""
+    assert isinstance(network, BetweenMLP)
+    _mlp(graph, network, "scores")
+    pads, none = (
+        graph.constant("pads", np.array([0, 0, 0, 1])),
+        graph.constant("none", np.array(-np.inf, dtype=np.float32)),
+    )
+    scores = graph.node("Pad", ["scores", pads, none], "padded")
+    best = graph.node("ArgMax", [scores], "best", axis=1, keepdims=1)
+    commands = graph.constant("commands", network.commands.astype(np.float32))
+
+    def of(name: str, choice: str) -> str:
+        return graph.node("GatherElements", [scores, choice], f"score_{name}", axis=1)
+
+    ends = ("slower", "faster")
+    choices = [
+        graph.node("Gather", [graph.constant(f"{end}_of", one), best], end)
+        for end, one in zip(ends, network.beside, strict=True)
+    ]
+    slower, faster = (of(end, one) for end, one in zip(ends, choices, strict=True))
+    beside = graph.node("Where", [graph.node("Greater", [faster, slower], "up"), *choices[::-1]], "beside")
+    share = graph.node("Sigmoid", [graph.node("Sub", [of("beside", beside), of("best", best)], "less")], "share")
+    mine, other = (graph.node("Gather", [commands, one], f"command_{one}") for one in (best, beside))
+    last = graph.constant("last", np.array([2]))
+    part = graph.node(
+        "Mul", [graph.node("Unsqueeze", [share, last], "part"), graph.node("Sub", [other, mine], "way")], "add"
+    )
+    graph.node("Add", [mine, part], output)
+
+
 # Kind of network -> adds its nodes, from "observation" to the name that is given.
-GRAPHS: dict[str, Callable[[Graph, Network, str], None]] = {MLP.kind: _mlp}
+GRAPHS: dict[str, Callable[[Graph, Network, str], None]] = {MLP.kind: _mlp, BetweenMLP.kind: _between}
 
 
 def to_onnx(found: LearnedPolicy | LearnedController) -> Any:
