@@ -12,7 +12,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.core.kernels.jit import inner_kernel, kernel
-from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.geometry import Geometry, nearest_among
 
 if TYPE_CHECKING:  # no part of what kernels are made of
     from crowd_env.routing.fields.field import NavigationField
@@ -66,17 +66,18 @@ def _openings(field: "NavigationField | None", geometry: Geometry) -> tuple[Floa
     width, rest = np.full(time.shape, np.nan), np.zeros(time.shape)
     _narrowest(
         time, direction, np.argsort(time, axis=None, kind="stable"), geometry.walls_when()[0], field.origin, spacing,
-        _widths_at_the_end(field, geometry)[nodes].copy(), _TURN, np.zeros((2, len(_TURN))),
+        _widths_at_the_end(time.shape, field.origin, spacing, geometry), _TURN, np.zeros((2, len(_TURN))),
         np.zeros(time.shape, dtype=np.int64), np.ones(time.shape, dtype=np.int64), width, rest,
     )  # fmt: skip
     return field.origin, spacing, width, rest
 
 
-def _widths_at_the_end(field: "NavigationField", geometry: Geometry) -> Floats:
-    """Return the width [m] of the exit that every node (rows, cols) reaches in a straight line; else `WIDEST`."""
-    widths = geometry.exit_widths
-    of_row = np.array([min(widths[name], WIDEST) for name in geometry.exit_names] + [WIDEST])
-    return np.asarray(of_row[field.direct])
+def _widths_at_the_end(shape: tuple[int, ...], origin: Floats, spacing: float, geometry: Geometry) -> Floats:
+    """Return the width [m] of the exit that is nearest to every node (rows, cols): the way of the last ones ends there."""
+    i, j = np.indices(shape)
+    places = np.asarray(origin + spacing * np.stack([j, i], axis=-1).reshape(-1, 2), dtype=np.float64)
+    widths = np.array([min(geometry.exit_widths[name], WIDEST) for name in geometry.exit_names])
+    return np.asarray(widths[nearest_among(geometry.exits)(places)].reshape(shape))
 
 
 @kernel
@@ -92,11 +93,16 @@ def _narrowest(
     for n in order:
         i, j = n // cols, n % cols
         ex, ey, least, down[i, j] = direction[i, j, 0], direction[i, j, 1], time[i, j], n
+        soonest, lower = time[i, j], n
         for k in range(max(i - 1, 0), min(i + 2, rows)):
             for m in range(max(j - 1, 0), min(j + 2, cols)):
                 along = ex * (m - j) + ey * (k - i)  # a neighbor to which the way leads, and not one behind a wall
                 if time[k, m] < least and along > 0.5:
                     least, down[i, j] = time[k, m], k * cols + m
+                if time[k, m] < soonest:
+                    soonest, lower = time[k, m], k * cols + m
+        if down[i, j] == n:  # at a corner, and beside an exit
+            down[i, j] = lower
     for n in order[::-1]:
         i, j = n // cols, n % cols
         if down[i, j] != n:
