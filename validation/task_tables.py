@@ -262,7 +262,8 @@ def _card(name: str, made: dict[str, Any], judged: dict[str, Any] | None) -> dic
         figures += cell("; above 1.6 kN/m {crushed_share[mean]:%} %", row)
         known = ", ".join(_known_limits(judged)) or "none"
         limits = f"leaves people in more draws than the rule on: {worse}; 10 % slower than the rule on: {known}"
-    choices = f", {action.space.n} choices" if isinstance(action.space, gymnasium.spaces.Discrete) else ""
+    between = "between two of " if places else ""
+    choices = f", {between}{action.space.n} choices" if isinstance(action.space, gymnasium.spaces.Discrete) else ""
     return {
         "card": name.replace("/", "-"),
         "policy": f"`{name}`",
