@@ -88,7 +88,7 @@ def main(out: Annotated[Path, typer.Argument(help="Folder for results.json and d
     with friendly_errors():
         task, push, queue = make_task(_DOOR), StrategyPolicy("shortest", name=RULE), make_policy("evolution")
         out.mkdir(parents=True, exist_ok=True)
-        crowds = {"full speed": push, _QUEUES: queue}
+        crowds = {"full speed": push, _QUEUES: queue, "`generalist`": make_policy("generalist")}
         for name, how in _TRAINED.items():
             say(f"training a crowd: {name} ...")
             crowds[name] = train_crowd(*how)
