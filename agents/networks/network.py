@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -227,12 +228,12 @@ class BetweenMLP(MLP):
         """How many numbers of a command it returns."""
         return 2
 
-    @property
+    @cached_property
     def commands(self) -> Floats:
         """The command of each of K choices, and one that stands for no choice (K + 1, 2)."""
         return np.vstack([self.table.commands, np.zeros(2)])
 
-    @property
+    @cached_property
     def beside(self) -> Ints:
         """The choices with the next lower and the next higher speed in the same heading (2, K); K where there is none."""
         speeds, headings = np.array(self.table.speeds), np.arange(len(self.table.headings))

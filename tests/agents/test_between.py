@@ -20,7 +20,7 @@ network_of = late("crowd_env.agents.learned.export", "network_of")
 trained_in = late("crowd_env.agents.learned.training", "trained_in")
 
 RNG = np.random.default_rng(0)
-# Speeds in no order, some beside headings: choice 0 is the middle one of the four.
+# Speeds in no order: which are beside each other is not where they stand.
 TABLE = SpeedTable((0.5, -0.5, 1.0, 0.0), (0.0, 0.4, -0.4))
 
 

@@ -74,10 +74,8 @@ def _between(graph: Graph, network: Network, output: str) -> None:
     """Add layers of units, and the mean of the likeliest choice and the likelier one beside it."""
     assert isinstance(network, BetweenMLP)
     _mlp(graph, network, "scores")
-    pads, none = (
-        graph.constant("pads", np.array([0, 0, 0, 1])),
-        graph.constant("none", np.array(-np.inf, dtype=np.float32)),
-    )
+    pads = graph.constant("pads", np.array([0, 0, 0, 1]))
+    none = graph.constant("none", np.array(-np.inf, dtype=np.float32))
     scores = graph.node("Pad", ["scores", pads, none], "padded")
     best = graph.node("ArgMax", [scores], "best", axis=1, keepdims=1)
     commands = graph.constant("commands", network.commands.astype(np.float32))

@@ -5,7 +5,7 @@ import pytest
 import shapely
 from shapely.geometry import box
 
-from crowd_env import CrowdEnv, ObservationLayout, Scenario
+from crowd_env import CrowdEnv, ObservationLayout, Scenario, make_scenario
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields.field import travel_time_field
 from crowd_env.routing.fields.openings import WIDEST, openings_of
@@ -47,6 +47,34 @@ def test_a_door_is_as_wide_as_it_is_from_everywhere(outer):
             inside = np.isclose(width, outer, rtol=0.0, atol=1e-9)
             assert inside.mean() > 0.99 and (width <= outer + 1e-9).all(), (angle, radius)
             assert rest[inside].max() == 0.0
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, 2.4])
+def test_of_two_exits_the_one_that_the_way_leads_to_counts(angle):
+    lines = {"west": [(0.0, 2.0), (0.0, 4.0)], "east": [(LONG, 2.5), (LONG, 3.3)]}
+    exits = {name: shapely.get_coordinates(turned(shapely.LineString(line), angle)) for name, line in lines.items()}
+    nodes, width, _ = of_nodes(Geometry.from_polygon(turned(box(0.0, 0.0, LONG, 6.0), angle), exits=exits))
+    x = nodes @ [np.cos(angle), np.sin(angle)]
+    for those, wide in ((x < 3.0, 2.0), (x > 5.0, 0.8)):
+        assert those.any() and np.isclose(width[those], wide, rtol=0.0, atol=1e-9).mean() > 0.99
+
+
+@pytest.mark.parametrize("angle", [0.0, 2.4])
+def test_no_corner_makes_one_forget_what_is_ahead(angle):
+    """Between seats, the neighbors that are nearer to the exit lie aside of the way; theirs is the narrowest ahead."""
+    geometry = make_scenario("theatre-v0").turned(angle, False).geometry
+    field = travel_time_field(geometry, RADIUS)
+    found = openings_of([field], [geometry])
+    stride = round(float(found.spacing[0] / field.spacing))
+    time, width = field.travel_time[::stride, ::stride], found.width.reshape(found.shape[0])
+    around = np.s_[1:-1, 1:-1]
+    ahead, lower = np.full(width[around].shape, -np.inf), np.zeros(width[around].shape, dtype=bool)
+    for i, j in np.ndindex(3, 3):
+        beside = np.s_[i : i + width.shape[0] - 2, j : j + width.shape[1] - 2]
+        nearer = time[beside] < time[around]
+        lower |= nearer
+        ahead = np.where(nearer, np.maximum(ahead, width[beside]), ahead)
+    assert lower.sum() > 10_000 and (width[around] <= ahead)[lower].all()
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7])
