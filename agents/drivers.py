@@ -111,7 +111,7 @@ def rests_for_good(policy: Policy, env: CrowdEnv) -> bool:
         if type(one) not in _STEADY or (isinstance(one, LearnedPolicy) and one.draws):
             return False
     changes = (place.is_dynamic or place.plan.rules or place.plan.events for place in env.route_set)
-    return env.simulation.manner is None and env.action_kind.dwell < AT_REST and not any(changes)
+    return env.simulation.behaviors["manner"] is None and env.action_kind.dwell < AT_REST and not any(changes)
 
 
 @dataclass(frozen=True)

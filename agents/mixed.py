@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from crowd_env import CrowdEnv
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.envs.action import make_action, to_command
-from crowd_env.envs.settings import Walking, arguments_of
+from crowd_env.envs.settings import arguments_of
+from crowd_env.physics.settings import Walking
 
 from .policy import Policy
 

@@ -9,17 +9,18 @@ from typing import Any, cast
 import numpy as np
 
 from crowd_env import CrowdEnv, ObservationLayout, Scenario
-from crowd_env.core.arrays.headway import plain_manner
-from crowd_env.core.arrays.outline import plain_outline
+from crowd_env.core.behaviors.headway import Headway
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import POSITIVE, Range, known, number, whole
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.files.own import own_or_name
 from crowd_env.core.libraries import needed_for
 from crowd_env.envs.routing.batch import routing_arguments
 from crowd_env.envs.routing.env import RoutingVectorEnv
-from crowd_env.envs.settings import Physics, arguments_of
+from crowd_env.envs.settings import arguments_of, physics_step
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.scheme import DECISION_DT
+from crowd_env.physics.settings import Physics
 
 from . import POLICIES, make_policy
 from .evaluation.entries import RULE
@@ -83,10 +84,10 @@ def default_config(
         "envs": envs,
         "steps": steps,
         "minutes": minutes,
-        "dt": Physics(law_of({"scheme": scheme}), outline=outline).step(place) if dt is None else dt,
+        "dt": physics_step(Physics(law_of({"scheme": scheme}), outline=outline), place) if dt is None else dt,
         "decision_dt": DECISION_DT,
-        "manner": plain_manner(place.manner_of_run(manner)),
-        "outline": plain_outline(place.outline_of_run(outline)),
+        "manner": Headway.plain_of(place.manner_of_run(manner)),
+        "outline": Outline.plain_of(place.outline_of_run(outline)),
         "frame": "path",
         "action": "continuous",
         "observation": ObservationLayout().as_table(),

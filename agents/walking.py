@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from crowd_env import ObservationLayout, ObservationTerm
-from crowd_env.core.arrays.headway import Manner, make_manner
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.behaviors.headway import Headway, Manner
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 from crowd_env.envs.observation.neighbors import DENSITY_RADIUS, DENSITY_SCALE
 from crowd_env.envs.observation.view import SPEED_SCALE, TIME_SCALE
@@ -130,7 +130,7 @@ class DensityCap(WalkingRule):
 
 @dataclass(frozen=True)
 class HeadwayRule(WalkingRule):
-    """Keep a distance and step aside, as `crowd_env.core.arrays.headway` says: the manner of
+    """Keep a distance and step aside, as `crowd_env.core.behaviors.headway` says: the manner of
     ``CrowdEnv(walking=...)`` as a policy.
 
     It wants the shortest path at full speed, in an environment that it asks to be made with its manner: how fast and on which
@@ -151,7 +151,7 @@ class HeadwayRule(WalkingRule):
     manner: Manner = "hurried"
 
     def __post_init__(self) -> None:
-        make_manner(self.manner)
+        Headway.of(self.manner)
 
     @property
     def env_options(self) -> dict[str, Any]:

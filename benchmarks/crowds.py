@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.measuring import Contender, Effort, Row, Sample, in_turn, timed
 from benchmarks.peers import rivals
 from benchmarks.scenes import Floats, Scene, big, chosen, hall, jam, overlaps, room20
-from crowd_env import SCHEMES, Bodies, Simulation, make_state
+from crowd_env import SCHEMES, Bodies, Physics, Simulation, make_state
 from crowd_env.physics import NSM1, ContactScheme, make_scheme
 
 COST, RATE = "CPU s per simulated s", "person-steps per CPU s"
@@ -65,11 +65,9 @@ class Crowd(Contender):
             scene.geometry,
             Bodies._make(column.copy() for column in scene.bodies),
             make_state(scene.position),
-            scheme=scheme,
-            dt=dt,
+            physics=Physics(scheme, dt=dt, threads=threads),
+            walking=way.manner,
             fields=[field],
-            threads=threads,
-            manner=way.manner,
         )
         self._advance(1)  # compiles
         self._start()

@@ -17,6 +17,7 @@ from crowd_env import (
     make_scenario,
     make_state,
 )
+from crowd_env.physics.settings import Physics
 
 Floats = NDArray[np.float64]
 
@@ -106,10 +107,10 @@ def relaxed(geometry: Geometry, bodies: Bodies, position: Floats) -> tuple[Bodie
     """Let the springs of dem push people apart who stand still; take off bodies what overlap is left, so that they touch."""
     calm = bodies._replace(relaxation_time=np.full(len(position), 0.05))
     closed = Geometry.from_polygon(geometry.walkable)
-    crowd = Simulation(closed, calm, make_state(position), scheme=DEM(), dt=0.004, fields=[None])
+    crowd = Simulation(closed, calm, make_state(position), physics=Physics(DEM(), dt=0.004), fields=[None])
     crowd.advance(np.zeros((len(position), 2)), n_substeps=_CALM_STEPS)
     place = crowd.state.position.copy()
-    check = Simulation(closed, calm, make_state(place), scheme=DEM(), dt=1e-6, fields=[None], driving=False)
+    check = Simulation(closed, calm, make_state(place), physics=Physics(DEM(), dt=1e-6), fields=[None], driving=False)
     check.advance(n_substeps=1)
     found = check.contacts()
     deepest = np.zeros(len(place))  # of everyone's overlaps
@@ -122,7 +123,9 @@ def relaxed(geometry: Geometry, bodies: Bodies, position: Floats) -> tuple[Bodie
 def overlaps(geometry: Geometry, bodies: Bodies, position: Floats, near: float = _TOUCH) -> Floats:
     """Return how deep bodies overlap each other and walls [m], for each pair nearer than ``near``; the same for everybody."""
     wider = bodies._replace(radius=bodies.radius + 0.5 * near)
-    scene = Simulation(geometry, wider, make_state(position), scheme=DEM(), dt=1e-6, fields=[None], driving=False)
+    scene = Simulation(
+        geometry, wider, make_state(position), physics=Physics(DEM(), dt=1e-6), fields=[None], driving=False
+    )
     scene.advance(n_substeps=1)  # lists the contacts of the positions that it starts from
     found = scene.contacts()
     depth = -found.gap - np.where(found.j >= 0, near, 0.5 * near)

@@ -9,11 +9,11 @@ from typing import Any
 import gymnasium
 import pettingzoo
 
-from crowd_env.core.arrays.balance import BALANCES, Balance
-from crowd_env.core.arrays.headway import MANNERS, Headway
-from crowd_env.core.arrays.outline import OUTLINES, Disc, Outline
-from crowd_env.core.arrays.pulls import Attraction, Companionship, Pulls
 from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_state
+from crowd_env.core.behaviors.balance import BALANCES, Balance
+from crowd_env.core.behaviors.headway import MANNERS, Headway
+from crowd_env.core.behaviors.outline import OUTLINES, Disc, Outline
+from crowd_env.core.behaviors.pulls import Attraction, Companionship, Pulls
 from crowd_env.core.version import __version__ as __version__
 from crowd_env.envs.action import ActionKind
 from crowd_env.envs.crowd import CrowdEnv, Step
@@ -24,11 +24,12 @@ from crowd_env.envs.observation.layout import ObservationLayout, ObservationTerm
 from crowd_env.envs.parallel import CrowdParallelEnv, parallel_env
 from crowd_env.envs.reward import RewardWeights
 from crowd_env.envs.rollout import rollout
-from crowd_env.envs.settings import Physics, Routing, Walking
+from crowd_env.envs.settings import Routing
 from crowd_env.envs.terms import RewardTerm
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
 from crowd_env.physics.pressure import contact_pressure, crowd_pressure
+from crowd_env.physics.settings import Physics, Walking
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.recording import Recording, record
 from crowd_env.routing.fields.field import OneWay

@@ -129,14 +129,14 @@ def _advance_range(
     """Advance the environments ``env_first:env_stop`` to step ``n_substeps`` of this call, one after the other."""
     for e in range(env_first, env_stop):
         rank_start = batch.bodies.env_start[e]
-        rank_stop, limit, smallest = begin_call(e, batch, acting.regions)
+        rank_stop, limit, smallest = begin_call(e, batch, acting)
         while batch.workspace.substep[e] < n_substeps and rank_stop > rank_start:
             # Contacts: all pairs with a gap below 0, and neighbors as far as the social force reaches.
             if not detect(e, batch, 0.0, acting.reach):
                 break  # the list is too short: Python makes it longer and calls again
             # Where everyone wants to go, and all forces but contact.
-            steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
-            regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive, acting.balance)
+            steer(e, rank_stop, batch, dt, acting)
+            regular_forces(e, rank_stop, batch, acting)
             # The law: impulses and velocities, then the sums that rewards and reports read.
             _push(e, batch, dt, params)
             deepest = record_contacts(e, batch)

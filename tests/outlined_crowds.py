@@ -3,8 +3,9 @@
 import numpy as np
 import shapely
 from shapely.geometry import box
+from simulations import simulate
 
-from crowd_env import OUTLINES, Geometry, Hertz, Outline, Simulation, make_bodies, make_state
+from crowd_env import OUTLINES, Geometry, Hertz, Outline, make_bodies, make_state
 
 TORSO = OUTLINES["torso"]
 # Nothing but contacts turns it.
@@ -46,7 +47,7 @@ def before_a_door(count, *, scheme="hertz", outline=TORSO, density=2.0, environm
         env_start=count * np.arange(environments + 1),
     )
     state = make_state(np.tile(position, (environments, 1)), environments=environments)
-    return Simulation(place, bodies, state, scheme=scheme, outline=outline, **options)
+    return simulate(place, bodies, state, scheme=scheme, outline=outline, **options)
 
 
 def grains(position, angle, outline, *, place=None, velocity=None, spin=0.0, scheme=ELASTIC, dt=1e-4, **options):
@@ -57,4 +58,4 @@ def grains(position, angle, outline, *, place=None, velocity=None, spin=0.0, sch
     state.angle[:], state.spin[:] = angle, spin
     place = place or Geometry.from_polygon(box(-100, -100, 100, 100))
     options = {"fields": [None], "driving": False} | options
-    return Simulation(place, bodies, state, scheme=scheme, dt=dt, outline=outline, **options)
+    return simulate(place, bodies, state, scheme=scheme, dt=dt, outline=outline, **options)

@@ -5,7 +5,7 @@ import pytest
 import shapely
 from cases import looped
 
-from crowd_env.core.arrays.outline import OUTLINES, Outline, make_outline, plain_outline, room_of
+from crowd_env.core.behaviors.outline import OUTLINES, Outline, room_of
 
 TORSO = OUTLINES["torso"]
 
@@ -82,14 +82,14 @@ def test_the_torso_is_as_broad_and_deep_as_the_person_it_is_of():
 
 
 def test_names_and_plain_data_lead_to_the_same_outline():
-    assert make_outline("torso") is TORSO
-    assert make_outline("disc") is None is make_outline(None)
-    assert (plain_outline(TORSO), plain_outline(None)) == ("torso", "disc")
+    assert Outline.of("torso") is TORSO
+    assert Outline.of("disc") is None is Outline.of(None)
+    assert (Outline.plain_of(TORSO), Outline.plain_of(None)) == ("torso", "disc")
     table = {"discs": [[0, 0.1, 0.1], [0, -0.1, 0.1]], "turning_time": 0.3}
-    given = make_outline(table)
+    given = Outline.of(table)
     assert given.turning_time == 0.3
-    assert make_outline(plain_outline(given)) == given
-    assert hash(given) == hash(make_outline(table))
+    assert Outline.of(Outline.plain_of(given)) == given
+    assert hash(given) == hash(Outline.of(table))
 
 
 @looped(
@@ -110,5 +110,5 @@ def test_names_and_plain_data_lead_to_the_same_outline():
 )
 def test_what_is_no_outline_is_refused_in_a_sentence(wrong, says):
     with pytest.raises(ValueError, match=says) as refusal:
-        make_outline(wrong)
+        Outline.of(wrong)
     assert "\n" not in str(refusal.value)

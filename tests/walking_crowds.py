@@ -2,10 +2,11 @@
 
 import numpy as np
 from shapely.geometry import box
+from simulations import simulate
 
 from crowd_env import Geometry, Simulation
-from crowd_env.core.arrays.headway import Headway
 from crowd_env.core.arrays.state import Bodies, make_bodies, make_state
+from crowd_env.core.behaviors.headway import Headway
 
 OPEN = Geometry.from_polygon(box(-12, -12, 40, 12))
 
@@ -50,7 +51,7 @@ def standing(
     count = len(position)
     bodies = bodies or make_bodies(np.full(count, 0.2), np.full(count, 70.0), desired_speed=1.3)
     options = {"scheme": "dem", "fields": [None]} | options
-    simulation = Simulation(place, bodies, make_state(position, velocity), manner=keeps, **options)
+    simulation = simulate(place, bodies, make_state(position, velocity), manner=keeps, **options)
     return simulation, {"command": ways, "relative": np.zeros(count, dtype=np.bool_)}
 
 
@@ -78,7 +79,7 @@ def decided_by(crowd: dict[str, np.ndarray], keeps: Headway, place: Geometry = O
     bodies = make_bodies(crowd["radius"], np.full(len(crowd["radius"]), 70.0), desired_speed=crowd["speed"])
     who = {"velocity": crowd["velocity"], "bodies": bodies}
     simulation, asked = standing(crowd["position"], crowd["ways"], keeps, place=place, **who)
-    simulation.history.waited[:] = waited
+    simulation.history.memory.manner.waited[:] = waited
     return decided(simulation, asked)
 
 
@@ -114,9 +115,9 @@ def before_a_door(
         env_start=count * np.arange(environments + 1),
     )
     state = make_state(np.tile(position, (environments, 1)), environments=environments)
-    simulation = Simulation(place, bodies, state, scheme=scheme, manner=keeps, **options)
+    simulation = simulate(place, bodies, state, scheme=scheme, manner=keeps, **options)
     if waited > 0.0:
-        simulation.history.waited[:] = np.tile(rng.uniform(0.0, waited, count), environments)
+        simulation.history.memory.manner.waited[:] = np.tile(rng.uniform(0.0, waited, count), environments)
     return simulation
 
 

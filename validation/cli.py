@@ -16,11 +16,11 @@ from rich.table import Table
 from typer.core import TyperGroup
 
 from crowd_env import SCHEMES, make_scheme
-from crowd_env.core.arrays.headway import MANNERS, make_manner
-from crowd_env.core.arrays.outline import OUTLINES, Outline, make_outline
+from crowd_env.core.behaviors.headway import MANNERS, Headway
+from crowd_env.core.behaviors.outline import OUTLINES, Outline
 from crowd_env.core.checks import known
 from crowd_env.core.console import check_folder, friendly_errors, notes, say
-from crowd_env.physics import check_outline
+from crowd_env.physics.settings import check_behaviors
 from validation.cases import CASES
 from validation.cases.case import COMPARED, DISC, Case, Row, Setting
 from validation.cases.case import row as row_of
@@ -90,12 +90,12 @@ def cases(
         for name in schemes or ():
             make_scheme(name)
         for name in manner or ():
-            make_manner(name)
+            Headway.of(name)
         if data is not None and not data.exists():
             raise ValueError(f"--data {data}: no such folder")
         if out is not None:
             check_folder("--out", out)
-        shape = make_outline(outline)
+        shape = Outline.of(outline)
         names = _names(case, shape, outline)
         common, under = Setting(seed=seed, data=data, outline=outline), _schemes(schemes, shape)
         asked = {name: _settings(CASES[name], under, manner, draws, common) for name in names}
@@ -155,7 +155,7 @@ def _names(cases: list[str] | None, shape: Outline | None, outline: str) -> list
 def _schemes(named: list[str] | None, shape: Outline | None) -> list[str]:
     """Return the schemes that are meant; raise ValueError if one that is named does not turn bodies, and these turn."""
     for name in named or ():
-        check_outline(shape, make_scheme(name))
+        check_behaviors({"outline": shape}, make_scheme(name))
     return named or [name for name in COMPARED if shape is None or SCHEMES[name].turns_bodies]
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from crowd_env import SCHEMES
-from crowd_env.core.arrays.headway import MANNERS, make_manner
-from crowd_env.core.arrays.outline import make_outline
+from crowd_env.core.behaviors.headway import MANNERS, Headway
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.files.store import Store
 from crowd_env.core.kernels import jit
@@ -59,7 +59,7 @@ def _name(case: str, setting: Setting) -> str:
 
 def identity(setting: Setting) -> dict[str, Any]:
     """Return what decides the rows of a case beside scheme and manner, ready for JSON."""
-    walking, outline = make_manner(setting.manner), make_outline(setting.outline)
+    walking, outline = Headway.of(setting.manner), Outline.of(setting.outline)
     return {
         "draws": setting.draws,
         "seed": setting.seed,

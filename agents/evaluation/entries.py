@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from crowd_env import Scenario
-from crowd_env.core.arrays.headway import Manner
+from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.executors import Executor, WorkerDied
 from crowd_env.core.files.own import load_own, names_own
 from crowd_env.envs.rollout import Driver

@@ -9,13 +9,13 @@ import numpy as np
 from crowd_env import CrowdEnv, EpisodeMetrics, Physics, Scenario, make_scenario
 from crowd_env.analysis.figures import column, figures_of, median_time, named
 from crowd_env.analysis.results.measurements import Measured, MeasurementRecorder
-from crowd_env.core.arrays.headway import Manner
 from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.executors import Executor, Serial, WorkerDied
 from crowd_env.core.files.json_file import json_number
 from crowd_env.envs.rollout import BatchDone, Driver, RunBatch, make_batches, simulate_batch
-from crowd_env.envs.settings import AsPhysics
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
+from crowd_env.physics.settings import AsPhysics
 
 from ..controllers import Controller
 from ..drivers import PolicyBatches, driver_of

@@ -13,8 +13,8 @@ import numpy as np
 import crowd_env
 from crowd_env import EpisodeMetrics, Scenario, make_scheme
 from crowd_env.analysis.results.measurements import CELL, Grid, Maps, Measured, RunMeasurements
-from crowd_env.core.arrays.headway import plain_manner
-from crowd_env.core.arrays.outline import plain_outline
+from crowd_env.core.behaviors.headway import Headway
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.store import Store
@@ -51,7 +51,7 @@ def settings_of(
     headway, outline = scenario.manner_of_run(), scenario.outline_of_run()
     held |= {"manner": headway, "outline": outline}
     facts: dict[str, Any] = {} if task is None else {"task": task.identity()}
-    facts |= {"scenario": scenario.name, "manner": plain_manner(headway), "outline": plain_outline(outline)}
+    facts |= {"scenario": scenario.name, "manner": Headway.plain_of(headway), "outline": Outline.plain_of(outline)}
     if learned_share is not None:
         facts["learned_share"] = learned_share
     return {**facts, "digest": fingerprint(held), "runs": runs, "seed": seed}

@@ -16,7 +16,7 @@ import numpy as np
 import tomllib
 
 from crowd_env import FULL_SPEED, Pulls, Scenario, make_scenario, make_scheme
-from crowd_env.core.arrays.headway import Manner, make_manner
+from crowd_env.core.behaviors.headway import Headway, Manner
 from crowd_env.core.checks import known, whole
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.physics.scheme import DECISION_DT
@@ -109,7 +109,7 @@ class Task:
         """Return everything that decides what happens in the task, as plain data."""
         return {
             "scenario": plain_place(self.place()),
-            "manner": _plain(make_manner(self.manner)),
+            "manner": _plain(Headway.of(self.manner)),
             "scheme": [self.scheme, _plain(make_scheme(self.scheme))],
             "env": _plain(self.env_options(self.scheme)),
             "seeds": [self.seeds.start, self.seeds.stop],

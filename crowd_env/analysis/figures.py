@@ -11,16 +11,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.analysis.results.plain import plain
-from crowd_env.core.arrays.headway import plain_manner
-from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.arrays.state import MAX_SPEED, Floats, Ints
+from crowd_env.core.behaviors.headway import Headway
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import counted
 from crowd_env.core.files.json_file import json_number
 from crowd_env.core.version import __version__
 from crowd_env.envs.metrics import EpisodeMetrics, flow_slope, share_interval, summarise
 from crowd_env.envs.rollout import Episode
-from crowd_env.envs.settings import Physics
+from crowd_env.envs.settings import physics_step
 from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.physics.settings import Physics
 from crowd_env.scenarios.scenario import Scenario
 
 _HALF, _NEARLY_ALL = 0.5, 0.95  # of the people, for T50 and T95
@@ -73,11 +74,11 @@ def report(
     return {
         "scenario": scenario.name,
         "scheme": chosen.info.name,
-        "manner": plain_manner(scenario.manner_of_run()),
-        "outline": plain_outline(scenario.outline_of_run()),
+        "manner": Headway.plain_of(scenario.manner_of_run()),
+        "outline": Outline.plain_of(scenario.outline_of_run()),
         "strategy": scenario.strategy_of_run(strategy),
         "seed": episodes[0].seed - episodes[0].run,
-        "dt": Physics(chosen, dt).step(scenario),
+        "dt": physics_step(Physics(chosen, dt), scenario),
         "time_limit": episodes[0].time_limit,
         "version": __version__,
         "people": scenario.population.people,

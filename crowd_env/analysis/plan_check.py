@@ -9,8 +9,8 @@ import numpy as np
 from crowd_env.analysis.figures import listed
 from crowd_env.analysis.passages import Gap, Passage, narrowest_passages
 from crowd_env.analysis.terrain import Terrain, survey
-from crowd_env.core.arrays.outline import room_of
 from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.behaviors.outline import room_of
 from crowd_env.core.checks import counted
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import closed_off, stuck_bodies

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from crowd_env.core.arrays.headway import MANNERS
+from crowd_env.core.behaviors.headway import MANNERS
 from crowd_env.physics import SCHEMES
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios import SCENARIOS

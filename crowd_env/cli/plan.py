@@ -11,7 +11,7 @@ from crowd_env.analysis.plan_check import PlanCheck, cells, check_place, check_p
 from crowd_env.cli import options
 from crowd_env.cli.console import check_picture, show_table
 from crowd_env.cli.place import people_options, place_of, plan_options, split_changes
-from crowd_env.core.arrays.outline import make_outline, room_of
+from crowd_env.core.behaviors.outline import Outline, room_of
 from crowd_env.core.console import friendly_errors, noted, progress_bar, say
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios import kind_of_place
@@ -91,7 +91,7 @@ def _check(given: dict[str, Any]) -> PlanCheck:
             for note in drawn.notes:
                 warnings.warn(note, stacklevel=2)
             changes = split_changes(given["set"])
-            room = room_of(make_outline(changes.pop("outline", None)))
+            room = room_of(Outline.of(changes.pop("outline", None)))
             crowd = people_on(drawn, **people_options(given["people"], given["starts"], unit, changes))
             try:
                 geometry = Geometry.from_polygon(drawn.walkable, regions=drawn.regions)

@@ -1,24 +1,23 @@
 """What callers and learning libraries give an environment: checked before anything is computed."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from crowd_env.core.arrays.balance import BALANCES, Balance, Balancing, make_balance
-from crowd_env.core.arrays.headway import MANNERS, Headway, Manner, plain_manner
-from crowd_env.core.arrays.outline import OUTLINES, BodyShape, Outline, plain_outline
-from crowd_env.core.arrays.pulls import ALONE
 from crowd_env.core.arrays.state import Bodies, Bools, make_bodies
-from crowd_env.core.checks import NOT_NEGATIVE, Range, number, refuse, whole
+from crowd_env.core.behaviors import BEHAVIORS
+from crowd_env.core.behaviors.pulls import ALONE
+from crowd_env.core.checks import NOT_NEGATIVE, refuse, whole
+from crowd_env.physics.settings import Physics, Walking
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario
 
 Place: TypeAlias = str | Path | Mapping[str, Any] | Scenario
 """How callers say what is evacuated: a name, a file, a table of a name and options, or a Scenario."""
 
-DRIVE = Range(0.0, above=True, infinite=True)
 _MOST_PARTS = 1e5
 MOST_PEOPLE_IN_BATCH = 10_000_000
 NUMBERS = "biuf"  # kinds of dtype that an action may have
@@ -46,61 +45,32 @@ def scenarios_of(scenario: Any, people: int | None, num_envs: int) -> list[Scena
     return scenarios
 
 
-def manner_and_outline(
-    scenarios: Sequence[Scenario], manner: Manner | None, outline: BodyShape | None
-) -> tuple[Headway | None, Outline | None]:
-    """Return how people walk in a batch and what shape bodies have: as is given, or where that is None as the scenarios say.
+def settle(scenarios: Sequence[Scenario], physics: Physics, walking: Walking) -> tuple[Physics, Walking]:
+    """Return the settings of a batch with all behaviors in them: as they are given, or else as the scenarios say.
 
     Raises
     ------
     ValueError
-        If one of them is unknown, or the scenarios do not say the same.
+        If a behavior is unknown, the scenarios do not say the same, or the scheme cannot have it.
     """
-    first, found = scenarios[0], [(one.manner_of_run(manner), one.outline_of_run(outline)) for one in scenarios]
-    walk, shape = found[0]
-    for scenario, (other_walk, other_shape) in zip(scenarios, found, strict=True):
-        if other_walk != walk:
-            both = f"{plain_manner(walk)} in {first.name}, {plain_manner(other_walk)} in {scenario.name}"
-            way = f"walking={next(iter(MANNERS))!r}"
-            raise ValueError(f"the people of one batch walk in one manner, not {both}; say which: {way}")
-        if other_shape != shape:
-            both = f"{plain_outline(shape)} in {first.name}, {plain_outline(other_shape)} in {scenario.name}"
-            way = f"physics=Physics(outline={next(iter(OUTLINES))!r})"
-            raise ValueError(f"the people of one batch have one outline, not {both}; say which: {way}")
-    return walk, shape
-
-
-def one_drive(scenarios: Sequence[Scenario], given: float | None, drives: bool) -> float | None:
-    """Return the largest drive [N] of the people of a batch: as is given, or as the scenarios say; None = no limit.
-
-    Raises
-    ------
-    ValueError
-        If the scenarios do not say the same.
-    """
-    found = {one.max_drive for one in scenarios} if given is None else {number("max_drive", given, DRIVE, "N")}
-    if len(found) > 1:
-        both = " and ".join(f"{drive:g} N" for drive in sorted(found))
-        raise ValueError(
-            f"the people of one batch drive alike, not with at most {both}; say which: Physics(max_drive=300.0)"
-        )
-    limit = found.pop()
-    return None if np.isinf(limit) or (given is None and not drives) else limit
-
-
-def one_balance(scenarios: Sequence[Scenario], given: Balancing | None) -> Balance | None:
-    """Return how those who stand in a batch keep upright: as is given, or as the scenarios say.
-
-    Raises
-    ------
-    ValueError
-        If the scenarios do not say the same.
-    """
-    found = [make_balance(one.balance if given is None else given) for one in scenarios]
-    if any(one != found[0] for one in found):
-        way = f"physics=Physics(balance={next(iter(BALANCES))!r})"
-        raise ValueError(f"the people of one batch keep upright in one way, not in two; say which: {way}")
-    return found[0]
+    chosen: dict[str, Any] = {}
+    for name, kind in BEHAVIORS.items():
+        given = getattr(physics if hasattr(physics, name) else walking, name)
+        if kind.PER_PLACE:
+            chosen[name] = [getattr(one, name) for one in scenarios] if given is None else given
+            continue
+        found = [kind.of(getattr(one, name) if given is None else given) for one in scenarios]
+        for scenario, other in zip(scenarios, found, strict=True):
+            if other != found[0]:
+                both = f"{kind.plain_of(found[0])} in {scenarios[0].name}, {kind.plain_of(other)} in {scenario.name}"
+                part = "physics=Physics" if hasattr(physics, name) else "walking=Walking"
+                raise ValueError(f"the people of one batch have one {name}, not {both}; say which: {part}({name}=...)")
+        left_out = given is None and kind.YIELDS and kind.NEEDS and not getattr(physics.law, kind.NEEDS)
+        chosen[name] = None if left_out else found[0]
+    of_physics, of_walking = (
+        {name: chosen[name] for name in chosen if hasattr(part, name)} for part in (physics, walking)
+    )
+    return replace(physics, **of_physics), replace(walking, **of_walking)
 
 
 def parts_of(what: str, duration: float, parts: str, part: float) -> int:

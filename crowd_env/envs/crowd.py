@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple, cast
 
@@ -9,20 +10,18 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.core.arrays.outline import room_of
 from crowd_env.core.arrays.state import Bools, Floats, Ints, join_bodies, make_state
+from crowd_env.core.behaviors.outline import Outline, room_of
 from crowd_env.core.checks import COUNT, POSITIVE, Range, array, flag, number, refuse, whole
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.envs.action import ActionKind, make_action, to_command
 from crowd_env.envs.arguments import (
     Place,
     bodies_before_reset,
-    manner_and_outline,
-    one_balance,
-    one_drive,
     parts_of,
     scenarios_of,
     seed_words,
+    settle,
 )
 from crowd_env.envs.episode import EnvCheckpoint, init_transition, metrics_of, update_episode
 from crowd_env.envs.metrics import EpisodeMetrics
@@ -30,9 +29,9 @@ from crowd_env.envs.observation.layout import ObservationLayout, make_layout
 from crowd_env.envs.observation.observer import Observer
 from crowd_env.envs.reward import RewardFunction, RewardWeights, make_weights
 from crowd_env.envs.route_choice import fit_to_ways, make_route_choice, take_routes
-from crowd_env.envs.settings import AsPhysics, AsRouting, AsWalking, Physics, Routing, Walking, answers_unknown
-from crowd_env.physics import check_outline
+from crowd_env.envs.settings import AsRouting, Routing, answers_unknown, physics_step
 from crowd_env.physics.scheme import DECISION_DT
+from crowd_env.physics.settings import AsPhysics, AsWalking, Physics, Walking
 from crowd_env.physics.simulation.arguments import check_step
 from crowd_env.physics.simulation.checkpoint import (
     copy_arrays,
@@ -133,7 +132,6 @@ class CrowdEnv:
         self.physics = physics = Physics.of(physics)
         self.walking = walking = Walking.of(walking)
         self.routing = routing = Routing.of(routing)
-        scheme, threads = physics.law, physics.threads
         self.decision_dt = decision_dt = number("decision_dt", decision_dt, POSITIVE, "s")
         if time_limit is not None:
             time_limit = number("time_limit", time_limit, POSITIVE, "s")
@@ -141,15 +139,14 @@ class CrowdEnv:
         self.reward_weights, kind = make_weights(reward), make_action(action)
         layout = make_layout(observation, in_world=kind.frame == "world")
         self.scenarios = scenarios_of(scenario, people, num_envs)
-        dt = physics.step(*self.scenarios, within=decision_dt)
+        dt = physics_step(physics, *self.scenarios, within=decision_dt)
         self.n_substeps = parts_of("decision_dt", decision_dt, "physics steps of dt", dt)
         self.action_kind, self.layout, choosing = fit_to_ways(kind, layout, self.scenarios)
         self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
         self.single_action_space = copy.deepcopy(self.action_kind.space)  # whoever seeds it seeds no other
-        manner, shape = manner_and_outline(self.scenarios, walking.manner, physics.outline)
-        check_outline(shape, scheme)
-        for each in self.scenarios:
-            check_step(scheme, extreme_bodies(each.population), dt, outline=shape)  # every draw, not only the first
+        settled, walks = settle(self.scenarios, replace(physics, dt=dt), walking)
+        for each in self.scenarios:  # every draw, not only the first
+            check_step(settled.law, extreme_bodies(each.population), dt, outline=Outline.of(settled.outline))
         which = np.arange(num_envs) % len(self.scenarios)
         self.scenario_of_env = [self.scenarios[k] for k in which]
         self._generators = [np.random.default_rng() for _ in range(num_envs)]
@@ -167,16 +164,10 @@ class CrowdEnv:
             [each.geometry for each in self.scenarios],
             bodies,
             make_state(np.zeros((slots, 2)), environments=num_envs),
-            scheme=scheme,
-            dt=dt,
+            physics=settled,
+            walking=walks,
             fields=self.route_set,
             geometry_of_env=which,
-            threads=threads,
-            manner=manner,
-            outline=shape,
-            pulls=[each.pulls for each in self.scenarios],
-            max_drive=one_drive(self.scenarios, physics.max_drive, scheme.drives),
-            balance=one_balance(self.scenarios, physics.balance),
         )
         self.simulation.state.active[:] = False  # nobody is there before the first reset
         in_world = self.action_kind.frame == "world"

@@ -14,7 +14,8 @@ from crowd_env.core.checks import NOT_NEGATIVE, whole
 from crowd_env.core.executors import Executor, WorkerDied
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.metrics import EpisodeMetrics
-from crowd_env.envs.settings import Physics, arguments_of
+from crowd_env.envs.settings import arguments_of
+from crowd_env.physics.settings import Physics
 from crowd_env.scenarios.scenario import Scenario
 
 # Evacuations and people simulated side by side: enough to fill a call, few enough to show progress.

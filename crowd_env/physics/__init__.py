@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from crowd_env.core.arrays.outline import Outline, plain_outline
 from crowd_env.core.checks import check_keys, known, refuse
 from crowd_env.physics.dem import DEM
 from crowd_env.physics.hertz import Hertz
@@ -35,7 +34,6 @@ __all__ = [
     "ContactScheme",
     "Hertz",
     "SocialForce",
-    "check_outline",
     "make_scheme",
 ]
 
@@ -63,19 +61,6 @@ def make_scheme(
     elif not isinstance(scheme, ContactScheme):
         refuse("scheme", scheme, "a scheme such as NSM2(), a table {'name': ...} or one of " + ", ".join(SCHEMES))
     return scheme if social is None else replace(scheme, social=make_social(social))
-
-
-def check_outline(outline: Outline | None, scheme: ContactScheme) -> None:
-    """Raise ValueError if bodies have an outline and the scheme does not turn them."""
-    if outline is None or scheme.turns_bodies:
-        return
-    turning = [name for name, known_scheme in SCHEMES.items() if known_scheme.turns_bodies]
-    switch = " with rotation=False" if any(type(scheme) is type(SCHEMES[name]) for name in turning) else ""
-    shape = plain_outline(outline)
-    what = f"the outline {shape!r}" if isinstance(shape, str) else f"an outline of {len(outline.discs)} discs"
-    raise ValueError(
-        f"{scheme.info.name}{switch} does not turn bodies, so it cannot have {what}; schemes that can: {', '.join(turning)}"
-    )
 
 
 def _from_table(table: Mapping[str, Any]) -> ContactScheme:

@@ -3,7 +3,8 @@
 An array says how large it is beside its type, in letters and numbers: P people, E environments, M entries of the neighbor
 list, R control rules, D doors, N discs of all bodies, S places of those whom a decision looks at, W lists of them, C heads of
 cells, B bodies of a solver (people and a wall an environment), L slabs of all crowds, T forces carried between slabs.  A name
-behind that says what needs it: it is empty unless a scheme (`SchemeInfo.uses`), its social force, a manner or an outline does.
+behind that says what needs it: it is empty unless a scheme (`SchemeInfo.uses`), its social force or a
+behavior (`Behavior.USES`) does.
 """
 
 from collections.abc import Collection, Mapping
@@ -25,6 +26,13 @@ def _arrays_of(kind: type[Any]) -> dict[str, tuple[Any, list[str], str]]:
             array, shape, *needs = get_args(hint)
             found[name] = get_args(get_args(array)[1])[0], shape.split(), "".join(needs)
     return found
+
+
+def arrays_of_people(fields: Any) -> dict[str, np.ndarray]:
+    """Return the arrays with one row a pedestrian of a NamedTuple that says how large its arrays are, by name."""
+    kind: Any = type(fields)
+    known = _arrays_of(kind)
+    return {name: getattr(fields, name) for name, (_, shape, _) in known.items() if shape[0] == "P"}
 
 
 def allocate(kind: type[Arrays], sizes: Sizes, uses: Collection[str] | None = None, **given: Any) -> Arrays:

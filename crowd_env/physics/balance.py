@@ -1,18 +1,16 @@
 """Balance in every scheme: the force of the ground on those who stand, as the desired velocity that their drive seeks.
 
-A drive m (v_d - v) / tau is the force m a of the pendulum (`crowd_env.core.arrays.balance`) if v_d = v + tau a.  So every
+A drive m (v_d - v) / tau is the force m a of the pendulum (`crowd_env.core.behaviors.balance`) if v_d = v + tau a.  So every
 scheme with a drive takes it up where it takes up how people walk, and nothing else in a scheme knows of it.
 """
 
 import numpy as np
 
-from crowd_env.core.arrays.balance import Balance
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.behaviors.balance import GRAVITY, Balance
 from crowd_env.core.kernels.jit import inner_kernel
 from crowd_env.physics.bounds import limited
 from crowd_env.physics.workspace import Batch
-
-GRAVITY = 9.81  # m/s2
 
 
 @inner_kernel
@@ -21,13 +19,13 @@ def stand(i: int, time: float, batch: Batch, params: Balance) -> tuple[float, fl
 
     All that is written depends on the moment alone, so a step of the physics that is done again does the same.
     """
-    position, velocity, history = batch.state.position, batch.state.velocity, batch.history
-    feet, lands_at = history.feet, history.lands_at
+    position, velocity, memory = batch.state.position, batch.state.velocity, batch.history.memory.balance
+    feet, lands_at = memory.feet, memory.lands_at
     x, y, u, v = position[i, 0], position[i, 1], velocity[i, 0], velocity[i, 1]
     lag = np.sqrt(params.height / GRAVITY)
     cx, cy = x + lag * u, y + lag * v
-    if not history.stands[i]:
-        history.stands[i], lands_at[i] = True, np.inf
+    if not memory.stands[i]:
+        memory.stands[i], lands_at[i] = True, np.inf
         dx, dy = limited(cx - x, cy - y, params.step)  # the last step of who walked, or fell
         feet[i, 0], feet[i, 1], feet[i, 2], feet[i, 3] = x, y, x + dx, y + dy
     if lands_at[i] <= time:

@@ -256,7 +256,7 @@ def _advance_range(
                 # Neighbors: a new list if the old one is stale.  Contacts are listed in the last step of the call alone.
                 partition.run[e] = detect(e, slabs, team, batch, n_substeps, acting.reach)
                 if partition.run[e]:
-                    plan_steering(e, batch, dt, acting.regions, acting.walking, acting.balance)
+                    plan_steering(e, batch, dt, acting)
                     if substep[e] == n_substeps - 1:
                         _list_contacts(e, batch, dt, stiffness)
             wait_for_all(partition.barrier, team)
@@ -270,11 +270,11 @@ def _advance_range(
             if acting.walking is not None and partition.steering[e] == DECIDE:
                 for row in range(row_start, row_stop, team):
                     # How everyone wants to walk.
-                    decide_share(e, row - SLABS * e, slabs, batch, batch.control.headway)
+                    decide_share(e, row - SLABS * e, slabs, batch, batch.behaviors.manner)
                 wait_for_all(partition.barrier, team)
             for row in range(row_start, row_stop, team):
                 # Regular forces: directions and desired velocities where they are due, social force.
-                regular_forces(e, row, batch, dt, acting.social, acting.walking, acting.balance)
+                regular_forces(e, row, batch, dt, acting)
                 # The law: springs between people, and between people and walls.
                 _push_people(row, batch, stiffness)
                 _push_off_walls(e, row, batch, dt, stiffness)

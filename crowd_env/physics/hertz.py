@@ -9,7 +9,7 @@ With overlap d, R = r_i r_j / (r_i + r_j), m = m_i m_j / (m_i + m_j), alpha = sq
 The formulas and parameters are those of granular flow codes, which settles what the paper leaves open: gamma is a rate per
 length.  In two dimensions s is one number, in the frame that turns with the contact; `Contacts.history` keeps it.
 
-Bodies may have an outline of several discs (`crowd_env.core.arrays.outline`): then r is the radius of the disc that
+Bodies may have an outline of several discs (`crowd_env.core.behaviors.outline`): then r is the radius of the disc that
 touches, and normal
 forces turn a body too.  The paper has discs.
 
@@ -35,12 +35,12 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Bodies
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range
 from crowd_env.core.kernels.jit import index, inner_kernel, kernel
-from crowd_env.physics.bounds import hold_fastest, limited, stay_within_bounds
-from crowd_env.physics.driving_force import Influences, regular_forces
+from crowd_env.physics.bounds import hold_fastest, stay_within_bounds
+from crowd_env.physics.driving_force import Influences, drive_after_kick, regular_forces
 from crowd_env.physics.exits import leave
 from crowd_env.physics.outlines.contacts import detect_discs
 from crowd_env.physics.outlines.turning import add_turning_torques, begin_to_face, lever
@@ -200,21 +200,19 @@ def _kick(
     half: float,
     limit: float,
     drives: bool,
-    max_drive: float | None,
-    balance: bool | None,
+    acting: Influences,
 ) -> float:
     """Half a kick (eqs 9, 11), to no more than ``limit`` [m/s]; returns the largest speed [m/s].
 
-    The second of a step ``drives``: it makes the drive that of the velocity after it, but for who stands and keeps the
-    ``balance``: no part of that force is a drive.
+    The second of a step ``drives``: it makes the drive that of the velocity after it.
     """
     inside, velocity, spin, mass = batch.workspace.inside, batch.state.velocity, batch.state.spin, batch.bodies.mass
     inertia, force, torque = batch.bodies.inertia, batch.history.force, batch.history.torque
     fastest = 0.0
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]
-        if drives and (balance is None or not batch.history.stands[i]):
-            _drive_after_kick(i, batch, half, max_drive)
+        if drives:
+            drive_after_kick(i, batch, half, acting)
         rate = half / mass[i]
         velocity[i, 0] += rate * force[i, 0]
         velocity[i, 1] += rate * force[i, 1]
@@ -331,30 +329,12 @@ def _find_forces(
     outline: bool | None,
 ) -> None:
     """Write all forces and torques at the present positions (eqs 1-6)."""
-    steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
-    regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive, acting.balance)
+    steer(e, rank_stop, batch, dt, acting)
+    regular_forces(e, rank_stop, batch, acting)
     _clear_torques(e, batch)
     _add_contact_forces(e, batch, dt, elapsed, params, outline)
     if outline is not None:
         add_turning_torques(e, rank_stop, batch, 0.5 * elapsed)
-
-
-@inner_kernel
-def _drive_after_kick(i: int, batch: Batch, half: float, max_drive: float | None) -> None:
-    """Let the drive of person ``i`` be that of the velocity after the half kick by all forces, not before it.
-
-    With v' = v + half (F + g) / m and g = m (v_d - v') / tau:  g = (m (v_d - v) - half F) / (tau + half), limited as it is.
-    """
-    desired, velocity, force = batch.workspace.desired_velocity, batch.state.velocity, batch.history.force
-    mass, tau, fx, fy = batch.bodies.mass[i], batch.bodies.relaxation_time[i], force[i, 0], force[i, 1]
-    if max_drive is None:  # the same for all forces together
-        force[i, 0], force[i, 1] = fx * (tau / (tau + half)), fy * (tau / (tau + half))
-    else:
-        px, py = mass * (desired[i, 0] - velocity[i, 0]), mass * (desired[i, 1] - velocity[i, 1])
-        gx, gy = limited(px / tau, py / tau, max_drive)
-        fx, fy = fx - gx, fy - gy  # all but the drive
-        gx, gy = limited((px - half * fx) / (tau + half), (py - half * fy) / (tau + half), max_drive)
-        force[i, 0], force[i, 1] = fx + gx, fy + gy
 
 
 @inner_kernel
@@ -389,7 +369,7 @@ def _advance_range(
     phase, substep = batch.history.phase, batch.workspace.substep
     for e in range(env_first, env_stop):
         rank_start = batch.bodies.env_start[e]
-        rank_stop, limit, smallest = begin_call(e, batch, acting.regions)
+        rank_stop, limit, smallest = begin_call(e, batch, acting)
         deepest = np.inf  # contact with a wall [m] at the start of the step, not known before the first of a call
         is_first = phase[e] == _UNKNOWN and substep[e] < n_substeps and rank_stop > rank_start
         if is_first and not _first_forces(e, rank_stop, batch, dt, acting, params, acting.outline):
@@ -398,7 +378,7 @@ def _advance_range(
             if phase[e] == _KNOWN:
                 # Half a kick with the forces of the last step, and the drift (eqs 9, 10).
                 record_impulses(e, batch, 0.5)
-                longest = dt * _kick(e, rank_stop, batch, 0.5 * dt, limit, False, acting.max_drive, acting.balance)
+                longest = dt * _kick(e, rank_stop, batch, 0.5 * dt, limit, False, acting)
                 _drift(e, rank_stop, batch, dt)
                 # Nobody through a wall.
                 if not stay_within_bounds(e, rank_stop, batch, deepest, smallest, longest):
@@ -417,7 +397,6 @@ def _advance_range(
             if acting.outline is not None:  # the overlaps of other discs do not say how near a wall a center is
                 deepest = np.inf
             # The other half of the kick (eq 11), and the clock.
-            driving = batch.control.driving
-            _kick(e, rank_stop, batch, 0.5 * dt, limit, driving, acting.max_drive, acting.balance)
+            _kick(e, rank_stop, batch, 0.5 * dt, limit, batch.control.driving, acting)
             tick(e, batch, dt)
             phase[e] = _KNOWN

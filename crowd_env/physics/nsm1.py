@@ -85,14 +85,10 @@ class NSM1(IterativeScheme):
         """Only the inertial form has a driving force."""
         return self.trial == "inertial"
 
-    def check(self, driving: bool, max_drive: float | None = None) -> None:
-        """Refuse passive grains without inertia, and a limit of the drive where there is none."""
+    def check(self, driving: bool) -> None:
+        """Refuse passive grains without inertia."""
         if not driving and self.trial == "spontaneous":
             raise ValueError("nsm1: passive grains have no spontaneous velocity; use NSM1(trial='inertial')")
-        if max_drive is not None and self.trial == "spontaneous":
-            raise ValueError(
-                "nsm1: people take their desired velocity at once, by no force that max_drive could limit; use nsm1-inertial"
-            )
 
     @property
     def kernel(self) -> Callable[..., None]:
@@ -228,14 +224,14 @@ def _advance_range(
     """
     for e in range(env_first, env_stop):
         rank_start = batch.bodies.env_start[e]
-        rank_stop, limit, smallest = begin_call(e, batch, acting.regions)
+        rank_stop, limit, smallest = begin_call(e, batch, acting)
         while batch.workspace.substep[e] < n_substeps and rank_stop > rank_start:
             # Pairs that notice each other; without a social force the contacts bring their own list.
             if acting.social is not None and not find_neighbors(e, batch, acting.reach):
                 break
             # Where everyone wants to go, and all forces but contact.
-            steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
-            regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive, acting.balance)
+            steer(e, rank_stop, batch, dt, acting)
+            regular_forces(e, rank_stop, batch, acting)
             # Trial velocities and their projection onto velocities without overlap (eqs 6, 7).
             if not _project(e, rank_stop, batch, dt, spontaneous, stopping, acting.reach):
                 break

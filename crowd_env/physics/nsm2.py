@@ -197,14 +197,14 @@ def _advance_range(
     """Advance the environments ``env_first:env_stop`` to step ``n_substeps`` of this call, one after the other."""
     for e in range(env_first, env_stop):
         rank_start = batch.bodies.env_start[e]
-        rank_stop, limit, smallest = begin_call(e, batch, acting.regions)
+        rank_stop, limit, smallest = begin_call(e, batch, acting)
         while batch.workspace.substep[e] < n_substeps and rank_stop > rank_start:
             # Contacts at q(n).
             if not _detect(e, batch, params.k_tangent > 0.0, acting.reach):
                 break
             # Where everyone wants to go, and all forces but contact.
-            steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
-            regular_forces(e, rank_stop, batch, acting.social, acting.walking, acting.max_drive, acting.balance)
+            steer(e, rank_stop, batch, dt, acting)
+            regular_forces(e, rank_stop, batch, acting)
             # Velocities u(n+1): regular forces, then percussions (eqs 8-10).
             _accelerate(e, rank_stop, batch, dt)
             deepest = _collide(e, batch, params, stopping)

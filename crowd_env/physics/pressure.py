@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import POSITIVE, array, number, require_all
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.near import pairs_within

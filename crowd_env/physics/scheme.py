@@ -1,14 +1,15 @@
 """What a contact scheme is: facts, a frozen dataclass of parameters, and one compiled call that advances a batch of crowds."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Bodies
+from crowd_env.core.behaviors.behavior import Behavior
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import COUNT, POSITIVE, Range, check_fields
 from crowd_env.core.kernels.struct_ref import StructRef
 from crowd_env.physics.driving_force import influences
@@ -92,8 +93,8 @@ class ContactScheme(ABC):
         """Whether people are driven by a force, which a largest drive limits."""
         return True
 
-    def check(self, driving: bool, max_drive: float | None = None) -> None:  # noqa: B027  # most schemes accept all
-        """Raise ValueError if the scheme has no use for pedestrians (``driving``), passive grains, or a limited drive."""
+    def check(self, driving: bool) -> None:  # noqa: B027  # most schemes accept all
+        """Raise ValueError if the scheme has no use for pedestrians (``driving``) or passive grains."""
 
     def slabs(self, people: int, driving: bool) -> int:
         """Return into how many slabs a crowd is cut that several threads can step together; 1 = it is not cut."""
@@ -108,13 +109,16 @@ class ContactScheme(ABC):
         env_stop: int,
         thread: int = 0,
         threads: int = 1,
+        *,
+        desire: Any = None,
     ) -> None:
         """Advance the environments ``env_first:env_stop`` of a `Batch` to step ``n_substeps`` of this call, in place.
 
         `Workspace.substep` says from where.  Other environments are neither read nor written.  With ``threads`` > 1 as many
-        threads make this call at once, each with its own number ``thread``, and share the slabs.
+        threads make this call at once, each with its own number ``thread``, and share the slabs.  ``desire`` changes what
+        people want, see `crowd_env.core.behaviors.behavior.Behavior`.
         """
-        acting = influences(self.social, batch)
+        acting = influences(self.social, batch, desire)
         shared = (thread, threads) if self.shares_crowds else ()
         self.kernel(batch, dt, n_substeps, env_first, env_stop, acting, *self.parameters(), *shared)
 
@@ -157,14 +161,7 @@ class IterativeScheme(ContactScheme):
         return Stopping(self.tolerance, relative, self.max_iterations)
 
 
-def arrays_of(
-    scheme: ContactScheme,
-    keeps_headway: bool = False,
-    with_outline: bool = False,
-    pulled: bool = False,
-    keeps_balance: bool = False,
-) -> frozenset[str]:
-    """Return what arrays of `workspace` are needed: by a scheme, and by people of some kinds."""
+def arrays_of(scheme: ContactScheme, acting: Iterable[type[Behavior]] = ()) -> frozenset[str]:
+    """Return what arrays of `workspace` are needed: by a scheme, and by the behaviors that act."""
     social = ("desired_velocity", "force", "heading", "social_pairs") if scheme.social is not None else ()
-    of_people = {"walking": keeps_headway or pulled, "discs": with_outline, "pulls": pulled, "balance": keeps_balance}
-    return frozenset((*scheme.info.uses, *social, *(name for name, used in of_people.items() if used)))
+    return frozenset((*scheme.info.uses, *social, *(name for behavior in acting for name in behavior.USES)))

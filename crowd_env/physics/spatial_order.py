@@ -13,17 +13,14 @@ import numpy as np
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
 from crowd_env.core.clock import DueClock, next_multiple
 from crowd_env.core.kernels.jit import index, kernel
+from crowd_env.physics.allocation import arrays_of_people
 from crowd_env.physics.contacts import Contacts, order_of_contacts, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
-from crowd_env.physics.workspace import Batch, Command, Results, set_command
+from crowd_env.physics.workspace import Batch, Command, History, Results, set_command
 
 MANY = 1000  # people from which on an environment is sorted: fewer lie in the caches anyhow
 EVERY = 0.5  # s
 _CELL = 0.5  # m
-
-# The part of the history that only the physics reads: it lies in the order of space itself.
-_IN_ORDER: tuple[str, ...] = ("direction", "is_uniform", "lookup_turn", "region_bits", "local_speed", "force", "torque")
-_IN_ORDER += ("walking_velocity", "waited", "held_since", "feet", "lands_at", "stands")
 
 
 class Order(NamedTuple):
@@ -100,7 +97,7 @@ class SortedCrowd:
         slots = self.slot[people]
         order = _order_of_space(state.position[slots], state.active[slots])
         self.slot[people] = slots[order]
-        for array in (getattr(self._in_slots.history, name) for name in _IN_ORDER):
+        for array in _in_order(self._in_slots.history):
             if len(array):  # not every scheme uses all
                 array[people] = array[people][order]
         self.gather_bodies(people)
@@ -138,6 +135,12 @@ class SortedCrowd:
             (copies.history.followed, arrays.history.followed),
             *zip(copies.results[:-1], arrays.results[:-1], strict=True),
         ]
+
+
+def _in_order(history: History) -> list[np.ndarray]:
+    """Return the part of the history that only the physics reads: it lies in the order of space itself."""
+    own = [array for name, array in arrays_of_people(history).items() if name != "followed"]
+    return own + [array for memory in history.memory for array in arrays_of_people(memory).values()]
 
 
 def _stretches(chosen: Bools, env_start: Ints) -> list[slice]:

@@ -7,6 +7,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.kernels.fetch import fetch
 from crowd_env.core.kernels.jit import index, inner_kernel
+from crowd_env.physics.driving_force import Influences
 from crowd_env.physics.walking.decide import decide
 from crowd_env.physics.workspace import LOOKUP_PERIOD, Batch
 from crowd_env.routing.fields.lookup import BLEND, blended_direction, exit_frame, quick_cell, through_exit, way_at
@@ -42,14 +43,19 @@ def reset_routes(e: int, batch: Batch, regions: bool | None) -> None:
 
 
 @inner_kernel
-def steer(e: int, rank_stop: int, batch: Batch, dt: float, regions: bool | None, walking: bool | None) -> None:
+def steer(e: int, rank_stop: int, batch: Batch, dt: float, acting: Influences) -> None:
     """Bring rules, routes, directions and walking velocities of environment ``e`` up to date if they are due."""
+    _steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
+
+
+@inner_kernel
+def _steer(e: int, rank_stop: int, batch: Batch, dt: float, regions: bool | None, walking: bool | None) -> None:
     if is_look_up_due(e, batch, dt):
         if regions is not None:
             follow_rules(e, batch)
         update_steering(e, batch.bodies.env_start[e], rank_stop, batch, dt, begin_look_up(e, batch, regions))
     if walking is not None and is_decision_due(e, batch, dt):
-        decide(e, batch, batch.control.headway)
+        decide(e, batch, batch.behaviors.manner)
 
 
 @inner_kernel
@@ -61,7 +67,7 @@ def is_look_up_due(e: int, batch: Batch, dt: float) -> bool:
 @inner_kernel
 def is_decision_due(e: int, batch: Batch, dt: float) -> bool:
     """Whether people decide in this step how to walk, and if so note it: in a step done again they do not decide again."""
-    history, interval = batch.history, batch.control.headway.interval
+    history, interval = batch.history, batch.behaviors.manner.interval
     if history.have_decided[e] and history.decision_age[e] <= max(interval - 0.5 * dt, 0.0):
         return False
     history.have_decided[e], history.decision_age[e] = True, 0.0

@@ -5,6 +5,7 @@ import numpy as np
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.bounds import least_radius, speed_limit
 from crowd_env.physics.constraints import Extent
+from crowd_env.physics.driving_force import Influences
 from crowd_env.physics.narrow_phase import find_contacts
 from crowd_env.physics.neighbors.update import OK, update_neighbors
 from crowd_env.physics.steering import reset_routes
@@ -27,13 +28,13 @@ def list_active(e: int, batch: Batch) -> int:
 
 
 @inner_kernel
-def begin_call(e: int, batch: Batch, regions: bool | None) -> tuple[int, float, float]:
+def begin_call(e: int, batch: Batch, acting: Influences) -> tuple[int, float, float]:
     """List who is inside environment ``e`` and bring routes up to date, at the start of a call.
 
     Returns one past the last rank, the speed limit [m/s] and the least radius [m].
     """
     rank_stop = list_active(e, batch)
-    reset_routes(e, batch, regions)
+    reset_routes(e, batch, acting.regions)
     return rank_stop, speed_limit(batch), least_radius(e, rank_stop, batch)
 
 

@@ -1,16 +1,13 @@
 """All that a step works on: the world around the crowd, what is asked of it, results, history and scratch."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env.core.arrays.balance import Balance
-from crowd_env.core.arrays.headway import Headway
-from crowd_env.core.arrays.outline import OutlineParams
-from crowd_env.core.arrays.pulls import PullArrays
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
+from crowd_env.core.behaviors.behavior import Behavior, record
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.geometry.wall_grid import WallGrid
@@ -25,6 +22,7 @@ from crowd_env.routing.rules import Guidance
 
 BLOCK = 128  # people in front of one whom a decision looks at together
 _QUANTITIES = 12  # numbers of each of them
+NOTHING: Mapping[str, tuple[type[Behavior], bool]] = {}  # acts
 LOOKUP_PERIOD = 4  # in which those look for their way who need not do so every time
 
 
@@ -36,8 +34,6 @@ class World(NamedTuple):
     geometry_of_env: Ints  # (E,)
     guidance: Guidance  # routes, regions and control rules
     wall_grid: WallGrid  # which walls may hide people from each other; empty where nobody keeps a headway
-    outline: OutlineParams  # shape of all bodies; without discs where each is one disc
-    pulls: PullArrays  # of companions and attractions
 
 
 class Control(NamedTuple):
@@ -47,12 +43,6 @@ class Control(NamedTuple):
     relative: Annotated[Bools, "P"]  # command turns with the direction of the shortest path; else along the world axes
     external_force: Annotated[Floats, "P 2"]  # N
     gives_way: Annotated[Bools, "P"]  # keeps the headway, where people keep any
-    headway: Headway
-    keeps_headway: bool
-    pulled: bool  # by companions or attractions
-    balance: Balance
-    keeps_balance: bool
-    max_drive: float  # N  largest driving force of a person; infinite = no limit
     driving: bool  # pedestrians (eq 11) or passive grains
     bounded: bool  # nobody is too fast, goes too far in a step, or through a wall: see `crowd_env.physics.bounds`
 
@@ -116,14 +106,9 @@ class History(NamedTuple):
     rule_since: Annotated[Floats, "E R"]  # s  when they were switched on
     door_open: Annotated[Bools, "E D"]
     walking_velocity: Annotated[Floats, "P 2", "walking"]  # m/s  that everyone has last decided to walk at
-    waited: Annotated[Floats, "P", "walking"]  # s  stood still
-    # Those who stand: both feet, the first of which carries while the other is in the air, and when that lands.
-    feet: Annotated[Floats, "P 4", "balance"]  # m
-    lands_at: Annotated[Floats, "P", "balance"]  # s    infinite = both are on the ground, and none is to be lifted
-    stands: Annotated[Bools, "P", "balance"]
     have_decided: Annotated[Bools, "E"]  # how to walk, since the start
     decision_age: Annotated[Floats, "E"]  # s  since then
-    held_since: Annotated[Floats, "P", "pulls"]  # s  since when companions further back hold one back; 0 = they do not
+    memory: Any  # of each behavior its `Behavior.MEMORY`, by name; empty arrays where it does not act
 
 
 class NarrowPhase(NamedTuple):
@@ -207,6 +192,8 @@ class Batch(NamedTuple):
     """
 
     world: World
+    behaviors: Any  # parameters of each behavior, by name: see `Behavior.params_of`
+    acts: Any  # whether it acts, by name
     bodies: Bodies
     state: CrowdState
     control: Control
@@ -215,28 +202,13 @@ class Batch(NamedTuple):
     workspace: Workspace
 
 
-def allocate_control(
-    people: int,
-    driving: bool,
-    bounded: bool = True,
-    headway: Headway | None = None,
-    max_drive: float | None = None,
-    pulled: bool = False,
-    balance: Balance | None = None,
-) -> Control:
-    """Return room for what is asked of so many people; who keep no distance decide anew at every step."""
-    usual: Any = Headway().params()
+def allocate_control(people: int, driving: bool, bounded: bool) -> Control:
+    """Return room for what is asked of so many people."""
     return allocate(
         Control,
         {"P": people},
         relative=np.ones(people, dtype=np.bool_),
         gives_way=np.ones(people, dtype=np.bool_),
-        headway=usual._replace(interval=0.0) if headway is None else headway.params(),
-        keeps_headway=headway is not None,
-        pulled=pulled,
-        balance=(balance or Balance()).params(),
-        keeps_balance=balance is not None,
-        max_drive=np.inf if max_drive is None else max_drive,
         driving=driving,
         bounded=bounded,
     )
@@ -271,9 +243,17 @@ def allocate_results(people: int, environments: int) -> Results:
 
 
 def allocate_history(
-    bodies: Bodies, neighbors: NeighborList, rules: int = 0, doors: int = 0, uses: Collection[str] | None = None
+    bodies: Bodies,
+    neighbors: NeighborList,
+    rules: int = 0,
+    doors: int = 0,
+    uses: Collection[str] | None = None,
+    acting: Mapping[str, tuple[type[Behavior], bool]] = NOTHING,
 ) -> History:
-    """Return the history of people whom nothing has happened to, with so many control rules and doors (all open)."""
+    """Return the history of people whom nothing has happened to, with so many control rules and doors (all open).
+
+    ``acting`` says of each behavior, by name, what it is and whether it acts: then its memory gets room.
+    """
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     slots = np.arange(people) - np.repeat(bodies.env_start[:-1], np.diff(bodies.env_start))  # within the environment
     sizes = {"P": people, "E": environments, "M": len(neighbors.owner), "R": rules, "D": doors}
@@ -285,7 +265,14 @@ def allocate_history(
         lookup_turn=(slots % LOOKUP_PERIOD).astype(np.uint8),
         local_speed=bodies.desired_speed.copy(),
         door_open=np.ones((environments, doors), dtype=np.bool_),
+        memory=record(
+            **{name: _memory(kind, sizes if acts else {"P": 0, "E": 0}) for name, (kind, acts) in acting.items()}
+        ),
     )
+
+
+def _memory(kind: type[Behavior], sizes: Mapping[str, int]) -> Any:
+    return record() if kind.MEMORY is None else allocate(kind.MEMORY, sizes)
 
 
 def begin_history(chosen: Sequence[int], people: Ints, history: History, bodies: Bodies, route: Ints) -> None:
@@ -295,12 +282,9 @@ def begin_history(chosen: Sequence[int], people: Ints, history: History, bodies:
     history.contacts.number[chosen], history.door_open[chosen] = 0, True
     history.followed[people], history.region_bits[people] = route, 0
     history.local_speed[people] = bodies.desired_speed[people]
-    if len(history.waited):  # somebody decides
-        history.waited[people], history.walking_velocity[people] = 0.0, 0.0
-    if len(history.held_since):
-        history.held_since[people] = 0.0
-    if len(history.stands):
-        history.stands[people] = False
+    for array in (history.walking_velocity, *(array for memory in history.memory for array in memory)):
+        if len(array):
+            array[people] = 0
 
 
 def begin_results(chosen: Sequence[int], people: Ints, results: Results, total: Diagnostics) -> None:

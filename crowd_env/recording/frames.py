@@ -6,18 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.core.arrays.balance import plain_balance
-from crowd_env.core.arrays.headway import plain_manner
-from crowd_env.core.arrays.outline import plain_outline
 from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.behaviors import BEHAVIORS
+from crowd_env.core.behaviors.behavior import Behavior
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.files.versions import versions_of
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.physics.pressure import contact_pressure
-from crowd_env.physics.simulation.feet import places_of_feet
+from crowd_env.physics.settings import kinds_of
+from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.recording.contacts import ContactSums
 from crowd_env.recording.exits import places_beyond
 from crowd_env.recording.recording import Recording
 
+_ALWAYS = ("manner", "outline")  # behaviors that a recording names in any case
 _NOBODY: Ints = np.zeros(0, dtype=np.int64)
 
 
@@ -35,13 +37,18 @@ def facts_of(env: CrowdEnv, e: int, *, every: int, contacts: bool, seed: int | N
         "run": run,
         "seed": seed,
         "strategy": env.strategies[e % len(env.strategies)],
-        "manner": plain_manner(simulation.manner),
-        "outline": plain_outline(simulation.outline),
+        **{name: BEHAVIORS[name].plain_of(simulation.behaviors[name]) for name in _ALWAYS},
         "time_limit": float(env.time_limit[e]),
         "versions": versions_of(),
-        **({} if simulation.balance is None else {"balance": plain_balance(simulation.balance)}),
+        **{name: kind.plain_of(simulation.behaviors[name]) for name, kind in _of_memory(simulation).items()},
         **({"contact_force": "mean since the frame before"} if contacts else {}),
     }
+
+
+def _of_memory(simulation: Simulation) -> dict[str, type[Behavior]]:
+    """Return the behaviors of which a recording holds rows, by name."""
+    kinds = kinds_of(simulation.walking)
+    return {name: kind for name, kind in kinds.items() if simulation.behaviors[name] is not None and kind.RECORDED}
 
 
 class FrameSampler:
@@ -81,7 +88,7 @@ class FrameSampler:
             "desired_speed": bodies.desired_speed[self._people].copy(),
             "group": np.repeat(np.arange(len(parts)), [part.people for part in parts]),
             "company": bodies.company[self._people].copy(),
-            "outline": None if outline is None else plain_outline(outline),
+            "outline": None if outline is None else Outline.plain_of(outline),
         }
 
     def first(self, env: CrowdEnv) -> Recording:
@@ -124,7 +131,11 @@ class FrameSampler:
     def _frame(self, env: CrowdEnv, left: Ints, pressure: Floats) -> Recording:
         simulation = env.simulation
         state, outline = simulation.state, simulation.outline
-        feet = None if simulation.balance is None else places_of_feet(simulation)[self._people].reshape(-1, 4)
+        kept = {
+            name: values[self._people]
+            for kind in _of_memory(simulation).values()
+            for name, values in kind.rows(simulation).items()
+        }
         time = self._time(env)
         position, velocity = state.position[self._people].copy(), state.velocity[self._people].copy()
         angle, exit_time = state.angle[self._people].copy(), state.exit_time[self._people].copy()
@@ -149,6 +160,6 @@ class FrameSampler:
             velocity=velocity[rows],
             pressure=pressure[rows],
             angle=None if outline is None else angle[rows],
-            feet=None if feet is None else feet[rows],
+            memory={name: values[rows] for name, values in kept.items()},
             contacts=None if self._contacts is None else self._contacts.take(time - self._seen_at, ~self._gone),
         )

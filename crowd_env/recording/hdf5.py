@@ -23,7 +23,6 @@ from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing,
 
 _NUMBERS = ("x", "y", "z", "ox", "oy", "vx", "vy", "pressure")
 _ROW = [("frame", "<i4"), ("id", "<i4"), *((name, "<f8") for name in _NUMBERS)]
-_OPTIONAL: list[Any] = [("angle", "<f8"), ("feet", "<f8", 4)]
 _FRAME = [("time", "<f8"), ("rows", "<i8"), ("contacts", "<i8")]  # rows and contacts of all frames up to this one
 _PERSON = [("radius", "<f8"), ("desired_speed", "<f8"), ("group", "<i4"), ("exit_time", "<f8"), ("exit_index", "<i4")]
 _PERSON += [("company", "<i4")]
@@ -45,7 +44,7 @@ class Hdf5Writer:
             self._begin(first)
 
     def _begin(self, first: Recording) -> None:
-        optional = [one for one in _OPTIONAL if getattr(first, one[0]) is not None]
+        optional = [(name, "<f8", values.shape[1:]) for name, values in _optional(first).items()]
         rows = self._table("trajectory", _ROW + optional)
         rows.attrs["fps"] = 1.0 / first.frame_interval
         self._table("frames", _FRAME)
@@ -71,8 +70,8 @@ class Hdf5Writer:
         rows["frame"], rows["id"], rows["pressure"] = len(file["frames"]) + part.frame, part.person, part.pressure
         for first, values in {"x": part.position, "ox": facing(part), "vx": part.velocity}.items():
             rows[first], rows[first.replace("x", "y")] = values.T
-        for name in rows.dtype.names[len(_ROW) :]:
-            rows[name] = getattr(part, name)
+        for name, values in _optional(part).items():
+            rows[name] = values
         count = np.zeros(len(part.times), dtype=_FRAME)
         count["time"], count["rows"] = part.times, len(file["trajectory"]) + part.frame_start[1:]
         if part.contacts is not None:
@@ -130,6 +129,11 @@ def _named(path: Path, file: Any = None) -> Iterator[None]:
             os.close(null)
         why = re.search("error message = '([^']*)'", str(error))
         raise OSError(f"cannot write {path}: {why[1] if why else type(error).__name__}") from error
+
+
+def _optional(recording: Recording) -> dict[str, np.ndarray]:
+    """Return the columns of rows that not every recording has."""
+    return ({} if recording.angle is None else {"angle": recording.angle}) | dict(recording.memory)
 
 
 def _people(recording: Recording) -> np.ndarray:
@@ -190,6 +194,7 @@ def _ours(file: Any) -> Recording:
         position=np.stack([rows["x"], rows["y"]], axis=1),
         velocity=np.stack([rows["vx"], rows["vy"]], axis=1),
         pressure=rows["pressure"],
-        **{name: rows[name] for name, *_ in _OPTIONAL if name in rows.dtype.names},
+        angle=rows["angle"] if "angle" in rows.dtype.names else None,
+        memory={name: rows[name] for name in rows.dtype.names[len(_ROW) :] if name != "angle"},
         contacts=contacts,
     )

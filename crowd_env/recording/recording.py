@@ -2,15 +2,15 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.pulls import ALONE
 from crowd_env.core.arrays.state import Bools, Floats, Ints, joined_starts
+from crowd_env.core.behaviors.pulls import ALONE
 from crowd_env.core.checks import array
 from crowd_env.geometry.geometry import Geometry
 
@@ -49,7 +49,7 @@ class Moment(NamedTuple):
     velocity: Floats  # (K, 2)  m/s
     pressure: Floats  # (K,)    N/m
     angle: Floats | None  # (K,)    rad  where bodies face that are no discs
-    feet: Floats | None  # (K, 4)  m    both feet, of people who keep their balance
+    memory: Mapping[str, Floats]  # (K, ...)  what behaviors of people keep, as the feet of those who keep their balance
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +89,8 @@ class Recording:
     pressure: Floats  #: (R,) N/m, mean since the frame before, see `contact_pressure`
     angle: Floats | None = None  #: (R,) rad, where bodies face that are no discs
     company: Ints = None  # type: ignore[assignment]  #: (N,) who have one number walk together; -1, the default, = alone
-    feet: Floats | None = None  #: (R, 4) m, places of both feet, of people who keep their balance
-    outline: Any = None  #: their shape as plain data, see `plain_outline`
+    memory: Mapping[str, Floats] = field(default_factory=dict)  #: (R, ...) what behaviors keep: see `Behavior.rows`
+    outline: Any = None  #: their shape as plain data, see `Outline.plain_of`
     contacts: FrameContacts | None = None  #: if they were recorded
 
     def __post_init__(self) -> None:
@@ -104,10 +104,11 @@ class Recording:
             **dict.fromkeys(OF_PEOPLE, (people,)),
             **dict.fromkeys(("person", "pressure") if self.angle is None else ("person", "pressure", "angle"), (rows,)),
             **dict.fromkeys(("position", "velocity"), (rows, 2)),
-            **({} if self.feet is None else {"feet": (rows, 4)}),
         }
         for name, shape in shapes.items():
             object.__setattr__(self, name, _column(name, getattr(self, name), shape))
+        kept = {name: _column(name, one, (rows, *np.shape(one)[1:])) for name, one in self.memory.items()}
+        object.__setattr__(self, "memory", kept)
         if not frames or not (np.diff(self.times) > 0).all():
             raise ValueError("a recording needs at least one frame, and its times must increase")
         _check_starts("frame_start", self.frame_start, rows)
@@ -189,8 +190,8 @@ class Recording:
         angle = None if self.angle is None else between(self._steady_angle)
         if angle is not None and first == 0:
             angle = self._steady_angle[then]  # people face their way from the first step on
-        feet = None if self.feet is None else between(self.feet)
-        return Moment(person, between(self.position), between(self.velocity), pressure, angle, feet)
+        kept = {name: between(one) for name, one in self.memory.items()}
+        return Moment(person, between(self.position), between(self.velocity), pressure, angle, kept)
 
     def peak_time(self) -> float:
         """Return when people press each other most [s]; if they never do, when half of them are out."""
@@ -241,9 +242,9 @@ class Recording:
 
 def joined(parts: Sequence[Recording]) -> Recording:
     """Return successive parts of one recording as one; what is known of people, and the facts, are those of the last."""
-    optional = [name for name in ("angle", "feet") if getattr(parts[0], name) is not None]
-    rows = ("times", "person", "position", "velocity", "pressure", *optional)
+    rows = ("times", "person", "position", "velocity", "pressure", *(() if parts[0].angle is None else ("angle",)))
     columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in rows}
+    columns["memory"] = {name: np.concatenate([part.memory[name] for part in parts]) for name in parts[0].memory}
     found = [part.contacts for part in parts if part.contacts is not None]
     if found:
         start, *pairs = zip(*found, strict=True)

@@ -39,9 +39,9 @@ CREATE TABLE frames (frame INTEGER PRIMARY KEY, time REAL NOT NULL);
 CREATE TABLE motion (frame INTEGER NOT NULL, id INTEGER NOT NULL, vel_x REAL NOT NULL, vel_y REAL NOT NULL,
     pressure REAL NOT NULL, angle REAL, PRIMARY KEY (frame, id)) WITHOUT ROWID;
 """
-_FEET = """
-CREATE TABLE feet (frame INTEGER NOT NULL, id INTEGER NOT NULL, x1 REAL NOT NULL, y1 REAL NOT NULL, x2 REAL NOT NULL,
-    y2 REAL NOT NULL, PRIMARY KEY (frame, id)) WITHOUT ROWID;
+# What a behavior keeps of everyone, a table each.
+_MEMORY = """
+CREATE TABLE "{name}" (frame INTEGER NOT NULL, id INTEGER NOT NULL, {columns}, PRIMARY KEY (frame, id)) WITHOUT ROWID;
 """
 _CONTACTS = """
 CREATE TABLE contacts (frame INTEGER NOT NULL, i INTEGER NOT NULL, j INTEGER NOT NULL, gap REAL NOT NULL,
@@ -49,7 +49,18 @@ CREATE TABLE contacts (frame INTEGER NOT NULL, i INTEGER NOT NULL, j INTEGER NOT
     force_normal REAL NOT NULL, force_tangential REAL NOT NULL);
 """
 _ROWS = "SELECT frame, id, pos_x, pos_y FROM trajectory_data ORDER BY frame, id"
-_ALL_FEET = "SELECT x1, y1, x2, y2 FROM feet ORDER BY frame, id"
+_KNOWN = {
+    "trajectory_data",
+    "metadata",
+    "geometry",
+    "frame_data",
+    "facts",
+    "exits",
+    "people",
+    "frames",
+    "motion",
+    "contacts",
+}
 _AT_ONCE = 50_000  # rows
 
 
@@ -69,7 +80,8 @@ class SqliteWriter:
             self._file = sqlite3.connect(self._part, isolation_level=None, check_same_thread=False)
             # The journal is there for a process that dies, not for the machine.
             self._file.execute("PRAGMA synchronous = OFF")
-            optional = ("" if first.feet is None else _FEET) + ("" if first.contacts is None else _CONTACTS)
+            optional = "".join(_table_of(name, values) for name, values in first.memory.items())
+            optional += "" if first.contacts is None else _CONTACTS
             self._file.executescript("BEGIN;" + _JUPEDSIM + _OURS + optional)
             self._insert("metadata", ((key, str(value)) for key, value in known.items()))
             self._insert("geometry", [(self._hash, area.wkt)])
@@ -89,8 +101,8 @@ class SqliteWriter:
             self._insert("trajectory_data", _rows(frame, person, *part.position.T, *facing(part).T))
             motion = _rows(frame, person, *part.velocity.T, part.pressure)
             self._insert("motion", ((*row, one) for row, one in zip(motion, angle, strict=True)))
-            if part.feet is not None:
-                self._insert("feet", _rows(frame, person, *part.feet.T))
+            for name, values in part.memory.items():
+                self._insert(name, _rows(frame, person, *values.reshape(len(person), -1).T))
             self._insert("frame_data", ((number, self._hash) for number in numbers))
             self._insert("frames", zip(numbers, part.times.tolist(), strict=True))
             left = _rows(part.exit_time[out], part.exit_index[out], out)
@@ -119,7 +131,7 @@ class SqliteWriter:
 
     def _insert(self, table: str, rows: Any) -> None:
         (columns,) = self._file.execute("SELECT count(*) FROM pragma_table_info(?)", (table,)).fetchone()
-        self._file.executemany(f"INSERT INTO {table} VALUES ({', '.join('?' * columns)})", rows)
+        self._file.executemany(f'INSERT INTO "{table}" VALUES ({", ".join("?" * columns)})', rows)
 
 
 def _rows(*columns: np.ndarray) -> Iterator[tuple[Any, ...]]:
@@ -172,9 +184,22 @@ def _ours(file: sqlite3.Connection, tables: set[str]) -> Recording:
         velocity=np.stack([vx, vy], axis=1),
         pressure=pressure,
         angle=angle,
-        feet=np.stack(_columns(file, _ALL_FEET, 4), axis=1) if "feet" in tables else None,
+        memory={name: _read_memory(file, name) for name in sorted(tables - _KNOWN)},
         contacts=_read_contacts(file, len(times)) if "contacts" in tables else None,
     )
+
+
+def _table_of(name: str, values: Floats) -> str:
+    columns = ", ".join(f"value_{k + 1} REAL NOT NULL" for k in range(values[:1].size or 1))
+    return _MEMORY.format(name=name, columns=columns)
+
+
+def _read_memory(file: sqlite3.Connection, name: str) -> Floats:
+    """Return what is kept in a table whose first two columns are frame and id (R,), or (R, K) of several columns."""
+    names = [column for _, column, *_ in file.execute("SELECT * FROM pragma_table_info(?)", (name,))][2:]
+    query = f"""SELECT {", ".join(names)} FROM "{name}" ORDER BY frame, id"""
+    columns = _columns(file, query, len(names))
+    return np.stack(columns, axis=1) if len(columns) > 1 else np.asarray(columns[0])
 
 
 def _read_contacts(file: sqlite3.Connection, frames: int) -> FrameContacts:

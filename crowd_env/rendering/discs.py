@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.rendering.palette import darker
 from crowd_env.rendering.plan import Layout
 

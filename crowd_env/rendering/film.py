@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from crowd_env.core.arrays.outline import make_outline
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.files.atomic import check_suffix
 from crowd_env.recording import Recording
 from crowd_env.rendering.curves import EgressStrip, group_names
@@ -198,8 +198,8 @@ def _panel(renderer: Renderer, recording: Recording, time: float, *, title: str,
         color_value=seen.pressure / FULL_PRESSURE,
         velocity=seen.velocity,
         angle=seen.angle,
-        feet=seen.feet,
-        outline=make_outline(recording.outline),
+        feet=seen.memory.get("feet"),
+        outline=Outline.of(recording.outline),
         group=recording.group[seen.person] if group_names(recording) else None,
         title=title,
         clock=time if clock else None,

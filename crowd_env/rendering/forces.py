@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env.core.arrays.outline import make_outline
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import POSITIVE, number
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import ContactForces, contact_forces, mean_contact_forces
@@ -256,6 +256,6 @@ def forces_of(recording: Recording, at: float | None = None) -> ContactForces:
         at=point[here],
         force=force[here, 0],
         angle=angle,
-        outline=make_outline(recording.outline),
+        outline=Outline.of(recording.outline),
     )
     return mean_contact_forces([found])  # of bodies that touch in several places the sum

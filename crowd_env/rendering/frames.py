@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.behaviors.balance import places_of_feet
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import contact_pressure
-from crowd_env.physics.simulation.feet import places_of_feet
 from crowd_env.rendering.discs import put_bodies, put_discs
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, group_color, pressure_color
 from crowd_env.rendering.plan import MAT, Layout, draw_plan, exit_places, fit, round_length
@@ -211,7 +211,7 @@ def draw_env(env: CrowdEnv, renderer: Renderer | None = None, e: int = 0) -> tup
         velocity=state.velocity[people],
         angle=state.angle[people],
         outline=simulation.outline,
-        feet=None if simulation.balance is None else places_of_feet(simulation)[people],
+        feet=places_of_feet(simulation)[people] if simulation.behaviors["balance"] else None,
         clock=float(state.time[e]),
     )
     return frame, renderer

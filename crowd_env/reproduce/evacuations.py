@@ -13,8 +13,9 @@ from crowd_env.core.executors import Executor, WorkerDied
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.store import Store
 from crowd_env.envs.rollout import Episode, Recorder, make_batches, simulate_batch
-from crowd_env.envs.settings import Physics, Routing
+from crowd_env.envs.settings import Routing
 from crowd_env.physics import ContactScheme
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.arguments import check_step
 from crowd_env.scenarios.groups import extreme_bodies
 from crowd_env.scenarios.scenario import Scenario

@@ -32,6 +32,9 @@ class PlannerState(NamedTuple):
     due: Floats  # (E,)  s
 
 
+EVERY = 1.0  # s    how often a fastest way is found again, counted from the start of each environment
+
+
 class RoutePlanner:
     """The travel-time fields of a batch.
 
@@ -40,7 +43,6 @@ class RoutePlanner:
     places : the ways, or the one field, of every geometry.
     geometry_of_env : (E,)
     boundary : of all geometries.
-    interval : s, how often a fastest way is found anew, counted from the start of each environment.
     keep_distance : whether people do.
 
     Attributes
@@ -58,13 +60,10 @@ class RoutePlanner:
         places: Sequence[Place],
         geometry_of_env: Ints,
         boundary: Boundary,
-        interval: float = 1.0,
         *,
         keep_distance: bool = False,
     ) -> None:
-        if not 0 < interval < np.inf:
-            raise ValueError(f"replan_every is {interval!r} s; it must be > 0 and finite")
-        self.places, self.interval = list(places), interval
+        self.places = list(places)
         self._keep_distance = keep_distance
         self.seconds, self.marches = 0.0, 0
         self._geometry_of_env, self._boundary = geometry_of_env, boundary
@@ -123,7 +122,7 @@ class RoutePlanner:
             for r, way in enumerate(place.routes):
                 if way.congestion is not None:
                     self._write(e, r, way.congestion.march(position, walking))
-            self._clock.due[e] = state.time[e] + self.interval
+            self._clock.due[e] = state.time[e] + EVERY
         self.seconds += time.process_time() - begin
 
     def _walking(self, bodies: Bodies, people: Ints) -> FundamentalDiagram:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from crowd_env.core.arrays.pulls import ALONE
 from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.behaviors.pulls import ALONE
 from crowd_env.scenarios.distributions import Distribution
 
 

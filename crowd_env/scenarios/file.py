@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.core.arrays.outline import room_of
+from crowd_env.core.behaviors.outline import room_of
 from crowd_env.core.checks import POSITIVE, at, check_keys, number, table
 from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.geometry import Geometry

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from crowd_env.core.arrays.pulls import ALONE
 from crowd_env.core.arrays.state import MOTIVATION, Bodies, Floats, join_bodies, make_bodies
+from crowd_env.core.behaviors.pulls import ALONE
 from crowd_env.core.checks import at, check_fields, refuse
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.placement import sample_positions

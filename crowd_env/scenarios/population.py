@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import shapely
 
-from crowd_env.core.arrays.pulls import ALONE
 from crowd_env.core.arrays.state import MAX_SPEED, MOTIVATION, Bodies, Floats, Ints, make_bodies
+from crowd_env.core.behaviors.pulls import ALONE
 from crowd_env.core.checks import (
     COUNT,
     NOT_NEGATIVE,

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.core.arrays.balance import Balancing, make_balance
-from crowd_env.core.arrays.headway import Headway, Manner, make_manner
-from crowd_env.core.arrays.outline import BodyShape, Outline, make_outline, room_of
-from crowd_env.core.arrays.pulls import Pulls
 from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.behaviors import BEHAVIORS
+from crowd_env.core.behaviors.balance import Balancing
+from crowd_env.core.behaviors.headway import Headway, Manner
+from crowd_env.core.behaviors.outline import BodyShape, Outline, room_of
+from crowd_env.core.behaviors.pulls import Pulls
 from crowd_env.core.checks import POSITIVE, Range, check_fields, flag, shown
 from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.fields.domain import require_grid
@@ -98,22 +99,10 @@ class Scenario:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "population", as_people(self.population))
-        headway = make_manner(self.manner)
-        if not isinstance(self.manner, str):  # of a table the rule that it describes
-            object.__setattr__(self, "manner", headway)
-        if not isinstance(self.balance, str):
-            object.__setattr__(self, "balance", make_balance(self.balance))
-        make_balance(self.balance)
-        shape = make_outline(self.outline)
-        if not isinstance(self.outline, str):
-            object.__setattr__(self, "outline", shape)
-        check_fields(
-            f"scenario {shown(self.name)}",
-            self,
-            time_limit=POSITIVE,
-            blocked_after=_PERHAPS_NEVER,
-            max_drive=_PERHAPS_NEVER,
-        )
+        for name, kind in BEHAVIORS.items():
+            object.__setattr__(self, name, kind.stored(getattr(self, name)))
+        never = {"blocked_after": _PERHAPS_NEVER, "max_drive": _PERHAPS_NEVER}
+        check_fields(f"scenario {shown(self.name)}", self, time_limit=POSITIVE, **never)
         if len(self.geometry.exits) == 0:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
         require_grid(self.geometry, self.population.radius.low)
@@ -126,7 +115,7 @@ class Scenario:
                 raise ValueError(
                     f"scenario {self.name!r}: attraction at ({one.x:g}, {one.y:g}) is outside the walkable area"
                 )
-        require_room(self.geometry, self.population.parts, room_of(shape))
+        require_room(self.geometry, self.population.parts, room_of(Outline.of(self.outline)))
         self.strategy_of_run()
 
     def manner_of_run(self, manner: Manner | None = None) -> Headway | None:
@@ -137,7 +126,7 @@ class Scenario:
         ValueError
             If the manner is unknown.
         """
-        return make_manner(self.manner if manner is None else manner)
+        return Headway.of(self.manner if manner is None else manner)
 
     def outline_of_run(self, outline: BodyShape | None = None) -> Outline | None:
         """Return what shape bodies have in a run of this ``outline``; None = as the scenario says.
@@ -147,7 +136,7 @@ class Scenario:
         ValueError
             If the outline is unknown.
         """
-        return make_outline(self.outline if outline is None else outline)
+        return Outline.of(self.outline if outline is None else outline)
 
     def strategy_of_run(self, strategy: str | None = None) -> str:
         """Return how people choose their way in a run of this ``strategy``; None = as the scenario says.

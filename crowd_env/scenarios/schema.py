@@ -15,10 +15,10 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import CoreSchema, core_schema
 
-from crowd_env.core.arrays.balance import BALANCES, Balance
-from crowd_env.core.arrays.headway import MANNERS, Headway
-from crowd_env.core.arrays.outline import OUTLINES, Disc, Outline
-from crowd_env.core.arrays.pulls import Attraction, Companionship, Pulls
+from crowd_env.core.behaviors.balance import BALANCES, Balance
+from crowd_env.core.behaviors.headway import MANNERS, Headway
+from crowd_env.core.behaviors.outline import OUTLINES, Disc, Outline
+from crowd_env.core.behaviors.pulls import Attraction, Companionship, Pulls
 from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.route_set import Target
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route

@@ -62,7 +62,10 @@ def test_training_keeps_its_manner():
     calm = default_config("room-v0", "nsm2", 0, 2, 100, 1.0, manner="calm")
     assert (usual["manner"], calm["manner"]) == ("competitive", "calm") and PPOSettings(**calm["ppo"])
     check_config(calm)
-    assert make_env(usual).simulation.manner is None and make_env(calm).simulation.manner == MANNERS["calm"]
+    assert (
+        make_env(usual).simulation.behaviors["manner"] is None
+        and make_env(calm).simulation.behaviors["manner"] == MANNERS["calm"]
+    )
     with pytest.raises(ValueError, match="--crowd is hurried, but x was begun with calm"):
         extended(calm, {"manner": "hurried"}, [], "x")
     with pytest.raises(ValueError, match="unknown manner 'slow'"):
@@ -102,4 +105,4 @@ def test_a_controller_is_judged_in_the_manner_of_the_evaluation(tmp_path):
         tmp_path / "c.safetensors"
     )
     (entry,) = make_entries([str(tmp_path / "c.safetensors")], CALM)
-    assert entry.driver(CALM, "nsm2", 1)(1).env.simulation.manner == MANNERS["calm"]
+    assert entry.driver(CALM, "nsm2", 1)(1).env.simulation.behaviors["manner"] == MANNERS["calm"]

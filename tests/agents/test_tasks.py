@@ -21,7 +21,8 @@ from crowd_env.agents.tasks import task as module
 from crowd_env.agents.tasks.probe import probe
 from crowd_env.agents.trained import LearnedController
 from crowd_env.envs.routing.batch import RoutingBatch
-from crowd_env.envs.settings import Physics
+from crowd_env.envs.settings import physics_step
+from crowd_env.physics.settings import Physics
 
 ROOM = {"scenario": "room-v0", "options": {"side": 4.0, "door_width": 1.2}, "people": 4, "scheme": "nsm2", "dt": 0.01}
 SMALL = Task("small", "four people", **ROOM, time_limit=20.0, blocked_after=5.0, runs=3, frozen="")
@@ -100,7 +101,7 @@ def test_a_task_says_what_the_package_would_say(name):
     task = TASKS[name]
     assert task.name == name and task.version >= 1 and task.seeds.start >= HELD_OUT_SEED
     place = task.place()
-    assert task.dt == Physics(task.scheme).step(place, within=task.decision_dt)
+    assert task.dt == physics_step(Physics(task.scheme), place, within=task.decision_dt)
     assert place.population.people == task.people and place.time_limit == task.time_limit
     assert place.blocked_after == task.blocked_after < task.time_limit
     assert [entry.name for entry in make_entries(["rule"], place, task)] == ["rule"]

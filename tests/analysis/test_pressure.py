@@ -23,7 +23,7 @@ def test_someone_who_is_pushed_against_a_wall_bears_the_force_over_his_circumfer
     # 500 N towards the wall x = 0: at rest the wall answers with 500 N.
     bodies = make_bodies([0.25], [80.0])
     simulation = Simulation(
-        HALL, bodies, make_state([[0.25, 5.0]]), scheme=NSM1("inertial", tolerance=1e-9), driving=False
+        HALL, bodies, make_state([[0.25, 5.0]]), physics=NSM1("inertial", tolerance=1e-9), driving=False
     )
     simulation.advance(n_substeps=20, external_force=np.array([[-500.0, 0.0]]))
     pressure = contact_pressure(simulation.results.impulse_magnitude, 20 * simulation.dt, bodies.radius)
@@ -34,7 +34,7 @@ def test_a_file_of_people_hands_the_force_on_to_the_wall():
     # Each of three pushes with 300 N: the first bears 900 N from the wall and 600 N from behind, the last only 300 N.
     bodies = make_bodies([0.25] * 3, [60.0, 80.0, 100.0])
     state = make_state([[0.25, 5.0], [0.75, 5.0], [1.25, 5.0]])
-    simulation = Simulation(HALL, bodies, state, scheme=NSM1("inertial", tolerance=1e-9), driving=False)
+    simulation = Simulation(HALL, bodies, state, physics=NSM1("inertial", tolerance=1e-9), driving=False)
     force = np.tile([-300.0, 0.0], (3, 1))
     simulation.advance(n_substeps=20, external_force=force)
     assert simulation.results.impulse_magnitude / 0.2 == pytest.approx([1500.0, 900.0, 300.0], rel=1e-5)
@@ -47,7 +47,7 @@ def test_contacts_of_a_solver_that_gave_up_are_marked():
     bodies = make_bodies([0.25] * 3, [80.0] * 3)
     state = make_state([[0.25, 5.0], [0.75, 5.0], [1.25, 5.0]])
     scheme = NSM1("inertial", tolerance=1e-9, max_iterations=1)
-    simulation = Simulation(HALL, bodies, state, scheme=scheme, driving=False)
+    simulation = Simulation(HALL, bodies, state, physics=scheme, driving=False)
     simulation.advance(n_substeps=3, external_force=np.tile([-300.0, 0.0], (3, 1)))
     assert not simulation.contacts().converged
 

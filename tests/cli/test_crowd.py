@@ -85,7 +85,7 @@ def test_warmup_compiles_the_crowd_that_is_asked_for(monkeypatch):
     class Watched(CrowdEnv):
         def __init__(self, *args, **options):
             super().__init__(*args, **options)
-            seen.append(self.simulation.manner)
+            seen.append(self.simulation.behaviors["manner"])
 
     monkeypatch.setattr("crowd_env.envs.crowd.CrowdEnv", Watched)
     assert call("warmup --physics dem --physics nsm2 --crowd calm").exit_code == 0

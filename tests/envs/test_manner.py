@@ -44,10 +44,10 @@ def walked(env, steps=30, **reset):
 @pytest.mark.more
 @through_every_door
 def test_every_door_takes_a_manner(make):
-    assert make().simulation.manner is None
-    assert make(walking="calm").simulation.manner == MANNERS["calm"]
-    assert make(walking={"time_gap": 0.7}).simulation.manner == Headway(time_gap=0.7)
-    assert make(walking=Headway(push=0.5)).simulation.manner.push == 0.5
+    assert make().simulation.behaviors["manner"] is None
+    assert make(walking="calm").simulation.behaviors["manner"] == MANNERS["calm"]
+    assert make(walking={"time_gap": 0.7}).simulation.behaviors["manner"] == Headway(time_gap=0.7)
+    assert make(walking=Headway(push=0.5)).simulation.behaviors["manner"].push == 0.5
     refuses(lambda: make(walking="slow"), ("unknown manner 'slow'", *MANNERS))
 
 
@@ -69,7 +69,9 @@ def test_the_manner_is_that_of_the_scenario_unless_the_run_says_another():
         lambda: CrowdEnv([calm, "room-v0"], num_envs=2),
         ("one batch", "calm in room", "competitive in room", "walking="),
     )
-    assert CrowdEnv([calm, "room-v0"], num_envs=2, walking="hurried").simulation.manner == MANNERS["hurried"]
+    assert (
+        CrowdEnv([calm, "room-v0"], num_envs=2, walking="hurried").simulation.behaviors["manner"] == MANNERS["hurried"]
+    )
 
 
 def test_a_rollout_and_its_report_know_the_manner():

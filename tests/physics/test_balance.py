@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from cases import looped
 from shapely.geometry import box
+from simulations import simulate
 
 from crowd_env import SCHEMES, CrowdEnv, Geometry, Physics, Population, Scenario, make_scenario
-from crowd_env.core.arrays.balance import Balance, make_balance, plain_balance
 from crowd_env.core.arrays.state import make_bodies, make_state
+from crowd_env.core.behaviors.balance import Balance, places_of_feet, places_of_heads
 from crowd_env.physics.balance import GRAVITY
-from crowd_env.physics.simulation.feet import places_of_feet, places_of_heads
-from crowd_env.physics.simulation.simulation import Simulation
 
 DRIVEN = [name for name, scheme in SCHEMES.items() if scheme.drives and "-" not in name.removesuffix("-inertial")]
 HALL = Geometry.from_polygon(box(-5, -5, 5, 5))
@@ -25,7 +24,7 @@ def standing(position, velocity=None, *, balance="stepping", scheme="nsm2", envi
     start = people // environments * np.arange(environments + 1)
     bodies = make_bodies(np.full(people, 0.15), np.full(people, 80.0), desired_speed=1.3, env_start=start)
     state = make_state(position, environments=environments)
-    simulation = Simulation(HALL, bodies, state, scheme=scheme, balance=balance, **options)
+    simulation = simulate(HALL, bodies, state, scheme=scheme, balance=balance, **options)
     if velocity is not None:
         stay(simulation, simulation.dt)
         simulation.state.velocity[:] = velocity
@@ -44,7 +43,7 @@ def stay(simulation, seconds, force=None, command=0.0):
 def test_beyond_the_ankle_the_body_falls_as_a_cosh(scheme):
     simulation = standing([(0.0, 0.0)], scheme=scheme, balance=NEVER, dt=0.001)
     stay(simulation, 0.001)
-    simulation.history.feet[:] -= np.tile([0.3, 0.0], 2)  # the feet are now 0.3 m behind
+    simulation.history.memory.balance.feet[:] -= np.tile([0.3, 0.0], 2)  # the feet are now 0.3 m behind
     edge, before = NEVER.base - 0.3, simulation.state.position[0, 0] - NEVER.base + 0.3
     for k in range(1, 5):
         stay(simulation, 0.1)
@@ -85,19 +84,21 @@ def test_who_is_pushed_too_hard_steps_under_the_capture_point_and_comes_to_rest_
     rules = Balance(base=0.12)
     simulation = standing([(0.0, 0.0)], [(0.6 * 0.8, 0.6 * 0.6)], scheme=scheme, balance=rules)
     stay(simulation, 5.0 * simulation.dt)
-    assert not simulation.history.feet[0].any() and np.isfinite(simulation.history.lands_at[0])
+    assert not simulation.history.memory.balance.feet[0].any() and np.isfinite(
+        simulation.history.memory.balance.lands_at[0]
+    )
     ahead = places_of_feet(simulation)[0, 1]
     assert not ahead.any()  # not lifted yet
-    while np.isfinite(simulation.history.lands_at[0]):
+    while np.isfinite(simulation.history.memory.balance.lands_at[0]):
         state = simulation.state
         capture, before = state.position[0] + state.velocity[0] / RATE, ahead
         ahead = places_of_feet(simulation)[0, 1]
         assert np.linalg.norm(ahead) >= np.linalg.norm(before)
         stay(simulation, simulation.dt)
-    np.testing.assert_allclose(simulation.history.feet[0, 2:], capture, atol=0.01)
+    np.testing.assert_allclose(simulation.history.memory.balance.feet[0, 2:], capture, atol=0.01)
     np.testing.assert_allclose(ahead, capture, atol=0.03)  # it went there without a jump
     np.testing.assert_allclose(capture[1] / capture[0], 0.75, rtol=1e-6)
-    assert not simulation.history.feet[0, :2].any()
+    assert not simulation.history.memory.balance.feet[0, :2].any()
     stay(simulation, 15.0)
     np.testing.assert_allclose(simulation.state.position[0], 0.5 * capture, atol=0.01)
 
@@ -105,7 +106,7 @@ def test_who_is_pushed_too_hard_steps_under_the_capture_point_and_comes_to_rest_
 def test_no_step_is_longer_than_it_may_be_and_the_ground_gives_no_more_than_its_grip():
     rules = Balance(base=0.12, step=0.5)
     simulation = standing([(0.0, 0.0)], [(1.8, 0.0)], balance=rules)
-    fastest, feet = 0.0, simulation.history.feet
+    fastest, feet = 0.0, simulation.history.memory.balance.feet
     for _ in range(100):
         before = simulation.state.velocity.copy()
         stay(simulation, 0.01)
@@ -143,10 +144,13 @@ def crowd(threads=1, scheme="nsm2", people=12, rows=6):
 @looped("scheme", DRIVEN)
 def test_bits_depend_on_no_thread_and_no_neighbor_in_the_batch(scheme):
     one, two, last = crowd(1, scheme), crowd(2, scheme), crowd(1, scheme)
-    assert one.history.feet.any() and (one.history.feet[:, :2] != one.history.feet[:, 2:]).any()
+    assert (
+        one.history.memory.balance.feet.any()
+        and (one.history.memory.balance.feet[:, :2] != one.history.memory.balance.feet[:, 2:]).any()
+    )
     for simulation in (two, last):
         assert simulation.state.position.tobytes() == one.state.position.tobytes()
-        assert simulation.history.feet.tobytes() == one.history.feet.tobytes()
+        assert simulation.history.memory.balance.feet.tobytes() == one.history.memory.balance.feet.tobytes()
     x = np.arange(12) * 0.32
     alone = standing(np.column_stack([x - 2.0, np.full(12, 2.0)]), scheme=scheme)
     force = np.zeros((12, 2))
@@ -203,11 +207,15 @@ def test_feet_are_under_the_body_of_who_walks_and_stay_where_he_stops():
 def test_a_checkpoint_holds_the_feet(scheme):
     simulation = standing([(0.0, 0.0), (0.32, 0.0)], [(0.9, 0.0), (0.0, 0.0)], scheme=scheme)
     stay(simulation, 0.8)
-    kept, feet, push = simulation.checkpoint(), simulation.history.feet.copy(), np.array([[0.0, 0.0], [0.0, 300.0]])
+    kept, feet, push = (
+        simulation.checkpoint(),
+        simulation.history.memory.balance.feet.copy(),
+        np.array([[0.0, 0.0], [0.0, 300.0]]),
+    )
     stay(simulation, 0.4, push)
     stay(simulation, 1.0)
     expected = places_of_heads(simulation).tobytes()
-    assert (simulation.history.feet != feet).any()
+    assert (simulation.history.memory.balance.feet != feet).any()
     simulation.restore(kept)
     stay(simulation, 0.4, push)
     stay(simulation, 1.0)
@@ -223,22 +231,22 @@ def place(**options):
 
 
 def test_scenario_physics_and_files_say_how_people_keep_upright(tmp_path):
-    assert CrowdEnv(place()).simulation.balance is None
-    assert CrowdEnv(place(balance="stepping")).simulation.balance == Balance()
-    assert CrowdEnv(place(balance="stepping"), physics=Physics(balance="none")).simulation.balance is None
-    assert CrowdEnv(place(), physics={"balance": {"base": 0.12}}).simulation.balance == Balance(base=0.12)
+    assert CrowdEnv(place()).simulation.behaviors["balance"] is None
+    assert CrowdEnv(place(balance="stepping")).simulation.behaviors["balance"] == Balance()
+    assert CrowdEnv(place(balance="stepping"), physics=Physics(balance="none")).simulation.behaviors["balance"] is None
+    assert CrowdEnv(place(), physics={"balance": {"base": 0.12}}).simulation.behaviors["balance"] == Balance(base=0.12)
     path = tmp_path / "hall.toml"
     path.write_text(
         "balance = {base = 0.12}\n[geometry]\nwalkable = [[0, 0], [6, 0], [6, 4], [0, 4]]\n"
         "exits = {east = [[6, 1], [6, 3]]}\n[population]\npeople = 3\n"
     )
     assert make_scenario(path).balance == Balance(base=0.12)
-    assert plain_balance(Balance()) == "stepping" and plain_balance(None) == "none"
-    assert make_balance(plain_balance(Balance(base=0.12))) == Balance(base=0.12)
+    assert Balance.plain_of(Balance()) == "stepping" and Balance.plain_of(None) == "none"
+    assert Balance.of(Balance.plain_of(Balance(base=0.12))) == Balance(base=0.12)
 
 
 def test_what_cannot_be_balanced_is_refused():
-    with pytest.raises(ValueError, match="nsm1: no force of the ground"):
+    with pytest.raises(ValueError, match="nsm1 has no force of the ground"):
         Physics("nsm1", balance="stepping")
     with pytest.raises(ValueError, match="passive grains"):
         standing([(0.0, 0.0)], driving=False)
@@ -246,7 +254,7 @@ def test_what_cannot_be_balanced_is_refused():
         place(balance="leaning")
     with pytest.raises(ValueError, match="base"):
         Balance(base=0.0)
-    with pytest.raises(ValueError, match="in one way, not in two"):
+    with pytest.raises(ValueError, match=r"have one balance, not none in .*, stepping in"):
         CrowdEnv([place(), place(balance="stepping")], num_envs=2)
     with pytest.raises(ValueError, match="have no feet here"):
         places_of_feet(standing([(0.0, 0.0)], balance=None))

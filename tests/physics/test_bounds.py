@@ -5,6 +5,7 @@ import pytest
 import shapely
 from cases import looped
 from crowds import GRAIN_SCHEMES, every_scheme, plain, tight
+from simulations import simulate
 
 from crowd_env import (
     DEM,
@@ -50,7 +51,7 @@ def through(seen):
 def press(place, start, force, name, *, steps=200, velocity=None, **options):
     bodies = make_bodies(np.full(len(start), RADIUS), 80.0, desired_speed=1.0)
     state = make_state(start, velocity)
-    simulation = Simulation(place, bodies, state, scheme=name, fields=[None], **options)
+    simulation = simulate(place, bodies, state, scheme=name, fields=[None], **options)
     push = np.broadcast_to(np.asarray(force, dtype=float), (len(start), 2))
     seen = []
     for _ in range(steps):
@@ -81,7 +82,7 @@ def test_the_tip_of_two_walls_holds_where_it_is_met_head_on(name):
     bodies = make_bodies(np.full(11, RADIUS), 80.0, desired_speed=1.0)._replace(env_start=each)
     for place in (needle, fold):
         state = make_state(start, [[-12.0, 0.0]] * 11, environments=11)
-        simulation = Simulation(place, bodies, state, scheme=name, fields=[None])
+        simulation = Simulation(place, bodies, state, physics=name, fields=[None])
         pressed = np.tile([-1e9, 0.0], (11, 1))
         for _ in range(8):
             simulation.advance(np.zeros((11, 2)), external_force=pressed)
@@ -131,7 +132,7 @@ SOFT = {
 def test_a_wall_that_holds_takes_the_speed_into_it_and_says_so(scheme):
     bodies = make_bodies([RADIUS], 80.0, desired_speed=0.0, relaxation_time=1e9)
     state = make_state([[0.5, 1.0]], [[-4.0, 1.0]])
-    simulation = Simulation(ROOM, bodies, state, scheme=scheme, dt=0.01, fields=[None])
+    simulation = Simulation(ROOM, bodies, state, physics=Physics(scheme, dt=0.01), fields=[None])
     simulation.advance(n_substeps=20)
     assert state.position[0, 0] == pytest.approx(1e-6, abs=1e-8)
     np.testing.assert_allclose(state.velocity, [[0.0, 1.0]], atol=1e-6)
@@ -147,7 +148,7 @@ def test_people_are_no_faster_than_anyone_ever_ran_and_grains_may_be(name):
     if name not in GRAIN_SCHEMES:
         return
     bodies, state = make_bodies([RADIUS], 80.0), make_state([[0.0, 0.0]], [[15.0, 0.0]])
-    grains = Simulation(plain(), bodies, state, scheme=name, dt=0.001, driving=False)
+    grains = Simulation(plain(), bodies, state, physics=Physics(name, dt=0.001), driving=False)
     grains.advance(n_substeps=3)
     assert state.velocity[0, 0] == pytest.approx(15.0) and grains.diagnostics.max_speed[0] == pytest.approx(15.0)
 
@@ -176,15 +177,15 @@ def test_a_step_that_desired_speeds_alone_make_too_long_is_refused_with_the_form
     with pytest.raises(
         ValueError, match=r"pedestrian 1: desired speed x dt = 4 m/s x 0\.01 s = 0\.04 m, .* 0\.5 of the radi"
     ):
-        Simulation(ROOM, bodies, state, scheme=name, dt=0.01, fields=[None])
-    Simulation(ROOM, bodies, state, scheme=name, dt=0.007, fields=[None])
+        Simulation(ROOM, bodies, state, physics=Physics(name, dt=0.01), fields=[None])
+    Simulation(ROOM, bodies, state, physics=Physics(name, dt=0.007), fields=[None])
 
 
 @every_scheme
 def test_one_who_goes_too_far_in_a_step_is_named_with_place_and_time(name):
     bodies = make_bodies([0.2, 0.1], 80.0, desired_speed=1.0)
     state = make_state([[0.0, 0.0], [3.0, 1.0]])
-    simulation = Simulation(plain(), bodies, state, scheme=name, dt=0.01)
+    simulation = Simulation(plain(), bodies, state, physics=Physics(name, dt=0.01))
     simulation.advance(n_substeps=20)
     force = np.array([[0.0, 0.0], [1e6, 0.0]])
     with pytest.raises(

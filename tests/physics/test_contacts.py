@@ -12,6 +12,7 @@ from shapely.geometry import box
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import NSM1, SCHEMES, Hertz
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.kernels
@@ -29,7 +30,7 @@ def stand(geometry, position, *, scheme, radius=0.2, mass=80.0, dt=0.01):
     position = np.atleast_2d(position)
     bodies = make_bodies(np.full(len(position), radius), mass)
     state = make_state(position)
-    simulation = Simulation(geometry, bodies, state, scheme=scheme, dt=dt, fields=[None], driving=False)
+    simulation = Simulation(geometry, bodies, state, physics=Physics(scheme, dt=dt), fields=[None], driving=False)
     if scheme.info.contacts_at == "end":
         simulation.dt = 1e-9
     simulation.advance()
@@ -57,7 +58,7 @@ def pressed(plan, seed):
 def test_contacts_are_those_of_brute_force(name, plan, seed):
     geometry, bodies, start = pressed(plan, seed)
     state = start.copy()
-    simulation = Simulation(geometry, bodies, state, scheme=SCHEMES[name], fields=[None])
+    simulation = Simulation(geometry, bodies, state, physics=SCHEMES[name], fields=[None])
     simulation.advance()
     found = simulation.contacts()
     margin = max(1e-9, found.gap.max())  # NSM1 looks ahead, the others list overlaps
@@ -151,7 +152,7 @@ def test_people_slide_along_a_wall_of_pieces_without_catching(name):
         scheme = tight(SCHEMES[name])
         if isinstance(scheme, Hertz):  # friction remembers every piece by itself
             scheme = replace(scheme, wall_friction=0.0)
-        simulation = Simulation(geometry, bodies, state, scheme=scheme, dt=0.01)
+        simulation = Simulation(geometry, bodies, state, physics=Physics(scheme, dt=0.01))
         simulation.advance(command, relative=np.array([False]), n_substeps=120)
         ends.append(state.position[0])
     assert ends[0][0] > 3.2
@@ -172,7 +173,7 @@ def test_who_is_thrown_farther_than_anyone_was_fast_does_not_end_in_what_is_ther
     # All are at rest.  An overlap of 5 cm throws the light one over a gap of 3 cm to the wall, or to the third.
     bodies = make_bodies([0.2] * 3, [4000.0, 40.0, 4000.0])
     state = make_state([[0.58, 0.0], [0.23, 0.0], [-0.2 if geometry.contains([[-0.2, 0.0]]).all() else 5.0, 0.0]])
-    Simulation(geometry, bodies, state, scheme=INERTIAL, driving=False, fields=[None]).advance()
+    Simulation(geometry, bodies, state, physics=INERTIAL, driving=False, fields=[None]).advance()
     heavy, light, third = state.position[:, 0]
     assert heavy - light > 0.4 - 1e-9
     assert (light - third if third < 0 else light + 0.2) > 0.4 - 1e-9

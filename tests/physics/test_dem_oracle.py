@@ -15,6 +15,7 @@ from shapely.geometry import box
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.kernels
@@ -137,7 +138,7 @@ def test_dem_is_the_law_written_plainly(dt, steps):
     push[-1] = 30.0, -20.0
     plain = PlainDEM(WALLS, EXITS, bodies, position, velocity)
     state = make_state(position, velocity)
-    fast = Simulation(ROOM, bodies, state, scheme=DEM(STIFFNESS), dt=dt, fields=[None])
+    fast = Simulation(ROOM, bodies, state, physics=Physics(DEM(STIFFNESS), dt=dt), fields=[None])
     along_axes = np.zeros(count, dtype=np.bool_)
     pairs, walls = set(), set()  # who has touched whom
     for _ in range(steps):

@@ -8,7 +8,7 @@ from cases import looped
 from crowds import GRAIN_SCHEMES, converging, crowd_in, half_plane, l_shape, plain
 from late import late
 
-from crowd_env import DEM, SCHEMES, Hertz, Simulation, SocialForce, make_bodies, make_scheme, make_state
+from crowd_env import DEM, SCHEMES, Hertz, Physics, Simulation, SocialForce, make_bodies, make_scheme, make_state
 from crowd_env.envs.metrics import flow_slope
 from crowd_env.scenarios import make_scenario
 
@@ -27,7 +27,7 @@ def meeting(scheme, closing, dt, *, masses=(70.0, 70.0), radii=(0.3, 0.3), side=
     velocity = np.array([[0.5 * closing, 0.5 * side], [-0.5 * closing, -0.5 * side]])
     state = make_state(start, velocity)
     state.spin[:] = spin
-    return Simulation(plain(), bodies, state, scheme=scheme, dt=dt, fields=[None], driving=False)
+    return Simulation(plain(), bodies, state, physics=Physics(scheme, dt=dt), fields=[None], driving=False)
 
 
 def collide(scheme, closing, dt, **options):
@@ -118,7 +118,9 @@ def test_restitution_of_the_three_readings_of_the_damping(unit, stated, damping)
 
 def test_a_wall_is_a_body_that_does_not_move():
     bodies, state = make_bodies([0.3], 70.0), make_state([[0.31, 0.0]], [[-1.0, 0.0]])
-    simulation = Simulation(half_plane(), bodies, state, scheme=ELASTIC, dt=1e-4, fields=[None], driving=False)
+    simulation = Simulation(
+        half_plane(), bodies, state, physics=Physics(ELASTIC, dt=1e-4), fields=[None], driving=False
+    )
     deepest = 0.0
     for _ in range(1000):
         simulation.advance()
@@ -135,7 +137,7 @@ def spun_crowd(scheme, steps=600):
     geometry = l_shape()
     bodies, state, _ = crowd_in(np.random.default_rng(21), geometry, 45)
     state.spin[:] = np.random.default_rng(22).normal(0, 6, 45)
-    simulation = Simulation(geometry, bodies, state, scheme=scheme, dt=1e-3, fields=[None], driving=False)
+    simulation = Simulation(geometry, bodies, state, physics=Physics(scheme, dt=1e-3), fields=[None], driving=False)
     ratio, stuck = {True: 0.0, False: 0.0}, 0
     for _ in range(steps):
         simulation.advance()
@@ -178,7 +180,7 @@ def test_angular_momentum_changes_only_by_the_offset_of_the_contact_point(spin):
     bodies = make_bodies(np.array(radii), np.array(masses))
     state = make_state([[0.0, 0.0], [sum(radii) + 0.002, 0.1]], [[0.4, 0.1], [-0.4, -0.2]])
     state.spin[:] = spin
-    simulation = Simulation(plain(), bodies, state, scheme=BARE, dt=dt, fields=[None], driving=False)
+    simulation = Simulation(plain(), bodies, state, physics=Physics(BARE, dt=dt), fields=[None], driving=False)
     before, expected, moved = total_angular_momentum(bodies, state), 0.0, 0.0
     for _ in range(1000):
         simulation.advance()
@@ -196,7 +198,7 @@ def test_without_rotation_nobody_turns_and_friction_is_stronger():
     for rotation in (True, False):
         scheme = replace(Hertz(), rotation=rotation)
         bodies, state = converging(np.random.default_rng(1), 40)
-        Simulation(plain(), bodies, state, scheme=scheme, fields=[None], driving=False).advance(n_substeps=1500)
+        Simulation(plain(), bodies, state, physics=scheme, fields=[None], driving=False).advance(n_substeps=1500)
         assert (np.abs(state.spin).max() > 0.1) == rotation
         assert (np.abs(state.angle).max() > 0.01) == rotation
 
@@ -207,7 +209,9 @@ def test_a_disc_held_against_a_wall_by_friction_stays_and_above_the_limit_slides
     ends, gains = [], []
     for pull in (250.0, 350.0):
         bodies, state = make_bodies([0.3], 70.0), make_state([[0.3, 0.0]])
-        simulation = Simulation(half_plane(), bodies, state, scheme=scheme, dt=1e-3, fields=[None], driving=False)
+        simulation = Simulation(
+            half_plane(), bodies, state, physics=Physics(scheme, dt=1e-3), fields=[None], driving=False
+        )
         force = np.array([[-1000.0, 0.0]])
         simulation.advance(external_force=force, n_substeps=2000)
         rested = state.position[0, 1]
@@ -233,7 +237,7 @@ def in_file(scheme, gap):
     """Return the social forces [N] along x on two people in file who both want to go to +x, rear one first."""
     bodies = make_bodies([0.3, 0.3], 70.0, desired_speed=1.0, relaxation_time=0.5)
     state = make_state([[0.0, 0.0], [0.6 + gap, 0.0]], [[1.0, 0.0], [1.0, 0.0]])  # at the desired velocity: no drive
-    simulation = Simulation(plain(), bodies, state, scheme=scheme, dt=1e-6, fields=[None])
+    simulation = Simulation(plain(), bodies, state, physics=Physics(scheme, dt=1e-6), fields=[None])
     before = state.velocity.copy()
     simulation.advance(np.tile([1.0, 0.0], (2, 1)), relative=np.zeros(2, bool))
     return bodies.mass * (state.velocity - before)[:, 0] / 1e-6
@@ -269,7 +273,7 @@ def test_without_inertia_a_social_force_shifts_the_velocity_by_tau_f_over_m():
     bodies = make_bodies([0.3, 0.3], 70.0, desired_speed=1.0, relaxation_time=0.5)
     state = make_state([[0.0, 0.0], [0.8, 0.0]])
     scheme = make_scheme("nsm1", social="lin")
-    simulation = Simulation(plain(), bodies, state, scheme=scheme, dt=1e-4, fields=[None])
+    simulation = Simulation(plain(), bodies, state, physics=Physics(scheme, dt=1e-4), fields=[None])
     simulation.advance(np.tile([1.0, 0.0], (2, 1)), relative=np.zeros(2, bool))
     force = 300 * np.exp(-0.2 / 0.05) * np.array([-1.3, 0.7])
     np.testing.assert_allclose(state.velocity[:, 0], 1.0 + 0.5 * force / 70.0, rtol=1e-6)
@@ -286,7 +290,7 @@ def test_walls_push_only_if_asked_to(share):
     bodies = make_bodies([0.3], 70.0, desired_speed=1.0, relaxation_time=0.5)
     state = make_state([[0.35, 0.0]], [[-1.0, 0.0]])
     scheme = Hertz(social=SocialForce(wall_strength=share))
-    simulation = Simulation(half_plane(), bodies, state, scheme=scheme, dt=1e-6, fields=[None])
+    simulation = Simulation(half_plane(), bodies, state, physics=Physics(scheme, dt=1e-6), fields=[None])
     simulation.advance(np.array([[-1.0, 0.0]]), relative=np.array([False]))
     force = 70.0 * (state.velocity[0, 0] + 1.0) / 1e-6
     assert force == pytest.approx(share * np.exp(-1) * 1.3, rel=1e-4, abs=1e-6)  # ahead of one: 1 + phi
@@ -296,7 +300,7 @@ def test_grains_have_no_social_force():
     bodies = make_bodies([0.3, 0.3], 70.0)
     state = make_state([[0.0, 0.0], [0.601, 0.0]])
     scheme = make_scheme("dem", social="helbing")
-    Simulation(plain(), bodies, state, scheme=scheme, fields=[None], driving=False).advance(n_substeps=100)
+    Simulation(plain(), bodies, state, physics=scheme, fields=[None], driving=False).advance(n_substeps=100)
     np.testing.assert_array_equal(state.velocity, 0.0)
 
 
@@ -309,7 +313,7 @@ def test_a_crowd_with_a_social_force_keeps_its_distance_and_gets_out(name, socia
     for chosen in (social, "none"):
         state = make_state(position)
         scheme = make_scheme(name, social=chosen)
-        simulation = Simulation(place.geometry, bodies, state, scheme=scheme, fields=[place.field()])
+        simulation = Simulation(place.geometry, bodies, state, physics=scheme, fields=[place.field()])
         crush = np.zeros(12)
         for _ in range(30):
             simulation.advance(n_substeps=round(0.1 / simulation.dt))
@@ -339,7 +343,7 @@ def test_people_of_lin_leave_at_about_0_8_a_second():
     # A small crowd for a quick look; `crowd-env reproduce lin` measures the paper's figures.
     place = make_scenario("lin-room-v0", people=60)
     bodies, position = place.population.draw(np.random.default_rng(0), place.geometry)
-    simulation = Simulation(place.geometry, bodies, make_state(position), scheme="hertz", fields=[place.field()])
+    simulation = Simulation(place.geometry, bodies, make_state(position), physics="hertz", fields=[place.field()])
     simulation.advance(n_substeps=100_000)
     assert simulation.inside[0] == 0
     assert flow_slope(simulation.state.exit_time) == pytest.approx(0.83, rel=0.15)

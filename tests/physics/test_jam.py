@@ -17,6 +17,7 @@ from shapely.geometry import box
 from crowd_env.core.arrays.state import make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import NSM1, NSM2, SCHEMES
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 
 sparse = late("scipy.sparse")
@@ -48,7 +49,7 @@ def start(geometry, count, seed=0):
 
 def press(geometry, bodies, state, goal, scheme, steps, watch=lambda simulation: None):
     """Advance a crowd that wants to ``goal`` step by step."""
-    simulation = Simulation(geometry, bodies, state, scheme=scheme, dt=DT, fields=[None])
+    simulation = Simulation(geometry, bodies, state, physics=Physics(scheme, dt=DT), fields=[None])
     relative = np.zeros(len(state.position), bool)
     for _ in range(steps):
         simulation.advance(towards(goal, state), relative=relative)
@@ -209,7 +210,7 @@ def test_velocities_in_a_jam_agree_with_an_interior_point_solver(problem, place,
     inside = state.active.copy()
     command = towards(np.array(goal), state)
     expected = reference(scheme, geometry, bodies, state, bodies.desired_speed[:, None] * command)
-    simulation = Simulation(geometry, bodies, state, scheme=scheme, dt=DT, fields=[None])
+    simulation = Simulation(geometry, bodies, state, physics=Physics(scheme, dt=DT), fields=[None])
     simulation.advance(command, relative=np.zeros(count, bool))
     pushed = (simulation.results.impulse_magnitude > 1e-3).sum()
     assert pushed > 0.5 * inside.sum()

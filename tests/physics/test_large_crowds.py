@@ -9,6 +9,7 @@ from cases import looped
 from crowds import every_scheme
 from late import late
 from shapely.geometry import box
+from simulations import simulate
 
 import crowd_env.physics.spatial_order
 from crowd_env.core.arrays.state import make_bodies, make_state
@@ -18,6 +19,7 @@ from crowd_env.physics import SCHEMES
 from crowd_env.physics.dem_lanes.partition import SLABS, count_slabs
 from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.physics.scheme import IterativeScheme
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.physics.workspace import allocate_workspace
 from crowd_env.routing.fields.lookup import direction_at
@@ -46,7 +48,7 @@ def crowd(name, count, *, density=None, environments=1, seed=0, **options):
         env_start=count * np.arange(environments + 1),
     )
     state = make_state(copies, environments=environments)
-    return Simulation(place, bodies, state, scheme=SCHEMES[name], **options)
+    return simulate(place, bodies, state, scheme=SCHEMES[name], **options)
 
 
 def state_hash(simulation, people=slice(None)):
@@ -227,7 +229,7 @@ def test_two_who_leave_side_by_side_leave_nothing_behind(name):
     place = Geometry.from_polygon(box(0, 0, 5, 5), exits=[[(5, 1), (5, 4)]])
     position = np.array([[4.97, 2.3], [4.97, 2.7], [1.0, 1.0]])
     bodies = make_bodies(np.full(3, 0.2), 80.0, desired_speed=1.5)
-    simulation = Simulation(place, bodies, make_state(position, np.tile([1.5, 0.0], (3, 1))), scheme=name)
+    simulation = Simulation(place, bodies, make_state(position, np.tile([1.5, 0.0], (3, 1))), physics=name)
     simulation.advance(n_substeps=steps(simulation, 0.1))
     assert simulation.state.active.tolist() == [False, False, True]
     simulation.advance(n_substeps=steps(simulation, 0.1))
@@ -265,7 +267,7 @@ def test_whoever_is_given_another_route_turns_at_once(name):
     bodies = make_bodies(np.full(count, 0.2), np.full(count, 70.0), desired_speed=1.0)
     state = make_state(2.0 + 0.7 * lattice + rng.uniform(-0.05, 0.05, (count, 2)))
     state.route[:] = route_set.number("right")
-    simulation = Simulation(place, bodies, state, scheme=name, dt=0.01, fields=[route_set])
+    simulation = Simulation(place, bodies, state, physics=Physics(name, dt=0.01), fields=[route_set])
     simulation.advance(n_substeps=13)
     far = np.abs(state.position - side / 2).max(axis=1) < 9.0
     assert (state.velocity[far, 0] > 0.05).all()

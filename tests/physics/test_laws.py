@@ -23,6 +23,7 @@ from crowds import (
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, NSM2, SCHEMES, Hertz, make_scheme
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 
 # Every scheme as it comes, and one with friction.
@@ -37,7 +38,7 @@ every_grain_scheme = pytest.mark.parametrize("name", [*GRAIN_SCHEMES, "nsm2-roug
 @every_grain_scheme
 def test_free_grains_keep_their_momentum(name):
     bodies, state = converging(np.random.default_rng(1), 40)
-    simulation = Simulation(plain(), bodies, state, scheme=LAWS[name], driving=False)
+    simulation = Simulation(plain(), bodies, state, physics=LAWS[name], driving=False)
     momentum = bodies.mass @ state.velocity
     touched = 0.0
     for _ in range(15):
@@ -50,7 +51,7 @@ def test_free_grains_keep_their_momentum(name):
 @every_scheme
 def test_pushes_are_equal_and_opposite(name):
     bodies, state, command = crowd_in(np.random.default_rng(2), Geometry.from_polygon(shapely.box(0, 0, 3, 3)), 22)
-    simulation = Simulation(plain(), bodies, state, scheme=LAWS[name])
+    simulation = Simulation(plain(), bodies, state, physics=LAWS[name])
     simulation.advance(command, relative=np.zeros(22, bool), n_substeps=round(0.4 / simulation.dt))
     push, crush = simulation.results.impulse, simulation.results.impulse_magnitude
     assert (crush > 1).sum() > 8
@@ -63,7 +64,7 @@ def test_a_push_is_the_change_of_momentum_of_a_grain(name):
     geometry, count = l_shape(), 45
     bodies, state, _ = crowd_in(np.random.default_rng(3), geometry, count)
     force = np.random.default_rng(4).normal(0, 100, (count, 2))
-    simulation = Simulation(geometry, bodies, state, scheme=LAWS[name], driving=False)
+    simulation = Simulation(geometry, bodies, state, physics=LAWS[name], driving=False)
     touched = 0
     for _ in range(40):
         before, start = state.velocity.copy(), float(state.time[0])
@@ -81,10 +82,10 @@ def test_a_push_is_the_change_of_momentum_by_the_others(name):
     geometry, count = l_shape(), 45
     bodies, state, command = crowd_in(np.random.default_rng(3), geometry, count)
     asked = dict(relative=np.zeros(count, bool), external_force=np.random.default_rng(4).normal(0, 100, (count, 2)))
-    simulation = Simulation(geometry, bodies, state, scheme=LAWS[name])
+    simulation = Simulation(geometry, bodies, state, physics=LAWS[name])
     one_each = bodies._replace(env_start=np.arange(count + 1))
     free = make_state(state.position, environments=count)
-    alone = Simulation(plain(), one_each, free, scheme=LAWS[name])
+    alone = Simulation(plain(), one_each, free, physics=LAWS[name])
     touched = 0
     for _ in range(40):
         free.position[:], free.velocity[:], free.time[:] = state.position, state.velocity, state.time[0]
@@ -113,7 +114,7 @@ def bounce_pairs(scheme, dt, *, count=200):
         crowds.append((bodies, state))
     bodies, state = joined(crowds)
     before = kinetic_energy(bodies, state.velocity).reshape(count, 2).sum(axis=1)
-    simulation = Simulation(plain(), bodies, state, scheme=scheme, dt=dt, driving=False)
+    simulation = Simulation(plain(), bodies, state, physics=Physics(scheme, dt=dt), driving=False)
     touched = np.zeros(count)
     for _ in range(round(1.5 / dt / 25)):
         simulation.advance(n_substeps=25)
@@ -168,7 +169,7 @@ def test_grains_in_a_box_never_speed_up(name):
     # (test_physics_paper), DEM and Hertz store energy in overlaps; over the whole crowd neither runs away.
     geometry = l_shape()
     bodies, state, _ = crowd_in(np.random.default_rng(6), geometry, 45)
-    simulation = Simulation(geometry, bodies, state, scheme=tight(LAWS[name]), dt=0.005, driving=False)
+    simulation = Simulation(geometry, bodies, state, physics=Physics(tight(LAWS[name]), dt=0.005), driving=False)
     energy = [kinetic_energy(bodies, state.velocity).sum()]
     for _ in range(60):
         simulation.advance(n_substeps=10)
@@ -204,7 +205,7 @@ def moved(geometry, matrix, shift):
 
 
 def walk(scheme, geometry, bodies, state, command):
-    simulation = Simulation(geometry, bodies, state, scheme=tight(scheme), dt=0.01)
+    simulation = Simulation(geometry, bodies, state, physics=Physics(tight(scheme), dt=0.01))
     simulation.advance(command, relative=np.zeros(len(command), bool), n_substeps=SYMMETRY_STEPS)
     assert simulation.diagnostics.unconverged.sum() == 0
     return simulation
@@ -263,7 +264,9 @@ def test_grains_do_not_feel_a_steady_motion_of_the_frame(name):
     for velocity in (np.zeros(2), drift):
         state = start.copy()
         state.velocity[:] += velocity
-        Simulation(plain(), bodies, state, scheme=tight(LAWS[name]), dt=0.01, driving=False).advance(n_substeps=30)
+        Simulation(plain(), bodies, state, physics=Physics(tight(LAWS[name]), dt=0.01), driving=False).advance(
+            n_substeps=30
+        )
         ends.append((state.position - 0.3 * velocity, state.velocity - velocity))
     assert np.abs(ends[0][1] - start.velocity).max() > 0.5
     np.testing.assert_allclose(ends[1][0], ends[0][0], atol=1e-7)
@@ -286,7 +289,7 @@ def test_order_of_free_relaxation(name):
     def solve(steps):
         bodies = make_bodies([0.4, 0.5], [60, 90], desired_speed=[1.3, 1.9], relaxation_time=[0.3, 0.5])
         state = make_state([[0, 0], [5, 5]], [[0.0, 0.5], [-1.0, 0.0]])
-        simulation = Simulation(plain(), bodies, state, scheme=LAWS[name], dt=0.6 / steps)
+        simulation = Simulation(plain(), bodies, state, physics=Physics(LAWS[name], dt=0.6 / steps))
         command = np.array([[0.6, 0.8], [1.0, 0.0]])
         simulation.advance(command, relative=np.zeros(2, bool), n_substeps=steps)
         return state.position, state.velocity
@@ -314,7 +317,7 @@ def test_order_of_an_elastic_bounce_of_dem():
     def solve(steps):
         state = make_state([[0.0, 0.0], [0.45 - 0.03, 0.0]])
         bodies = make_bodies(radius, masses)
-        simulation = Simulation(plain(), bodies, state, scheme=scheme, dt=duration / steps, driving=False)
+        simulation = Simulation(plain(), bodies, state, physics=Physics(scheme, dt=duration / steps), driving=False)
         simulation.advance(n_substeps=steps)
         return state.position, state.velocity / omega
 
@@ -328,7 +331,9 @@ def test_bounce_of_dem_meets_contact_time_and_deepest_overlap():
     scheme, mass, speed = DEM(), 80.0, 1.5
     omega = np.sqrt(scheme.stiffness / mass)
     state = make_state([[0.2, 0.0]], [[-speed, 0.0]])
-    simulation = Simulation(half_plane(), make_bodies([0.2], mass), state, scheme=scheme, dt=1e-5, driving=False)
+    simulation = Simulation(
+        half_plane(), make_bodies([0.2], mass), state, physics=Physics(scheme, dt=1e-5), driving=False
+    )
     steps = 0
     while (state.position[0, 0] < 0.2 and steps < 20_000) or steps == 0:
         simulation.advance()

@@ -11,6 +11,7 @@ from crowds import half_plane, kinetic_energy, plain, tight
 
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics import DEM, NSM1, NSM2
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 
 RADIUS = 0.3
@@ -21,7 +22,7 @@ INERTIAL = tight(NSM1(trial="inertial"))
 def disc_against_wall(scheme, dt=0.1):
     bodies = make_bodies([RADIUS], MASS)
     state = make_state([[0.6, 0.0]], [[-2.0, -1.0]])
-    return Simulation(half_plane(), bodies, state, scheme=scheme, dt=dt, driving=False, allow_unstable=True)
+    return Simulation(half_plane(), bodies, state, physics=Physics(scheme, dt=dt, allow_unstable=True), driving=False)
 
 
 def trace(scheme, steps):
@@ -75,7 +76,7 @@ def collide_pair(scheme, masses, velocities, *, gap=-1e-3):
     """Return the velocities (2, 2) after one step of two discs that touch along x, body 0 on the left."""
     bodies = make_bodies([0.2, 0.25], masses)
     state = make_state([[0.0, 0.0], [0.45 + gap, 0.0]], velocities)
-    simulation = Simulation(plain(), bodies, state, scheme=scheme, dt=1e-3, driving=False)
+    simulation = Simulation(plain(), bodies, state, physics=Physics(scheme, dt=1e-3), driving=False)
     simulation.advance()
     return state.velocity
 
@@ -100,7 +101,7 @@ def test_restitution_at_a_wall_under_nsm2(k_normal, mass):
     e = 1.0 if k_normal == np.inf else max(0.0, (k_normal - 2 * mass) / (k_normal + 2 * mass))
     state = make_state([[0.199, 0.0]], [[-1.5, 0.5]])
     scheme = tight(NSM2(normal_dissipation=k_normal, reaction="printed"))
-    Simulation(half_plane(), make_bodies([0.2], mass), state, scheme=scheme, dt=1e-3, driving=False).advance()
+    Simulation(half_plane(), make_bodies([0.2], mass), state, physics=Physics(scheme, dt=1e-3), driving=False).advance()
     np.testing.assert_allclose(state.velocity, [[1.5 * e, 0.5]], atol=1e-9)
 
 
@@ -130,7 +131,7 @@ def test_a_touch_that_does_not_approach_takes_nothing_away_under_nsm2():
 def test_a_push_without_approach_is_met_by_the_reaction_alone_under_nsm2():
     # At rest against the wall, pushed by F: u = 0, no creep of 2 h F / (2 m + K_N).
     state = make_state([[0.199, 0.0]])
-    simulation = Simulation(half_plane(), make_bodies([0.2], 80.0), state, scheme="nsm2", driving=False)
+    simulation = Simulation(half_plane(), make_bodies([0.2], 80.0), state, physics="nsm2", driving=False)
     for _ in range(5):
         simulation.advance(external_force=np.array([[-300.0, 0.0]]))
     np.testing.assert_allclose(state.velocity, 0.0, atol=1e-6)
@@ -147,7 +148,7 @@ def test_a_separating_neighbor_can_take_up_energy_under_nsm2():
     for reaction, gain in (("printed", 2 / 15), ("dissipative", 0.0)):
         state = before.copy()
         scheme = tight(NSM2(normal_dissipation=np.inf, reaction=reaction))
-        Simulation(plain(), bodies, state, scheme=scheme, driving=False).advance()
+        Simulation(plain(), bodies, state, physics=scheme, driving=False).advance()
         if reaction == "printed":
             np.testing.assert_allclose(state.velocity[:, 0], [-1 / 6, 5 / 6, 5 / 6], atol=1e-9)
         assert (state.velocity**2).sum() == pytest.approx((1.0 + gain) * (before.velocity**2).sum(), abs=1e-9)
@@ -160,7 +161,7 @@ def test_nsm1_pair_moves_on_together_once_it_touches(gap):
     before = np.array([[1.3, 0.2], [-0.7, -0.4]])
     bodies, dt = make_bodies([0.2, 0.25], masses), 0.01
     state = make_state([[0.0, 0.0], [0.45 + gap, 0.0]], before)
-    Simulation(plain(), bodies, state, scheme=INERTIAL, dt=dt, driving=False).advance()
+    Simulation(plain(), bodies, state, physics=Physics(INERTIAL, dt=dt), driving=False).advance()
     assert state.velocity[1, 0] - state.velocity[0, 0] == pytest.approx(-gap / dt, abs=1e-9)
     assert masses @ state.velocity == pytest.approx(masses @ before)
     np.testing.assert_array_equal(state.velocity[:, 1], before[:, 1])
@@ -173,7 +174,7 @@ def recoil(scheme, dt, speed=1.4, tau=0.4, every=1):
     """Return the distance that a pedestrian recoils after running into a wall, and when it stands still again."""
     bodies = make_bodies([0.2], 80.0, desired_speed=speed, relaxation_time=tau)
     state = make_state([[0.21, 0.0]], [[-speed, 0.0]])
-    simulation = Simulation(half_plane(), bodies, state, scheme=scheme, dt=dt)
+    simulation = Simulation(half_plane(), bodies, state, physics=Physics(scheme, dt=dt))
     towards_wall, relative = np.array([[-1.0, 0.0]]), np.array([False])
     nearest, bounced = np.inf, None
     for _ in range(round(3 * tau / dt / every)):

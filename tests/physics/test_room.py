@@ -12,6 +12,7 @@ from crowds import joined
 from crowd_env.core.arrays.state import make_state
 from crowd_env.envs.metrics import flow_slope
 from crowd_env.physics import SCHEMES
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.scenarios import make_scenario
 
@@ -31,7 +32,7 @@ def evacuated():
             rngs = [np.random.default_rng(seed) for seed in range(DRAWS)]
             draws = [ROOM.population.draw(rng, ROOM.geometry) for rng in rngs]
             bodies, state = joined([(bodies, make_state(position)) for bodies, position in draws])
-            simulation = Simulation(ROOM.geometry, bodies, state, scheme=name, dt=0.01, fields=[field])
+            simulation = Simulation(ROOM.geometry, bodies, state, physics=Physics(name, dt=0.01), fields=[field])
             strays = 0
             while simulation.inside.any() and state.time.max() < ROOM.time_limit:
                 simulation.advance(n_substeps=10)

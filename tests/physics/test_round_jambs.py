@@ -10,7 +10,7 @@ from cases import looped
 from crowds import GRAIN_SCHEMES, every_scheme, kinetic_energy, people, scatter, tight
 from shapely.geometry import box
 
-from crowd_env import FULL_SPEED, Geometry, Population, Scenario
+from crowd_env import FULL_SPEED, Geometry, Physics, Population, Scenario
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.physics import NSM1, SCHEMES
@@ -49,7 +49,7 @@ def stand(geometry, position, name):
     count = len(position)
     bodies = make_bodies(np.full(count, RADIUS), 80.0)._replace(env_start=np.arange(count + 1))
     state = make_state(position, environments=count)
-    simulation = Simulation(geometry, bodies, state, scheme=scheme, dt=1e-9, fields=[None], driving=False)
+    simulation = Simulation(geometry, bodies, state, physics=Physics(scheme, dt=1e-9), fields=[None], driving=False)
     simulation.advance()
     return [simulation.contacts(e) for e in range(count)]
 
@@ -92,7 +92,7 @@ def test_nobody_is_pressed_into_an_arc(name, plan, force):
     count = len(start)
     bodies = make_bodies(np.full(count, RADIUS), 80.0, desired_speed=1.0)._replace(env_start=np.arange(count + 1))
     state = make_state(start, environments=count)
-    simulation = Simulation(geometry, bodies, state, scheme=name, fields=[None])
+    simulation = Simulation(geometry, bodies, state, physics=name, fields=[None])
     push = force * (center - start) / np.hypot(*(center - start).T)[:, None]
     solid = exact(plan).buffer(-1e-7)
     for _ in range(40):
@@ -109,7 +109,7 @@ def test_grains_among_arcs_keep_momentum_and_energy(name):
     rng = np.random.default_rng(3)
     bodies = people(rng, count)
     state = make_state(scatter(rng, geometry, bodies.radius), rng.normal(0, 1.0, (count, 2)))
-    simulation = Simulation(geometry, bodies, state, scheme=name, driving=False)
+    simulation = Simulation(geometry, bodies, state, physics=name, driving=False)
     before = kinetic_energy(bodies, state.velocity).sum()
     for _ in range(20):
         momentum = bodies.mass[:, None] * state.velocity

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cases import looped
 
-from crowd_env import DEM, NSM1, NSM2, SCHEMES, Geometry, Simulation, make_bodies, make_scheme, make_state
+from crowd_env import DEM, NSM1, NSM2, SCHEMES, Geometry, Physics, Simulation, make_bodies, make_scheme, make_state
 
 pytestmark = pytest.mark.kernels
 
@@ -24,7 +24,7 @@ HALL = Geometry.from_polygon([(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)
 def test_a_step_that_is_too_long_names_the_bound_and_its_formula(scheme, dt, says):
     bodies = make_bodies([0.2], [60.0], relaxation_time=0.1)
     with pytest.raises(ValueError, match=says):
-        Simulation(HALL, bodies, make_state([[5.0, 5.0]]), scheme=scheme, dt=dt)
+        Simulation(HALL, bodies, make_state([[5.0, 5.0]]), physics=Physics(scheme, dt=dt))
 
 
 @looped("share", [0.25, 0.5, 1.0])
@@ -33,7 +33,7 @@ def test_the_position_correction_takes_back_its_share_and_gives_no_velocity(shar
     bodies = make_bodies([0.2, 0.2], [60.0, 90.0])
     state = make_state([[5.0, 5.0], [5.36, 5.0]])
     scheme = NSM2(position_correction=share, tolerance=1e-10)
-    simulation = Simulation(HALL, bodies, state, scheme=scheme, driving=False)
+    simulation = Simulation(HALL, bodies, state, physics=scheme, driving=False)
     center = bodies.mass @ state.position / bodies.mass.sum()
     start = state.position[0, 0]
     simulation.advance()
@@ -46,7 +46,7 @@ def test_the_position_correction_takes_back_its_share_and_gives_no_velocity(shar
 
 def test_without_the_correction_a_resting_overlap_stays():
     state = make_state([[5.0, 5.0], [5.36, 5.0]])
-    simulation = Simulation(HALL, make_bodies([0.2, 0.2], [60.0, 90.0]), state, scheme=NSM2(), driving=False)
+    simulation = Simulation(HALL, make_bodies([0.2, 0.2], [60.0, 90.0]), state, physics=NSM2(), driving=False)
     simulation.advance(n_substeps=50)
     assert state.position[1, 0] - state.position[0, 0] == 5.36 - 5.0
 
@@ -73,7 +73,7 @@ def test_a_step_that_is_done_again_with_more_room_looks_up_directions_once(dt):
     place = Geometry.from_polygon(2.0 * np.column_stack([np.cos(angles), np.sin(angles)]))
     bodies = make_bodies([0.2] * 3, [60.0] * 3, desired_speed=1.0)
     state = make_state([[1.79, 0.0], [-1.79, 0.0], [0.0, 1.79]])
-    simulation = Simulation(place, bodies, state, scheme="nsm1", dt=dt, fields=[None])
+    simulation = Simulation(place, bodies, state, physics=Physics("nsm1", dt=dt), fields=[None])
     room = len(simulation.history.contacts.gap)
     simulation.advance(n_substeps=1)
     assert len(simulation.history.contacts.gap) > room and simulation.history.turn.tolist() == [1]

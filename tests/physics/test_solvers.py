@@ -12,6 +12,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import NSM1, NSM2, constraints, solvers
 from crowd_env.physics.allocation import allocate
 from crowd_env.physics.constraints import Constraints, Extent
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.physics.solvers import Stopping
 
@@ -40,7 +41,7 @@ def jam(scheme, count=150, side=9.0, steps=200, seed=0):
     geometry = Geometry.from_polygon(box(0, 0, side, side))
     bodies = people(rng, count)
     state = make_state(scatter(rng, geometry, bodies.radius))
-    simulation = Simulation(geometry, bodies, state, scheme=scheme, dt=DT, fields=[None])
+    simulation = Simulation(geometry, bodies, state, physics=Physics(scheme, dt=DT), fields=[None])
     relative = np.zeros(count, bool)
     for _ in range(steps):
         way = np.array([side, side]) - state.position
@@ -152,7 +153,7 @@ def test_rough_contacts_find_room_for_their_second_row():
     state = make_state(rng.uniform(4.0, 4.6, (40, 2)), rng.normal(0, 1, (40, 2)))
     geometry = Geometry.from_polygon(box(0, 0, 9, 9))
     scheme = NSM2(tangential_dissipation=50.0, max_iterations=100)
-    simulation = Simulation(geometry, bodies, state, scheme=scheme, dt=1e-4, driving=False)
+    simulation = Simulation(geometry, bodies, state, physics=Physics(scheme, dt=1e-4), driving=False)
     momentum = bodies.mass @ state.velocity
     simulation.advance()
     assert simulation.workspace.constraints.pair.shape[0] >= 2 * simulation.history.contacts.number[0] > 1200
@@ -166,7 +167,7 @@ def test_momentum_that_runs_away_is_taken_out():
     bodies = people(rng, 40)
     state = make_state(rng.uniform(4.0, 4.6, (40, 2)), rng.normal(0, 1, (40, 2)))
     geometry = Geometry.from_polygon(box(0, 0, 9, 9))
-    simulation = Simulation(geometry, bodies, state, scheme=NSM2(), dt=1e-4, driving=False)
+    simulation = Simulation(geometry, bodies, state, physics=Physics(NSM2(), dt=1e-4), driving=False)
     simulation.advance()
     assert np.isfinite(state.velocity).all()
     assert 0.0 < simulation.diagnostics.residual[0] < 0.5

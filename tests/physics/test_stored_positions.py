@@ -24,7 +24,7 @@ def walked(scheme):
     radius, speed = 0.2 + 0.004 * (7 * people % 11), 1.2 + 0.1 * (5 * people % 9)
     bodies = make_bodies(radius, 60.0 + 2.5 * people, desired_speed=speed, relaxation_time=0.2)
     geometry = make_scenario("room-v0", side=3.2).geometry
-    simulation = Simulation(geometry, bodies, make_state(position), scheme=scheme)
+    simulation = Simulation(geometry, bodies, make_state(position), physics=scheme)
     found = []
     for _ in range(STEPS):
         simulation.advance(n_substeps=round(0.1 / simulation.dt))

@@ -10,6 +10,7 @@ from crowds import crowd_in, half_plane, tight
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import SCHEMES, make_scheme
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.physics.social_force import SocialForce
 
@@ -22,7 +23,7 @@ every_scheme = pytest.mark.parametrize("name", SCHEMES)
 def test_what_people_get_of_each_other_cancels_and_the_rest_is_of_walls(name):
     geometry = Geometry.from_polygon(shapely.box(0, 0, 3, 3))
     bodies, state, command = crowd_in(np.random.default_rng(2), geometry, 22)
-    simulation = Simulation(geometry, bodies, state, scheme=SCHEMES[name])
+    simulation = Simulation(geometry, bodies, state, physics=SCHEMES[name])
     simulation.advance(2.0 * command, relative=np.zeros(22, bool), n_substeps=round(1.0 / simulation.dt))
     found = simulation.results
     assert np.abs(found.wall_impulse).sum() > 10.0
@@ -33,7 +34,7 @@ def test_what_people_get_of_each_other_cancels_and_the_rest_is_of_walls(name):
 def test_the_share_of_walls_is_that_of_the_contacts_with_walls(name):
     geometry = Geometry.from_polygon(shapely.box(0, 0, 3, 3))
     bodies, state, command = crowd_in(np.random.default_rng(5), geometry, 22)
-    simulation = Simulation(geometry, bodies, state, scheme=tight(SCHEMES[name]))
+    simulation = Simulation(geometry, bodies, state, physics=tight(SCHEMES[name]))
     ends = simulation.scheme.info.contacts_at == "end"
     seen = 0
     for _ in range(round(0.5 / simulation.dt)):
@@ -57,14 +58,14 @@ def test_the_social_force_of_a_wall_is_that_of_the_formula(heading, share):
     bodies = make_bodies(np.array([0.25]), np.array([80.0]), desired_speed=0.5)
     social = SocialForce(strength=300.0, length=0.05, anisotropy=0.3, wall_strength=300.0)
     state = make_state(np.array([[0.25 + 0.1, 0.0]]))
-    simulation = Simulation(half_plane(), bodies, state, scheme=make_scheme("hertz", social))
+    simulation = Simulation(half_plane(), bodies, state, physics=make_scheme("hertz", social))
     assert not simulation.social_forces_of_walls().any()  # nobody has looked around yet
     simulation.advance(np.array([heading]), relative=np.zeros(1, bool))
     gap = simulation.state.position[0, 0] - 0.25
     np.testing.assert_allclose(
         simulation.social_forces_of_walls(), [[share * 300.0 * np.exp(-gap / 0.05), 0.0]], rtol=1e-9
     )
-    literal = Simulation(half_plane(), *(bodies, state), scheme="hertz-literal")
+    literal = Simulation(half_plane(), *(bodies, state), physics="hertz-literal")
     literal.advance(np.array([heading]), relative=np.zeros(1, bool))
     assert not literal.social_forces_of_walls().any()
 
@@ -97,7 +98,9 @@ def pen(name, manner=None, max_drive=None, people=100):
     geometry = Geometry.from_polygon(shapely.box(0, 0, 0.55 * columns + 2.0, WIDTH))
     drawn = {"desired_speed": rng.uniform(1.2, 2.0, people), "relaxation_time": rng.uniform(0.1, 0.5, people)}
     bodies = make_bodies(rng.uniform(0.2, 0.25, people), rng.uniform(60, 100, people), **drawn)
-    simulation = Simulation(geometry, bodies, make_state(position), scheme=name, manner=manner, max_drive=max_drive)
+    simulation = Simulation(
+        geometry, bodies, make_state(position), physics=Physics(name, max_drive=max_drive), walking=manner
+    )
     command = (np.tile(TO_THE_WALL, (people, 1)), np.zeros(people, bool))
     simulation.advance(command[0], relative=command[1], n_substeps=round(8.0 / simulation.dt))
     momentum, steps = bodies.mass @ simulation.state.velocity, round(4.0 / simulation.dt)

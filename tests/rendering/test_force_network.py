@@ -61,7 +61,7 @@ def drawn_lines(figure):
 @pytest.mark.parametrize("scheme", AT_REST)
 def test_a_wall_answers_with_the_force_that_pushes_someone_into_it(scheme):
     bodies = make_bodies([0.25], [80.0], desired_speed=0.0)
-    simulation = Simulation(ROOM, bodies, make_state([[0.25, 2.0]]), scheme=AT_REST[scheme])
+    simulation = Simulation(ROOM, bodies, make_state([[0.25, 2.0]]), physics=AT_REST[scheme])
     simulation.advance(n_substeps=round(15.0 / simulation.dt), external_force=np.array([[-500.0, 0.0]]))
     told = contact_forces(simulation)
     assert (told.i.tolist(), told.force) == ([0], pytest.approx([500.0], rel=1e-4))
@@ -73,7 +73,7 @@ def test_a_wall_answers_with_the_force_that_pushes_someone_into_it(scheme):
 def test_a_row_of_people_hands_on_what_each_adds():
     state = make_state([[0.25, 5.0], [0.75, 5.0], [1.25, 5.0]])
     simulation = Simulation(
-        HALL, make_bodies([0.25] * 3, [60.0, 80.0, 100.0]), state, scheme=AT_REST["nsm1, inertial"], driving=False
+        HALL, make_bodies([0.25] * 3, [60.0, 80.0, 100.0]), state, physics=AT_REST["nsm1, inertial"], driving=False
     )
     simulation.advance(n_substeps=20, external_force=np.tile([-300.0, 0.0], (3, 1)))
     told = contact_forces(simulation)
@@ -192,7 +192,7 @@ def test_a_simulation_is_drawn_as_it_stands(tmp_path):
 
 @looped("scheme", ["nsm1", "nsm1-inertial", "nsm2", "nsm2-printed"])
 def test_impulses_of_one_step_are_not_drawn_as_forces(scheme, tmp_path):
-    simulation = Simulation(ROOM, make_bodies([0.25], [80.0]), make_state([[2.0, 2.0]]), scheme=scheme)
+    simulation = Simulation(ROOM, make_bodies([0.25], [80.0]), make_state([[2.0, 2.0]]), physics=scheme)
     with pytest.raises(ValueError, match="are no forces"):
         write_force_network(tmp_path / "a.png", simulation)
 

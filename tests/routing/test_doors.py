@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import simulations
 from cases import looped
 from crowds import copied, every_scheme, people, scatter
 from shapely.geometry import box
@@ -14,6 +15,7 @@ from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.observation.view import SIGHT
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.routing.route_set import RoutePlan
 from crowd_env.routing.spec import DoorEvent, Route
@@ -45,9 +47,8 @@ def simulate(route_set, *crowds, name="nsm2", **options):
     start = np.cumsum([0, *(len(crowd) for crowd in crowds)])
     bodies = make_bodies(np.full(len(position), 0.2), 80.0, desired_speed=1.5, relaxation_time=0.3, env_start=start)
     state = make_state(position, environments=len(crowds))
-    return Simulation(
-        route_set.geometry, bodies, state, scheme=name, dt=0.01, fields=[route_set], allow_unstable=True, **options
-    )
+    flat = {"scheme": name, "dt": 0.01, "allow_unstable": True, "fields": [route_set], **options}
+    return simulations.simulate(route_set.geometry, bodies, state, **flat)
 
 
 def crowd(count=25):
@@ -68,7 +69,7 @@ def test_an_open_door_is_not_there_bit_by_bit(name):
         route_set = route_set_of(doors, routes=(route,))
         state.route[:] = 1
         simulation = Simulation(
-            hall(doors), bodies, state, scheme=name, dt=0.01, fields=[route_set], allow_unstable=True
+            hall(doors), bodies, state, physics=Physics(name, dt=0.01, allow_unstable=True), fields=[route_set]
         )
         simulation.advance(n_substeps=250)
         runs.append(simulation)
@@ -88,7 +89,7 @@ def test_an_open_door_is_not_there_bit_by_bit(name):
 def test_nobody_passes_a_closed_door_however_hard_they_push(name, door, push):
     bodies, state = copied(*crowd(30))
     simulation = Simulation(
-        hall(), bodies, state, scheme=name, dt=0.001 if "hertz" in name else 0.01, fields=[route_set_of()]
+        hall(), bodies, state, physics=Physics(name, dt=0.001 if "hertz" in name else 0.01), fields=[route_set_of()]
     )
     simulation.close_doors(0, [door])
     towards = np.tile([push, 0.0], (30, 1)), np.zeros(30, bool)
@@ -107,7 +108,7 @@ def test_a_door_that_closes_on_people_pushes_them_to_one_side(name):
     start = [[5.03, 1.3], [5.15, 1.8], [4.97, 2.4], [4.8, 2.9], [5.5, 2.0]]
     bodies = make_bodies(np.full(5, 0.2), 80.0, desired_speed=1.5, relaxation_time=0.3)
     state = make_state(start)
-    simulation = Simulation(hall(), bodies, state, scheme=name, dt=dt, fields=[route_set_of()])
+    simulation = Simulation(hall(), bodies, state, physics=Physics(name, dt=dt), fields=[route_set_of()])
     simulation.advance(n_substeps=1)
     simulation.close_doors(0, ["gate"])
     simulation.advance(n_substeps=1)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import simulations
 from cases import looped
 from crowds import copied, every_scheme, joined, part, people, scatter
 from repository import ROOT
@@ -54,13 +55,13 @@ def simulate(route_set, position, *, name="nsm2", route=0, speed=1.5, envs=1, dt
     bodies = bodies._replace(env_start=np.linspace(0, len(position), envs + 1).astype(np.int64))
     state = make_state(position, environments=envs)
     state.route[:] = route
-    return Simulation(route_set.geometry, bodies, state, scheme=name, dt=dt, fields=[route_set], **options)
+    return simulations.simulate(route_set.geometry, bodies, state, scheme=name, dt=dt, fields=[route_set], **options)
 
 
 def evacuate(name, route, seed):
     bodies, state = crowd(90, seed, box(6.5, 0.2, 11.8, 7.8))
     state.route[:] = route
-    simulation = Simulation(two_exits(), bodies, state, scheme=name, dt=0.01, fields=[quick_routes()])
+    simulation = simulations.simulate(two_exits(), bodies, state, scheme=name, dt=0.01, fields=[quick_routes()])
     while simulation.inside[0] and state.time[0] < 120:
         simulation.advance(n_substeps=100)
     return state
@@ -139,7 +140,7 @@ def one_exit_times(route, manner, seed):
     bodies, state = crowd(60, seed, box(0.2, 0.2, 6.8, 6.8))
     state.route[:] = route
     route_set = RoutePlan(geometry, 0.25, min_radius=0.2, routes=[QUICK]).build()
-    simulation = Simulation(geometry, bodies, state, fields=[route_set], manner=manner)
+    simulation = Simulation(geometry, bodies, state, walking=manner, fields=[route_set])
     while simulation.inside[0] and state.time[0] < 90:
         simulation.advance(n_substeps=100)
     return np.where(state.active, 90.0, np.nan_to_num(state.exit_time))
@@ -167,7 +168,9 @@ def test_the_fastest_way_does_not_lead_through_a_thin_wall(radius):
 def run_batch(crowds, *, name="nsm2", calls=12, n_substeps=25, **options):
     bodies, state = joined([copied(*one) for one in crowds])
     state.route[:] = 1
-    simulation = Simulation(two_exits(), bodies, state, scheme=name, dt=0.01, fields=[quick_routes()], **options)
+    simulation = simulations.simulate(
+        two_exits(), bodies, state, scheme=name, dt=0.01, fields=[quick_routes()], **options
+    )
     for _ in range(calls):
         simulation.advance(n_substeps=n_substeps)
     return simulation

@@ -108,7 +108,7 @@ def test_a_file_says_who_walks_together_and_what_pulls(tmp_path):
     env = CrowdEnv(place, num_envs=2)
     env.reset(0)
     assert len(set(env.simulation.bodies.company)) > 3
-    np.testing.assert_array_equal(env.simulation.world.pulls.attraction, [[3, 4, 2, 2, 20, 0]])
+    np.testing.assert_array_equal(env.simulation.batch.behaviors.pulls.attraction, [[3, 4, 2, 2, 20, 0]])
     turned = place.turned(0.5 * np.pi)
     at = turned.pulls.attractions[0]
     assert turned.geometry.contains(np.array([[at.x, at.y]]))[0] and (at.x, at.y) != (3, 4)

@@ -45,14 +45,21 @@ def test_own_places_keep_a_distance_and_shipped_ones_are_as_in_the_papers(tmp_pa
     ]
     for place in own:
         env = CrowdEnv(place)
-        assert env.simulation.manner == MANNERS["hurried"] and env.simulation.max_drive == 300.0
+        assert (
+            env.simulation.behaviors["manner"] == MANNERS["hurried"]
+            and env.simulation.behaviors["max_drive"].force == 300.0
+        )
         assert place.population.radius.high == 0.19
     for name in SCENARIOS:
         place = make_scenario(name)
         walked = dict(FULL_SPEED) | ({"strategy": None} if name == "generated-v0" else {})  # it has several exits
         assert {word: getattr(place, word) for word in FULL_SPEED} == walked, name
     env = CrowdEnv("room-v0")
-    assert env.simulation.manner is None and env.simulation.max_drive is None and env.strategies == ["shortest"]
+    assert (
+        env.simulation.behaviors["manner"] is None
+        and env.simulation.behaviors["max_drive"] is None
+        and env.strategies == ["shortest"]
+    )
 
 
 def test_of_several_exits_people_take_the_fastest_unless_somebody_says_which():
@@ -71,11 +78,11 @@ def test_of_several_exits_people_take_the_fastest_unless_somebody_says_which():
 def test_the_drive_is_that_of_the_place_unless_the_physics_says_another():
     place = Scenario("own", HALL, Population(5), 60.0)
     for scheme in ("dem", "nsm2", "hertz", "nsm1-inertial"):
-        assert CrowdEnv(place, physics=scheme).simulation.max_drive == 300.0
-    assert CrowdEnv(place, physics=Physics("dem", max_drive=np.inf)).simulation.max_drive is None
-    assert CrowdEnv(place, physics=Physics("dem", max_drive=150.0)).simulation.max_drive == 150.0
-    assert CrowdEnv(place, physics="nsm1").simulation.max_drive is None  # which drives nobody
-    with pytest.raises(ValueError, match="300 N and inf N"):
+        assert CrowdEnv(place, physics=scheme).simulation.behaviors["max_drive"].force == 300.0
+    assert CrowdEnv(place, physics=Physics("dem", max_drive=np.inf)).simulation.behaviors["max_drive"] is None
+    assert CrowdEnv(place, physics=Physics("dem", max_drive=150.0)).simulation.behaviors["max_drive"].force == 150.0
+    assert CrowdEnv(place, physics="nsm1").simulation.behaviors["max_drive"] is None  # which drives nobody
+    with pytest.raises(ValueError, match=r"one max_drive, not 300.0 in .*, inf in room-v0"):
         CrowdEnv([place, make_scenario("room-v0")], walking="calm")
 
 

@@ -6,7 +6,7 @@ import pytest
 from cases import looped
 from typer.testing import CliRunner
 
-from crowd_env.core.arrays.headway import MANNERS, Headway
+from crowd_env.core.behaviors.headway import MANNERS, Headway
 from validation.cases import Case
 from validation.cases.case import row
 from validation.cli import app

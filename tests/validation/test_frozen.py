@@ -7,6 +7,7 @@ from crowds import plain
 
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics import DEM, SocialForce
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 from validation.cases.case import Setting
 from validation.cases.frozen import SPEEDS, Variant, finding, onset
@@ -22,7 +23,9 @@ def test_who_touches_others_evenly_all_around_is_held_back_by_z_over_2_phi_a(nei
     count, social = neighbors + 1, SocialForce(strength=200.0, anisotropy=0.4, cutoff=0.05)
     bodies = make_bodies(np.full(count, 0.25 - 1e-9), np.full(count, 80.0), desired_speed=1.5, relaxation_time=0.5)
     velocity = np.tile([1.5, 0.0], (count, 1))
-    simulation = Simulation(plain(), bodies, make_state(position, velocity), scheme=DEM(social=social), dt=1e-3)
+    simulation = Simulation(
+        plain(), bodies, make_state(position, velocity), physics=Physics(DEM(social=social), dt=1e-3)
+    )
     simulation.advance(np.tile([1.0, 0.0], (count, 1)), relative=np.zeros(count, bool))
     force = 80.0 * (simulation.state.velocity[0] - velocity[0]) / 1e-3
     np.testing.assert_allclose(force, [-0.5 * neighbors * 0.4 * 200.0, 0.0], atol=1e-4)

@@ -9,7 +9,7 @@ from cases import looped
 from typer.testing import CliRunner
 
 from crowd_env import OUTLINES, Simulation
-from crowd_env.core.arrays.outline import make_outline, room_of
+from crowd_env.core.behaviors.outline import Outline, room_of
 from validation.cases import CASES, Case, Setting, doors, gate
 from validation.cases.case import row
 from validation.cases.crowds import draw_crowds
@@ -45,7 +45,7 @@ def begun(monkeypatch):
     outlines = []
 
     def begin(self, *args, outline=None, **options):
-        outlines.append(make_outline(outline))
+        outlines.append(Outline.of(outline))
         raise Begun
 
     monkeypatch.setattr(Simulation, "__init__", begin)
@@ -143,7 +143,7 @@ def test_discs_and_shoulders_never_mix(asked, tmp_path):
 def test_rows_of_other_shoulders_are_not_taken(asked, tmp_path, monkeypatch):
     words = ("made-up", "--schemes", "hertz", "--out", tmp_path, "--outline", "torso")
     run(*words)
-    monkeypatch.setitem(OUTLINES, "torso", make_outline({"discs": [[0.0, 0.1, 0.2], [0.0, -0.1, 0.2]]}))
+    monkeypatch.setitem(OUTLINES, "torso", Outline.of({"discs": [[0.0, 0.1, 0.2], [0.0, -0.1, 0.2]]}))
     assert "was made by another command: outline" in run(*words).stderr
 
 

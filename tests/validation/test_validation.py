@@ -8,7 +8,7 @@ import pytest
 from cases import looped
 from typer.testing import CliRunner
 
-from crowd_env.core.arrays.headway import Headway
+from crowd_env.core.behaviors.headway import Headway
 from validation.cases import Case, Setting
 from validation.cases.case import COMPARED, row
 from validation.cases.halls import Hall, empty, holds, run_in, told

@@ -10,8 +10,8 @@ import numpy as np
 import tomllib
 
 from crowd_env import SCHEMES, Normal, Population, Uniform
-from crowd_env.core.arrays.headway import MANNERS, Headway
-from crowd_env.core.arrays.outline import BodyShape, make_outline, room_of
+from crowd_env.core.behaviors.headway import MANNERS, Headway
+from crowd_env.core.behaviors.outline import BodyShape, Outline, room_of
 from crowd_env.envs.metrics import share_interval
 
 # Schemes that are compared by default; what papers print and this package does otherwise is for comparison with them, and
@@ -48,7 +48,7 @@ class Setting:
     @property
     def room(self) -> float:
         """The radius within which a body can turn freely, as a multiple of its nominal radius."""
-        return room_of(make_outline(self.outline))
+        return room_of(Outline.of(self.outline))
 
 
 class Row(NamedTuple):

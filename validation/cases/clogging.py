@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run
-from crowd_env.core.arrays.headway import make_manner
+from crowd_env.core.behaviors.headway import Headway
 from crowd_env.rendering.survival import survival_curves
 from validation.cases.case import COMPARED, Row, Setting, number, row, share
 from validation.cases.crowds import Passages, draw_crowds
@@ -54,7 +54,7 @@ def run(setting: Setting) -> list[Row]:
     """Return the row."""
     runs = exits(setting)
     found = clogging(runs, blocked_after=_PATIENCE - 1.0)
-    presses = make_manner(setting.manner) is None
+    presses = Headway.of(setting.manner) is None
     more = found.as_json() | {"exits": [list(one.time) for one in runs], "until": [one.until for one in runs]}
     return [row("clogging", setting, met(found) if presses else None, told(found, len(runs)), **more)]
 

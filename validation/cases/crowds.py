@@ -6,8 +6,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env import Bodies, CrowdState, Geometry, Scenario, Simulation, make_scheme, make_state
-from crowd_env.core.arrays.headway import make_manner
+from crowd_env import (
+    Bodies,
+    CrowdState,
+    Geometry,
+    Physics,
+    Pulls,
+    Scenario,
+    Simulation,
+    Walking,
+    make_scheme,
+    make_state,
+)
+from crowd_env.core.behaviors.headway import Headway
 from crowd_env.envs.metrics import flow_slope
 from validation.cases.case import Setting
 
@@ -111,17 +122,20 @@ def crowds_at(
     drawn: Sequence[tuple[Bodies, Floats]],
     setting: Setting,
     draws: int,
+    pulls: Sequence[Pulls] | None = None,
     **options: Any,
 ) -> Crowds:
-    """Return crowds of bodies at positions (N, 2) [m], side by side; the options are those of `Simulation`."""
+    """Return crowds of bodies at positions (N, 2) [m], side by side; the other options are those of `Simulation`."""
     bodies, position = zip(*drawn, strict=True)
     columns = [np.concatenate(column) for column in zip(*(part[:-1] for part in bodies), strict=True)]
     every = Bodies._make([*columns, np.cumsum([0, *map(len, position)])])
     state = make_state(np.concatenate(position), environments=len(drawn))
-    how: dict[str, Any] = {"scheme": setting.scheme, "manner": setting.manner, "outline": setting.outline}
-    if make_manner(setting.manner) is not None and make_scheme(setting.scheme).drives:
+    how: dict[str, Any] = {"outline": setting.outline}
+    if Headway.of(setting.manner) is not None and make_scheme(setting.scheme).drives:
         how["max_drive"] = Scenario.max_drive  # of people who keep a distance
-    return Crowds(Simulation(place, every, state, **how, **options), draws)
+    physics = Physics(setting.scheme, **how)
+    walking = Walking(setting.manner, pulls=pulls)
+    return Crowds(Simulation(place, every, state, physics=physics, walking=walking, **options), draws)
 
 
 def generator(setting: Setting, draw: int) -> np.random.Generator:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from crowd_env import Hertz, Scenario, Uniform, make_scheme
-from crowd_env.core.arrays.headway import make_manner
+from crowd_env.core.behaviors.headway import Headway
 from validation.cases.case import Row, Setting, row
 from validation.cases.crowds import Passages, draw_crowds
 from validation.cases.doors import door
@@ -53,7 +53,7 @@ def run(setting: Setting) -> list[Row]:
     """Return the row.  Without a headway rule there is nothing but full push."""
     scheme = make_scheme(setting.scheme)
     frictions = FRICTIONS if isinstance(scheme, Hertz) else (0.0,)
-    pushes = PUSHES if make_manner(setting.manner) is not None else (1.0,)
+    pushes = PUSHES if Headway.of(setting.manner) is not None else (1.0,)
     found: dict[str, list[float]] = {}
     verdicts, smooth = [], [float("inf")]
     for friction in frictions:

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from crowd_env.core.arrays.headway import make_manner
-from crowd_env.core.arrays.outline import make_outline
+from crowd_env.core.behaviors.headway import Headway
+from crowd_env.core.behaviors.outline import Outline
 from validation.cases import corner, counterflow, doors, ring, row
 from validation.cases.case import Row, Setting, number
 from validation.cases.case import row as row_of
@@ -82,9 +82,9 @@ LAWS: dict[str, tuple[Callable[[Setting], Verdict], str]] = {
 def run(setting: Setting) -> Iterator[Row]:
     """Yield a row a law; people who press on are not held against themselves, and the row that is pushed is of discs."""
     for name, (law, criterion) in LAWS.items():
-        if law is pressing_on_is_faster and make_manner(setting.manner) is None:
+        if law is pressing_on_is_faster and Headway.of(setting.manner) is None:
             continue
-        if law is pushes_travel and make_outline(setting.outline) is not None:
+        if law is pushes_travel and Outline.of(setting.outline) is not None:
             continue
         setting.notify(f"{setting.scheme}, {setting.manner}: {name}")
         holds, figure = law(setting)

@@ -5,7 +5,7 @@ pushes the last of five people in a row.  Places and depths of the bodies, masse
 gives for its own tutorial on them (Dufour, Stapelle, Nicolas 2026; repository Crowd-Mechanics/LEMONS, folder
 data/tutorial_mechanical_layer/push_Feldmann).  Of the push with nothing in front the heads of the five are known too, from the
 same folder.  What is judged is what the abstract says of all pushes, and, of people who keep their balance
-(`crowd_env.core.arrays.balance`), how far these heads moved.
+(`crowd_env.core.behaviors.balance`), how far these heads moved.
 
 How much of the force reached the trunk is not known: 972 N s would give 395 kg 2.5 m/s, and no head was faster than 1.13 m/s.
 It is fitted together with the balance, on this one push, under `nsm2`.
@@ -22,9 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from shapely.geometry import box
 
-from crowd_env import Geometry, Simulation, make_bodies, make_scheme, make_state
-from crowd_env.core.arrays.balance import Balancing
-from crowd_env.physics.simulation.feet import places_of_heads
+from crowd_env import Geometry, Physics, Simulation, make_bodies, make_scheme, make_state
+from crowd_env.core.behaviors.balance import Balancing, places_of_heads
 from crowd_env.rendering.canvas import new_figure, quiet_axes, save_figure
 from validation.cases.case import Row, Setting, number, row
 from validation.cases.crowds import Floats
@@ -93,9 +92,8 @@ def displacements(
         Geometry.from_polygon(box(-_HALF, -_HALF, front, _HALF)),
         bodies,
         make_state(start, environments=len(rows)),
-        scheme=setting.scheme,
-        manner=setting.manner,
-        balance=balance,
+        physics=Physics(setting.scheme, balance=balance),
+        walking=setting.manner,
     )
     stand, force = np.zeros_like(start), np.zeros_like(start)
     world, steps = np.zeros(len(start), dtype=np.bool_), round(_EVERY / simulation.dt)

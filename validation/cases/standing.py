@@ -16,9 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from shapely.geometry import box
 
-from crowd_env import Geometry, Simulation, make_bodies, make_scheme, make_state
-from crowd_env.core.arrays.balance import BALANCES
-from crowd_env.physics.simulation.feet import places_of_heads
+from crowd_env import Geometry, Physics, Simulation, make_bodies, make_scheme, make_state
+from crowd_env.core.behaviors.balance import BALANCES, places_of_heads
 from crowd_env.rendering.canvas import new_figure, quiet_axes, save_figure
 from validation.cases.case import Row, Setting, number, row
 from validation.cases.crowds import Floats
@@ -46,7 +45,7 @@ def _crowd(setting: Setting, walkable: Floats, start: Floats, environments: int,
     each = len(start) // environments * np.arange(environments + 1)
     bodies = make_bodies(np.full(len(start), _RADIUS), np.full(len(start), _MASS), desired_speed=1.34, env_start=each)
     place, state = Geometry.from_polygon(box(*walkable)), make_state(start, environments=environments)
-    return Simulation(place, bodies, state, scheme=setting.scheme, balance=balance)
+    return Simulation(place, bodies, state, physics=Physics(setting.scheme, balance=balance))
 
 
 def queues(setting: Setting, balance: str, strength: float) -> Queues:

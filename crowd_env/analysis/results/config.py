@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from crowd_env.analysis.results.plain import plain
-from crowd_env.core.arrays.headway import plain_manner
-from crowd_env.core.arrays.outline import plain_outline
+from crowd_env.core.behaviors.headway import Headway
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.versions import versions_of
 from crowd_env.core.kernels import jit
 from crowd_env.core.version import __version__
-from crowd_env.envs.settings import Physics
+from crowd_env.envs.settings import physics_step
 from crowd_env.physics import ContactScheme
 from crowd_env.physics.scheme import DECISION_DT
+from crowd_env.physics.settings import Physics
 from crowd_env.scenarios.scenario import Scenario
 
 # Parts of a config in which two commands may differ and still go on with each other's runs.
@@ -58,13 +59,13 @@ def run_config(
         "population": plain(scenario.population.parts),
         "time_limit": scenario.time_limit,
         "blocked_after": plain(scenario.blocked_after),
-        "manner": plain_manner(scenario.manner_of_run()),
-        "outline": plain_outline(scenario.outline_of_run()),
+        "manner": Headway.plain_of(scenario.manner_of_run()),
+        "outline": Outline.plain_of(scenario.outline_of_run()),
         "strategy": strategy,
         "rules": rules,
         "max_drive": plain(max_drive),
         "scheme": {"name": scheme.info.name, **plain(scheme)},
-        "dt": Physics(scheme, dt).step(scenario),
+        "dt": physics_step(Physics(scheme, dt), scenario),
         "decision_dt": DECISION_DT,
         "seed": seed,
         "fingerprint": fingerprint(scenario),  # of plan, people, routes and rules: equal for equal ones

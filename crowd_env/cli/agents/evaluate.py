@@ -31,7 +31,7 @@ from crowd_env.core.executors import Executor, Processes, Serial, make_executor
 from crowd_env.core.files.json_file import write_json
 from crowd_env.core.files.own import own_or_name
 from crowd_env.core.files.store import Store
-from crowd_env.physics import check_outline
+from crowd_env.physics.settings import check_behaviors
 from crowd_env.rendering.libraries import require_libraries
 from crowd_env.scenarios.titles import run_title, with_manner
 
@@ -128,7 +128,7 @@ def main(
         if learned is not None:
             learned = number("--set learned", learned, Range(0.0, 1.0, above=True))
         for scheme in schemes:
-            check_outline(where.outline_of_run(), scheme)
+            check_behaviors({"outline": where.outline_of_run()}, scheme)
         entries = make_entries(policies, where, task, learned_share=learned)
         if "rules" in policies and not where.rules:
             say(f"note: {where.name} has no control rules; rules is shortest there")

@@ -20,8 +20,9 @@ from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.routing.regions import grid_regions, named_regions
 from crowd_env.envs.routing.terms import RoutingLayout, RoutingView, make_terms, make_weights
-from crowd_env.envs.settings import AsPhysics, AsWalking, Physics, Routing, answers_unknown, arguments_of
+from crowd_env.envs.settings import Routing, answers_unknown, arguments_of
 from crowd_env.envs.terms import RewardTerm
+from crowd_env.physics.settings import AsPhysics, AsWalking, Physics
 
 
 class RoutingBatch:

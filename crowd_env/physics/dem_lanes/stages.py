@@ -18,7 +18,7 @@ from crowd_env.physics.dem_lanes.buffers import (
 )
 from crowd_env.physics.dem_lanes.gather import cut_neighbor_list, list_active_by_slab
 from crowd_env.physics.dem_lanes.partition import DEEPEST, FASTEST, OUTSIDE, OVERLAP, OVERLAPS, SLABS, TOO_FAR
-from crowd_env.physics.driving_force import desired_velocity
+from crowd_env.physics.driving_force import Influences, desired_velocity
 from crowd_env.physics.exits import mark_crossing
 from crowd_env.physics.neighbors.update import OK, TOO_FAST, update_neighbors
 from crowd_env.physics.social_force import SocialParams, add_social_forces
@@ -58,14 +58,18 @@ def detect(e: int, slabs: int, team: int, batch: Batch, n_substeps: int, cutoff:
 
 
 @inner_kernel
-def plan_steering(
-    e: int, batch: Batch, dt: float, regions: bool | None, walking: bool | None, balance: bool | None
-) -> None:
+def plan_steering(e: int, batch: Batch, dt: float, acting: Influences) -> None:
     """Say what this step has to do about desired velocities, and let control rules act when directions are due."""
-    partition, state = batch.workspace.partition, batch.state
-    partition.steering[e] = COMPUTE if state.time[e] <= partition.desired_until[e] else KEEP
-    if balance is not None:
+    partition = batch.workspace.partition
+    partition.steering[e] = COMPUTE if batch.state.time[e] <= partition.desired_until[e] else KEEP
+    if acting.balance is not None or acting.desire is not None:
         partition.steering[e] = COMPUTE
+    _plan_look_up(e, batch, dt, acting.regions, acting.walking)
+
+
+@inner_kernel
+def _plan_look_up(e: int, batch: Batch, dt: float, regions: bool | None, walking: bool | None) -> None:
+    partition, state = batch.workspace.partition, batch.state
     if is_look_up_due(e, batch, dt):
         partition.turn[e] = begin_look_up(e, batch, regions)
         partition.steering[e] = LOOK_UP
@@ -87,19 +91,11 @@ def _prepare_decision(e: int, batch: Batch, dt: float) -> None:
     interleave(begin, end, state.active, soa.vx, soa.vy, state.velocity)
     if partition.steering[e] == LOOK_UP:
         update_steering(e, begin, begin + partition.people_inside[e], batch, dt, partition.turn[e])
-    look_around(e, batch, batch.control.headway)
+    look_around(e, batch, batch.behaviors.manner)
 
 
 @inner_kernel
-def regular_forces(
-    e: int,
-    row: int,
-    batch: Batch,
-    dt: float,
-    social: SocialParams | None,
-    walking: bool | None,
-    balance: bool | None,
-) -> None:
+def regular_forces(e: int, row: int, batch: Batch, dt: float, acting: Influences) -> None:
     """Bring the desired velocities of one slab up to date, and the sum of external and social forces where there are any.
 
     The driving force needs no array: `integrate_velocity` forms it from the desired velocity.
@@ -111,17 +107,24 @@ def regular_forces(
         if partition.steering[e] == LOOK_UP:
             interleave(begin, end, state.active, soa.x, soa.y, state.position)
             update_steering(e, rank_start, rank_stop, batch, dt, partition.turn[e])
-        if balance is not None:
+        if acting.balance is not None or acting.desire is not None:
             interleave(begin, end, state.active, soa.x, soa.y, state.position)
             interleave(begin, end, state.active, soa.vx, soa.vy, state.velocity)
         time, desired_vx, desired_vy = state.time[e], soa.desired_vx, soa.desired_vy
         for rank in range(index(rank_start), index(rank_stop)):
             i = inside[rank]
-            desired_vx[i], desired_vy[i] = desired_velocity(i, time, batch, walking, balance)
+            desired_vx[i], desired_vy[i] = desired_velocity(i, time, batch, acting)
+    _add_social_forces(e, row, batch, acting.social)
+
+
+@inner_kernel
+def _add_social_forces(e: int, row: int, batch: Batch, social: SocialParams | None) -> None:
     if social is not None:
-        force, external, active = batch.history.force, batch.control.external_force, state.active
+        soa, partition, active = batch.workspace.soa, batch.workspace.partition, batch.state.active
+        begin, end, rank_stop = partition.slot_start[row], partition.slot_stop[row], partition.rank_stop[row]
+        force, external = batch.history.force, batch.control.external_force
         regular_fx, regular_fy = soa.regular_fx, soa.regular_fy
-        interleave(begin, end, active, soa.x, soa.y, state.position)
+        interleave(begin, end, active, soa.x, soa.y, batch.state.position)
         interleave(begin, end, active, soa.desired_vx, soa.desired_vy, batch.workspace.desired_velocity)
         for i in range(index(begin), index(end)):
             force[i, 0], force[i, 1] = external[i, 0], external[i, 1]

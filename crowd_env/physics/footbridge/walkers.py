@@ -8,6 +8,7 @@ from crowd_env.geometry.placement import sample_positions
 from crowd_env.physics.footbridge.deck import Deck
 from crowd_env.physics.footbridge.gait import walking_speed
 from crowd_env.physics.footbridge.synchrony import SPREAD
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 
 DECK, WIDTH = Deck(), 4.0  # m
@@ -42,7 +43,7 @@ def crowd(
     )
     start = make_state(sample_positions(place, bodies.radius, rng, region))
     drive = None if scheme == "nsm1" else 300.0
-    return Simulation(place, bodies, start, scheme=scheme, dt=dt, manner="hurried", max_drive=drive)
+    return Simulation(place, bodies, start, physics=Physics(scheme, dt=dt, max_drive=drive), walking="hurried")
 
 
 def come_round(simulation: Simulation, end: float, back: float) -> Bools:

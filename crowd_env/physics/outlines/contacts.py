@@ -45,14 +45,14 @@ def _find_spread(e: int, rank_stop: int, batch: Batch) -> float:
     inside, radius, largest = batch.workspace.inside, batch.bodies.radius, 0.0
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         largest = max(largest, radius[inside[rank]])
-    return float(largest * (batch.world.outline.reach - 1.0))
+    return float(largest * (batch.behaviors.outline.reach - 1.0))
 
 
 @inner_kernel
 def _place_discs(e: int, rank_stop: int, batch: Batch) -> None:
     """Write where everyone's discs are, from the center of the body, as the bodies face now."""
     inside, radius, angle = batch.workspace.inside, batch.bodies.radius, batch.state.angle
-    outline, discs = batch.world.outline, batch.workspace.discs
+    outline, discs = batch.behaviors.outline, batch.workspace.discs
     shape_x, shape_y, shape_radius = outline.x, outline.y, outline.radius
     x, y, r, count = discs.x, discs.y, discs.radius, index(len(outline.radius))
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
@@ -109,7 +109,7 @@ def _write_pair(e: int, entry: int, batch: Batch, c: int) -> int:
     i, j = index(near.owner[entry]), index(near.partner[entry])
     if not (active[i] and active[j]):
         return c
-    reach, count = batch.world.outline.reach * _ROUNDING, index(len(batch.world.outline.radius))
+    reach, count = batch.behaviors.outline.reach * _ROUNDING, index(len(batch.behaviors.outline.radius))
     dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
     limit = reach * (radius[i] + radius[j])
     if dx * dx + dy * dy >= limit * limit:
@@ -141,7 +141,7 @@ def _write_wall(e: int, entry: int, batch: Batch, c: int) -> int:
     near, contacts, discs = batch.workspace.neighbors, batch.history.contacts, batch.workspace.discs
     boundary, g = batch.world.boundary, batch.world.geometry_of_env[e]
     i, feature, stop = index(near.owner[entry]), np.int64(near.partner[entry]), near.entry_start[e + 1]
-    x, y, count = batch.state.position[i, 0], batch.state.position[i, 1], index(len(batch.world.outline.radius))
+    x, y, count = batch.state.position[i, 0], batch.state.position[i, 1], index(len(batch.behaviors.outline.radius))
     for a in range(count):
         k = i * count + a
         gap, nx, ny = _gap_to_feature(x, y, discs.x[k], discs.y[k], discs.radius[k], boundary, g, feature)

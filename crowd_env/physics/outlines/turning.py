@@ -12,7 +12,7 @@ from crowd_env.physics.workspace import Batch
 @inner_kernel
 def lever(batch: Batch, i: int, disc: int, nx: float, ny: float) -> tuple[float, float, float]:
     """Return the radius of a disc of ``i``, and how far its center is from that of the body along (nx, ny) and left of it."""
-    discs, k = batch.workspace.discs, index(i) * index(len(batch.world.outline.radius)) + index(disc)
+    discs, k = batch.workspace.discs, index(i) * index(len(batch.behaviors.outline.radius)) + index(disc)
     x, y = discs.x[k], discs.y[k]
     return discs.radius[k], x * nx + y * ny, y * nx - x * ny
 
@@ -25,7 +25,7 @@ def begin_to_face(e: int, rank_stop: int, batch: Batch, dt: float, acting: Influ
     """
     if not find_neighbors(e, batch, acting.reach):
         return False
-    steer(e, rank_stop, batch, dt, acting.regions, acting.walking)
+    steer(e, rank_stop, batch, dt, acting)
     if batch.control.driving:
         _face_ways(e, rank_stop, batch)
     return True
@@ -54,7 +54,7 @@ def add_turning_torques(e: int, rank_stop: int, batch: Batch, half: float) -> No
         return
     inside, inertia, spin, torque = batch.workspace.inside, batch.bodies.inertia, batch.state.spin, batch.history.torque
     cosine, sine = batch.workspace.discs.cosine, batch.workspace.discs.sine
-    rate, most = 1.0 / batch.world.outline.turning_time, batch.world.outline.max_torque
+    rate, most = 1.0 / batch.behaviors.outline.turning_time, batch.behaviors.outline.max_torque
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]
         wx, wy = asked_of(i, batch)

@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.core.arrays.balance import Balance, Balancing, make_balance
-from crowd_env.core.arrays.outline import Outline
 from crowd_env.core.arrays.state import Bodies, Bools, Floats, Ints, check_motivation
-from crowd_env.core.checks import FINITE, POSITIVE, Range, array, number, require_all
+from crowd_env.core.behaviors.outline import Outline
+from crowd_env.core.behaviors.pulls import Pulls, pulls_of
+from crowd_env.core.checks import FINITE, Range, array, require_all
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.scheme import ContactScheme
+from crowd_env.physics.settings import Physics, Walking, behaviors_of
 from crowd_env.physics.workspace import Command
 from crowd_env.routing.fields.field import travel_time_field
 from crowd_env.routing.replanning import Place
@@ -43,36 +44,16 @@ def check_step(
         )
 
 
-def check_drive(max_drive: Any, driving: bool) -> float | None:
-    """Return the largest driving force [N] of a person, None = no limit.
+def behaviors_of_simulation(physics: Physics, walking: Walking, places: int) -> dict[str, Any]:
+    """Return all behaviors of a simulation of so many places by name; None where one is absent.
 
     Raises
     ------
     ValueError
-        If it is not positive, or nobody drives.
+        If there is not one for all places, or one for each.
     """
-    if max_drive is None:
-        return None
-    if not driving:
-        raise ValueError(f"max_drive is {max_drive!r} N, but passive grains (driving=False) have no drive to limit")
-    return number("max_drive", max_drive, POSITIVE, "N")
-
-
-def check_balance(balance: Balancing | None, scheme: ContactScheme, driving: bool = True) -> Balance | None:
-    """Return how people keep upright; None = they do not.
-
-    Raises
-    ------
-    ValueError
-        If it is unknown, or nothing drives those who should.
-    """
-    found = make_balance(balance)
-    if found is not None and not (driving and scheme.drives):
-        who = scheme.info.name if driving else "passive grains (driving=False)"
-        raise ValueError(
-            f"{who}: no force of the ground acts on bodies, so they cannot keep their balance; take balance=None"
-        )
-    return found
+    chosen = behaviors_of(physics, walking) | {one.NAME: one for one in walking.others}
+    return chosen | {Pulls.NAME: tuple(pulls_of(walking.pulls, places))}
 
 
 def routes_of(route: Any, known: Ints) -> Ints:

@@ -6,6 +6,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bodies, CrowdState, Ints
 from crowd_env.core.checks import shown
+from crowd_env.core.kernels.struct_ref import StructRef
 from crowd_env.physics.contacts import Contacts, of_a_contact, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
 from crowd_env.physics.spatial_order import Order
@@ -13,7 +14,7 @@ from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace
 from crowd_env.routing.door_schedule import DoorState
 from crowd_env.routing.replanning import PlannerState
 
-Arrays = dict[str, np.ndarray]
+Arrays = dict[str, Any]  # arrays by name, and such tables of arrays
 
 
 class SavedHistory(NamedTuple):
@@ -40,18 +41,21 @@ class Checkpoint(NamedTuple):
 
 
 def copy_arrays(fields: Any) -> Arrays:
-    """Return copies of the arrays of a NamedTuple, by name."""
-    named = zip(fields._fields, fields, strict=True)
-    return {name: array.copy() for name, array in named if isinstance(array, np.ndarray)}
+    """Return copies of the arrays of a NamedTuple, and of those of the tuples in it, by name; references are left out."""
+    named = {
+        name: value for name, value in zip(fields._fields, fields, strict=True) if not isinstance(value, StructRef)
+    }
+    found: Arrays = {name: value.copy() for name, value in named.items() if isinstance(value, np.ndarray)}
+    return found | {name: copy_arrays(value) for name, value in named.items() if isinstance(value, tuple)}
 
 
-def write_arrays(fields: Any, arrays: dict[str, Any]) -> None:
+def write_arrays(fields: Any, arrays: Any) -> None:
     """Write them back in place, those of NamedTuples too: whoever holds the arrays sees what they were."""
-    for name, then in arrays.items():
+    for name, then in (arrays if isinstance(arrays, dict) else arrays._asdict()).items():
         if isinstance(then, np.ndarray):
             getattr(fields, name)[...] = then
         else:
-            write_arrays(getattr(fields, name), then._asdict())
+            write_arrays(getattr(fields, name), then)
 
 
 def save_history(history: History, neighbors: NeighborList) -> SavedHistory:
@@ -87,6 +91,6 @@ def require_checkpoint(checkpoint: Any, kind: type, of: str) -> None:
 def require_same(now: dict[str, Any], then: dict[str, Any], of: str = "simulation") -> None:
     """Raise ValueError, naming it, if two simulations or environments differ in what they must have in common."""
     for name, value in now.items():
-        if value != then[name]:
-            says = "" if name == "place" else f": {shown(then[name])}, here {shown(value)}"
+        if value != then.get(name):
+            says = "" if name == "place" else f": {shown(then.get(name))}, here {shown(value)}"
             raise ValueError(f"the checkpoint is of another {of}: its {name} is another{says}")

@@ -6,21 +6,22 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.core.arrays.balance import Balancing
-from crowd_env.core.arrays.headway import Manner, make_manner
-from crowd_env.core.arrays.outline import NO_OUTLINE, BodyShape, make_outline
-from crowd_env.core.arrays.pulls import Pulls, has_companions, pull_arrays, pulls_of
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints, check_bodies, check_state, make_state
-from crowd_env.core.checks import known, whole
+from crowd_env.core.behaviors.behavior import record
+from crowd_env.core.behaviors.headway import Headway
+from crowd_env.core.behaviors.outline import Outline
+from crowd_env.core.behaviors.pulls import has_companions
+from crowd_env.core.checks import known
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.geometry.geometry import Boundary, Geometry, join_boundaries
 from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.geometry.wall_grid import make_wall_grid
-from crowd_env.physics import ContactScheme, check_outline, make_scheme
 from crowd_env.physics.contacts import ContactList, rows_of
+from crowd_env.physics.driving_force import desire_of
 from crowd_env.physics.neighbors.lists import invalidate_lists
 from crowd_env.physics.scheme import arrays_of
+from crowd_env.physics.settings import AsPhysics, AsWalking, Physics, Walking, check_behaviors, kinds_of
 from crowd_env.physics.simulation import arguments
 from crowd_env.physics.simulation.checkpoint import (
     Checkpoint,
@@ -64,26 +65,13 @@ class Simulation:
     geometry : one for all environments, or several together with ``geometry_of_env``.
     bodies, state : arrays of all environments; the simulation works on them in place.  Their arrays may be written to, they
         themselves cannot be replaced: to go back to another moment is what `checkpoint` and `restore` are for.
-    scheme : name in ``SCHEMES`` or a scheme with its own parameters.
-    dt : s, physics step; by default the scheme's longest, 0.01 or (hertz) 0.005, less with several discs a body.
+    physics : a `Physics`, a name in ``SCHEMES`` or a contact scheme, or a table of the fields of one of them.  Its step is by
+        default the scheme's longest, 0.01 or (hertz) 0.005 s, less with several discs a body.  ``bodies.inertia`` becomes that
+        of its outline, and pedestrians of an outline face their way when they begin, unless an angle in ``state`` is set.
+    walking : a `Walking`, a name in ``MANNERS`` or a `Headway`, or a table of the fields of one of them; by default people walk
+        at full speed whatever is in front of them.  ``bodies.company`` numbers companions, whom its pulls keep together.
     fields : travel-time field, or all the ways, of each geometry; made here for geometries with exits if not given.
-    replan_every : s, how often the fastest ways are found anew.
     driving : True for pedestrians (driving force, eq 11, and social force), False for passive grains.
-    threads : spread environments, or with `dem` the parts of one large crowd, over this many threads; the result does not
-        depend on it.
-    manner : how people walk before they touch: a name in ``MANNERS``, a Headway, or a table of its parameters; by default they
-        walk at full speed whatever is in front of them.
-    max_drive : N, largest driving force of a person, as a push that one can go on exerting; None = as large as the papers
-        make it, m v_d / tau.  See `crowd_env.physics.driving_force`; `nsm1`, which has no such force, refuses it.
-    balance : how those who stand keep upright: a name in ``BALANCES``, a Balance, or a table of its parameters; by default
-        their drive brakes them.  No scheme without a driving force takes it (`nsm1`).
-    outline : shape of all bodies: a name in ``OUTLINES``, an Outline, or a table of its parameters; by default they are discs.
-        `hertz` and `hertz-literal`, under which bodies turn, take one.  ``bodies.inertia`` becomes that of the outline, and
-        pedestrians face their way when they begin, unless an angle in ``state`` is set.
-    pulls : what pulls people off their way, for all geometries or one for each: how companions keep together, whom
-        ``bodies.company`` numbers, and attractions.
-    allow_unstable : accept a ``dt`` above the scheme's stable step, and let everyone go as fast, as far in a step and through
-        whatever the contact law alone allows (to show what happens); else see `crowd_env.physics.bounds`.
 
     Raises
     ------
@@ -98,42 +86,32 @@ class Simulation:
         bodies: Bodies,
         state: CrowdState,
         *,
-        scheme: str | ContactScheme = "nsm2",
-        dt: float | None = None,
+        physics: AsPhysics = "nsm2",
+        walking: AsWalking = None,
         fields: Sequence[RouteSet | NavigationField | None] | None = None,
         geometry_of_env: Ints | None = None,
         driving: bool = True,
-        threads: int = 1,
-        replan_every: float = 1.0,
-        manner: Manner | None = None,
-        max_drive: float | None = None,
-        balance: Balancing | None = None,
-        outline: BodyShape | None = None,
-        pulls: Pulls | Sequence[Pulls] | None = None,
-        allow_unstable: bool = False,
     ) -> None:
         self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)
         check_bodies(bodies)
         check_state(state, bodies)
-        self.bodies, self.state = bodies, state
-        self.scheme = make_scheme(scheme)
-        self.driving, self.allow_unstable = driving, allow_unstable
-        self.manner = headway = make_manner(manner)
-        self.threads = whole("threads", threads)
-        self.max_drive = arguments.check_drive(max_drive, driving)
-        self.scheme.check(driving, self.max_drive)
-        self.pulls = pulls_of(pulls, len(self.geometries))
-        self.balance = arguments.check_balance(balance, self.scheme, driving)
-        self.outline = shape = make_outline(outline)
-        check_outline(shape, self.scheme)
-        parts = 1.0 if shape is None else np.ceil(1.0 / shape.step_share)  # whoever else is there: bits are one's own
-        self.dt = dt = self.scheme.info.default_dt / parts if dt is None else dt
-        arguments.check_step(self.scheme, bodies, dt, allow_unstable, shape)
+        self.bodies, self.state, self.driving = bodies, state, driving
+        self.physics, self.walking = physics, walking = Physics.of(physics), Walking.of(walking)
+        self.scheme, self.threads, self.allow_unstable = physics.law, physics.threads, physics.allow_unstable
+        self.scheme.check(driving)
+        self.behaviors = arguments.behaviors_of_simulation(physics, walking, len(self.geometries))
+        check_behaviors(self.behaviors, self.scheme, driving)
+        self.outline: Outline | None = self.behaviors[Outline.NAME]
+        parts = (
+            1.0 if self.outline is None else np.ceil(1.0 / self.outline.step_share)
+        )  # bits are those of a crowd alone
+        self.dt = dt = self.scheme.info.default_dt / parts if physics.dt is None else physics.dt
+        arguments.check_step(self.scheme, bodies, dt, self.allow_unstable, self.outline)
         self.fields = arguments.fields_of(self.geometries, fields, bodies)
         which = arguments.which_geometry(geometry_of_env, len(state.time), len(self.geometries))
         boundary = join_boundaries(self.geometries)
-        keep_distance = headway is not None
-        self.planner = RoutePlanner(self.fields, which, boundary, replan_every, keep_distance=keep_distance)
+        keep_distance = self.behaviors[Headway.NAME] is not None
+        self.planner = RoutePlanner(self.fields, which, boundary, keep_distance=keep_distance)
         self._set_inertia(slice(None))
         plans = [place.plan if isinstance(place, RouteSet) else None for place in self.fields]
         closed, events = ([getattr(plan, name, ()) for plan in plans] for name in ("closed_at_start", "events"))
@@ -151,7 +129,8 @@ class Simulation:
         self.escaped = np.zeros(len(bodies.radius), dtype=np.bool_)
         self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
         self._sorted = SortedCrowd(batch) if SortedCrowd.is_needed(bodies) else None
-        self._stepper = Stepper(self.scheme, batch, self._sorted, self.threads)
+        desire = desire_of(walking.others)
+        self._stepper = Stepper(self.scheme, batch, self._sorted, self.threads, self._uses, desire)
         self.batch, self.ranges = self._stepper.batch, self._stepper.ranges  # what kernels work on, and side by side
         for e in range(len(state.time)):
             self.close_doors(e, self._door_schedule.restart(e))
@@ -160,30 +139,22 @@ class Simulation:
 
     def _build(self, boundary: Boundary, geometry_of_env: Ints) -> Batch:
         """Return all that a step works on: the world around the people, room for results, history and scratch."""
-        bodies, guidance, outline = self.bodies, self.planner.guidance, self.outline
-        pulled = self.has_companions or any(pulls.attractions for pulls in self.pulls)
-        control = allocate_control(
-            len(bodies.radius),
-            self.driving,
-            not self.allow_unstable,
-            self.manner,
-            self.max_drive,
-            pulled,
-            self.balance,
-        )
-        walls = make_wall_grid(boundary, control.headway.sight + 1.0 if control.keeps_headway else None)
-        body = NO_OUTLINE if outline is None else outline.params()
-        people = control.keeps_headway, outline is not None, control.pulled, control.keeps_balance
-        uses = arrays_of(self.scheme, *people)
-        workspace = allocate_workspace(bodies, uses=uses, discs=len(body.radius))
+        bodies, guidance, kinds = self.bodies, self.planner.guidance, kinds_of(self.walking)
+        params = record(**{name: kind.params_of(self.behaviors[name]) for name, kind in kinds.items()})
+        acts = {name: kind.acts(self.behaviors[name], bodies) for name, kind in kinds.items()}
+        self._uses = uses = arrays_of(self.scheme, [kind for name, kind in kinds.items() if acts[name]])
+        control = allocate_control(len(bodies.radius), self.driving, not self.allow_unstable)
+        headway = self.behaviors[Headway.NAME]
+        walls = make_wall_grid(boundary, None if headway is None else headway.sight + 1.0)
+        workspace = allocate_workspace(bodies, uses=uses, discs=len(params.outline.radius))
         signs = int(np.diff(guidance.rule.start).max(initial=0))
         doors = max(len(place.doors) for place in self.geometries)
-        history = allocate_history(bodies, workspace.neighbors, signs, doors, uses)
+        acting = {name: (kind, acts[name]) for name, kind in kinds.items()}
+        history = allocate_history(bodies, workspace.neighbors, signs, doors, uses, acting)
         history.followed[:] = self.state.route
-        pulls = pull_arrays(self.pulls)
-        world = World(boundary, by_reference(self.planner.field), geometry_of_env, guidance, walls, body, pulls)
+        world = World(boundary, by_reference(self.planner.field), geometry_of_env, guidance, walls)
         results = allocate_results(len(bodies.radius), len(self.state.time))
-        return Batch(world, bodies, self.state, control, results, history, workspace)
+        return Batch(world, params, record(**acts), bodies, self.state, control, results, history, workspace)
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Refuse to replace what observers and environments hold on to: they would go on looking at dead arrays."""
@@ -338,13 +309,13 @@ class Simulation:
 
     def _made_by(self) -> dict[str, Any]:
         """Return what a simulation must have in common with this one to take up a checkpoint of it."""
-        names = ("scheme", "manner", "max_drive", "balance", "outline", "dt", "driving", "pulls", "has_companions")
-        chosen = {name: getattr(self, name) for name in names}
+        chosen = {"scheme": self.scheme, **self.behaviors, "dt": self.dt, "driving": self.driving}
+        chosen["has_companions"] = self.has_companions
         env_start, sorting = self.bodies.env_start.tolist(), self._sorted is not None
         world, guidance = self.world, self.world.guidance
         place = fingerprint(world.boundary, world.geometry_of_env, guidance.goal, guidance.following)
         batch = {"env_start": env_start, "sorting": sorting, "place": place}
-        return {**chosen, "replan_every": self.planner.interval, **batch}
+        return {**chosen, **batch}
 
     def checkpoint(self) -> Checkpoint:
         """Return a copy of all that the future depends on, to `restore` here, or in a simulation made like this one."""
@@ -379,7 +350,7 @@ class Simulation:
             self._stepper.grow()
         load_history(self.history, self.workspace, checkpoint.history)
         for name in ("bodies", "state", "results", "diagnostics"):
-            write_arrays(getattr(self, name), getattr(checkpoint, name)._asdict())
+            write_arrays(getattr(self, name), getattr(checkpoint, name))
         self.escaped[:] = checkpoint.escaped
         self._door_schedule.restore(checkpoint.doors)
         self.planner.restore(checkpoint.route_set)
@@ -420,7 +391,7 @@ class Simulation:
             If there is no such environment, a value is none that it can have, or people keep no distance at all.
         """
         people = self._people(e)
-        if self.manner is None:
+        if self.behaviors[Headway.NAME] is None:
             needed = "a motivation needs a manner of the simulation"
             raise ValueError(f"people walk at full speed here, whatever is in front: {needed}")
         count = people.stop - people.start

@@ -1,8 +1,9 @@
 """How a batch is stepped: on several threads, in the order of space, and with more memory when lists are full."""
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from crowd_env.core.arrays.state import Bodies, CrowdState
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.core.kernels.threads import Workers
 from crowd_env.physics.neighbors.update import DIVERGED, FULL, OK, TOO_FAST
-from crowd_env.physics.scheme import ContactScheme, arrays_of
+from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.spatial_order import SortedCrowd
 from crowd_env.physics.workspace import Batch, Command, grow, set_command
 
@@ -24,6 +25,8 @@ class Stepper:
     batch : as others see it, everyone in the own slot.
     order : working copies of it in the order of space, if any crowd is large.
     threads : how many share the work.
+    uses : what arrays are needed, see `crowd_env.physics.scheme.arrays_of`.
+    desire : kernel that changes what people want, see `crowd_env.physics.driving_force.desire_of`.
 
     Attributes
     ----------
@@ -31,8 +34,16 @@ class Stepper:
     ranges : environments that threads can look after side by side, first and one past the last of each.
     """
 
-    def __init__(self, scheme: ContactScheme, batch: Batch, order: SortedCrowd | None, threads: int) -> None:
-        self._scheme, self._in_slots, self._order = scheme, batch, order
+    def __init__(
+        self,
+        scheme: ContactScheme,
+        batch: Batch,
+        order: SortedCrowd | None,
+        threads: int,
+        uses: Collection[str],
+        desire: Any,
+    ) -> None:
+        self._scheme, self._in_slots, self._order, self._uses, self._desire = scheme, batch, order, uses, desire
         self.batch: StructRef = struct_ref(batch if order is None else order.batch)
         self._parts, self.ranges = _share_out(scheme, batch, threads)
         # Where people lie in another order, or share a thread's work, they are where others look for them when all have ended.
@@ -78,15 +89,13 @@ class Stepper:
             self.grow()  # the environments that were full go on where they were
 
     def _advance(self, dt: float, n_substeps: int, then: Callable[[int, int], object], *part: int) -> None:
-        self._scheme.advance(self.batch, dt, n_substeps, *part)
+        self._scheme.advance(self.batch, dt, n_substeps, *part, desire=self._desire)
         if not self._looks_later and (self._in_slots.workspace.status[part[0] : part[1]] == OK).all():
             then(part[0], part[1])  # at once: to wake threads again would take as long as many have to do
 
     def grow(self) -> None:
         """Make more room for neighbors; what others hold on to stays."""
-        with_outline = len(self._in_slots.world.outline.radius) > 0
-        uses = arrays_of(self._scheme, with_outline=with_outline)
-        grow(self._in_slots.history, self._in_slots.workspace, self._in_slots.bodies, uses)
+        grow(self._in_slots.history, self._in_slots.workspace, self._in_slots.bodies, self._uses)
 
 
 def _share_out(

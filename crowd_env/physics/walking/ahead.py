@@ -6,8 +6,8 @@ without a branch.  Their places are known to the compiler, which could not tell 
 
 import numpy as np
 
-from crowd_env.core.arrays.headway import Headway
 from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.walking.around import FARTHEST, time_gap_of
 from crowd_env.physics.workspace import BLOCK, Batch

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowd_env.core.arrays.headway import Headway
+from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.driving_force import asked_of
 from crowd_env.physics.neighbors.lists import sort_into_cells
@@ -22,9 +22,9 @@ def look_around(e: int, batch: Batch, params: Headway) -> None:
     velocity, gives_way = batch.state.velocity, batch.control.gives_way
     near, walkers = batch.workspace.neighbors, batch.workspace.walkers
     widest, fastest = _find_ways(e, slot_start, slot_stop, batch)
-    if batch.control.pulled:
+    if batch.acts.pulls:
         pull_aside(e, batch)
-        if not batch.control.keeps_headway:
+        if not batch.acts.manner:
             walk_at_full_speed(e, batch)
             return
     size = (2.0 * widest + _find_reach(slot_start, slot_stop, fastest, batch, params)) / CELLS

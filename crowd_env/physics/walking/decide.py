@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from crowd_env.core.arrays.headway import Headway
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.geometry.wall_grid import Near, free_paths, is_hidden, walls_near
 from crowd_env.physics.neighbors.lists import first_cell
@@ -33,7 +33,7 @@ def decide(e: int, batch: Batch, params: Headway) -> None:
 @inner_kernel
 def decide_share(e: int, share: int, shares: int, batch: Batch, params: Headway) -> None:
     """Let the people in one of so many parts of the cells decide; any thread may do so, after `look_around`."""
-    if not batch.control.keeps_headway:
+    if not batch.acts.manner:
         return  # `look_around` has said it all
     walkers, slot_start = batch.workspace.walkers, batch.bodies.env_start[e]
     cell_start = batch.workspace.neighbors.cell_start
@@ -61,7 +61,7 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, ahead: Floats, batch
         return
     push = bodies.push[i] if bodies.push[i] == bodies.push[i] else params.push
     u, v = velocity[i, 0], velocity[i, 1]
-    waited = max(history.waited[i] - params.patience, 0.0)
+    waited = max(history.memory.manner.waited[i] - params.patience, 0.0)
     push = max(min(push + params.impatience * waited, _MOST_IMPATIENT), push)
     x, y = batch.state.position[i, 0], batch.state.position[i, 1]
     near = walls_near(batch.world.wall_grid, batch.world.geometry_of_env[e], x, y)
@@ -84,7 +84,7 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, ahead: Floats, batch
 @inner_kernel
 def _wait(i: int, pace: float, speed: float, leader: int, batch: Batch, params: Headway) -> None:
     """Count the time [s] on or back that ``i`` has stood, who gets on at ``pace`` [m/s] and whom ``leader`` slows most."""
-    waited, walkers = batch.history.waited, batch.workspace.walkers
+    waited, walkers = batch.history.memory.manner.waited, batch.workspace.walkers
     if pace < _STILL * speed:
         against = -(walkers.way_x[i] * walkers.way_x[leader] + walkers.way_y[i] * walkers.way_y[leader])
         waited[i] += params.interval * (1.0 + params.oncoming * max(against, 0.0))
@@ -131,7 +131,7 @@ def _overtake(i: int, seen: tuple[int, int], near: Near, ahead: Floats, batch: B
     behind, leader = speed_behind(i, seen, way_x, way_y, params.width, True, ahead, batch, params)
     if behind >= speed:
         return 0.0
-    waits = batch.control.pulled and batch.history.held_since[leader] > 0.0  # for companions: that is no queue
+    waits = batch.acts.pulls and batch.history.memory.pulls.held_since[leader] > 0.0  # for companions: that is no queue
     if velocity[leader, 0] * way_x + velocity[leader, 1] * way_y < params.overtaking and not waits:
         return 0.0
     best, chosen = behind + params.gain * speed, 0.0

@@ -1,4 +1,4 @@
-"""How companions and attractions pull people off their way, see `crowd_env.core.arrays.pulls`.
+"""How companions and attractions pull people off their way, see `crowd_env.core.behaviors.pulls`.
 
 A person of desired velocity w, relaxation time tau and pull f, and with the head turned by alpha, walks at the velocity
 
@@ -11,7 +11,7 @@ at once.  So a force reaches every scheme alike, and people who keep a distance 
 
 import numpy as np
 
-from crowd_env.core.arrays.pulls import ALONE
+from crowd_env.core.behaviors.pulls import ALONE
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.geometry.wall_grid import is_in_sight
 from crowd_env.physics.driving_force import asked_of
@@ -28,7 +28,7 @@ _X, _Y, _STRENGTH, _REACH, _LIFETIME, _SINCE = 0, 1, 2, 3, 4, 5  # columns of `P
 def pull_aside(e: int, batch: Batch) -> None:
     """Turn the ways and speeds that everyone in environment ``e`` wants, in `Workspace.walkers`, as they are pulled."""
     walkers, bodies, time = batch.workspace.walkers, batch.bodies, batch.state.time[e]
-    gaze = batch.world.pulls.companions[batch.world.geometry_of_env[e], _GAZE]
+    gaze = batch.behaviors.pulls.companions[batch.world.geometry_of_env[e], _GAZE]
     _list_companions(e, batch)
     for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
         if not batch.state.active[i] or time < bodies.response_time[i]:
@@ -61,7 +61,7 @@ def walk_at_full_speed(e: int, batch: Batch) -> None:
     """
     walkers, walking, speed = batch.workspace.walkers, batch.history.walking_velocity, batch.history.local_speed
     g = batch.world.geometry_of_env[e]
-    attracts = batch.world.pulls.start[g + 1] > batch.world.pulls.start[g]
+    attracts = batch.behaviors.pulls.start[g + 1] > batch.behaviors.pulls.start[g]
     for i in range(index(batch.bodies.env_start[e]), index(batch.bodies.env_start[e + 1])):
         if attracts or batch.bodies.company[i] != ALONE:
             walking[i, 0] = walkers.speed[i] * walkers.way_x[i]
@@ -91,7 +91,7 @@ def _list_companions(e: int, batch: Batch) -> None:
 @inner_kernel
 def _attract(e: int, i: int, time: float, batch: Batch) -> tuple[float, float]:
     """Return the pull [m/s2] of the attractions that person ``i`` sees."""
-    pulls, g, fx, fy = batch.world.pulls, batch.world.geometry_of_env[e], 0.0, 0.0
+    pulls, g, fx, fy = batch.behaviors.pulls, batch.world.geometry_of_env[e], 0.0, 0.0
     for k in range(index(pulls.start[g]), index(pulls.start[g + 1])):
         one = pulls.attraction[k]
         age = time - one[_SINCE]
@@ -116,14 +116,14 @@ def _keep_together(e: int, i: int, time: float, fx: float, fy: float, batch: Bat
 
     Returns them, the angle by which the head is turned [rad], and whether ``i`` waits.
     """
-    company, held_since = batch.bodies.company[i], batch.history.held_since
+    company, held_since = batch.bodies.company[i], batch.history.memory.pulls.held_since
     walkers, position = batch.workspace.walkers, batch.state.position
     c = batch.bodies.env_start[e] + max(company, 0)
     members = walkers.sums[c, 2]
     if company == ALONE or members < 2.0:
         held_since[i] = 0.0
         return fx, fy, 0.0, False
-    rule = batch.world.pulls.companions[batch.world.geometry_of_env[e]]
+    rule = batch.behaviors.pulls.companions[batch.world.geometry_of_env[e]]
     gx, gy = _repel(i, c, rule[_SPACING], rule[_REPULSION], batch)
     fx, fy, angle = fx + gx, fy + gy, 0.0
     dx, dy = walkers.sums[c, 0] / members - position[i, 0], walkers.sums[c, 1] / members - position[i, 1]

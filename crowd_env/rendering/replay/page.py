@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from crowd_env.core.arrays.outline import make_outline
 from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.geometry.parsing import from_wkt
 from crowd_env.recording import Recording
@@ -126,7 +126,7 @@ def _packed(recording: Recording, frames: Ints) -> tuple[dict[str, Any], str]:
             ),
             Column("contact_force", contacts.force[:, 0], 2.0),
         ]
-    outline = make_outline(recording.outline)
+    outline = Outline.of(recording.outline)
     about, text = pack(columns)
     every = len(recording.times)
     note = f"{len(frames)} of {every} frames are shown, to keep this page small."

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 from crowd_env.analysis.results.folder import CONFIG
 from crowd_env.analysis.results.plain import plain
-from crowd_env.envs.settings import Physics
+from crowd_env.envs.settings import physics_step
 from crowd_env.physics import make_scheme
+from crowd_env.physics.settings import Physics
 from crowd_env.rendering.report.runs import Runs, described
 from crowd_env.scenarios.scenario import Scenario
 
@@ -188,5 +189,5 @@ def _others(config: Mapping[str, Any], scenario: Scenario) -> Iterator[str]:
     changed = [key for key, value in plain(scheme).items() if config["scheme"].get(key) != value]
     if changed:
         yield f"The rows are of the scheme's own parameters; in these runs others are set: {', '.join(changed)}."
-    if config["dt"] != (step := Physics(scheme).step(scenario)):
+    if config["dt"] != (step := physics_step(Physics(scheme), scenario)):
         yield f"The scheme's own physics step is {step:g} s for these people; that of these runs is {config['dt']:g} s."

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from crowd_env.analysis.figures import listed, report
 from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
-from crowd_env.core.arrays.outline import room_of
+from crowd_env.core.behaviors.outline import room_of
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.version import __version__

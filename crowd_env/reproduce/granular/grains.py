@@ -10,6 +10,7 @@ from crowd_env.core.arrays.state import Bodies, Floats, make_bodies, make_state
 from crowd_env.core.executors import all_cores
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.physics import NSM1, NSM2, ContactScheme, Hertz
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 
 RADIUS = 0.2  # m
@@ -49,7 +50,12 @@ def passive(
     bodies = make_bodies(radius, DENSITY * np.pi * radius**2, env_start=starts)
     state = make_state(position, velocity, environments=environments)
     return Simulation(
-        place, bodies, state, scheme=scheme, dt=dt, driving=False, fields=[None], threads=min(all_cores(), environments)
+        place,
+        bodies,
+        state,
+        physics=Physics(scheme, dt=dt, threads=min(all_cores(), environments)),
+        driving=False,
+        fields=[None],
     )
 
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.pulls import Companionship, Pulls
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.behaviors.pulls import Companionship, Pulls
 from crowd_env.core.checks import COUNT, NOT_NEGATIVE
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.geometry.geometry import Geometry, box

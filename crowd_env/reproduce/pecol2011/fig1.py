@@ -9,6 +9,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Floats, make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.physics import DEM, NSM2, ContactScheme
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, series, shade
 from crowd_env.rendering.palette import INK
@@ -61,7 +62,7 @@ def meet(scheme: ContactScheme, tau: float, *, offset: float, dt: float, duratio
     bodies = make_bodies(np.full(2, RADIUS), np.full(2, MASS), desired_speed=SPEED, relaxation_time=tau)
     state = make_state(start, np.array([[SPEED, 0.0], [-SPEED, 0.0]]))
     ground = Geometry.from_polygon(box(-100.0, -100.0, 100.0, 100.0))
-    simulation = Simulation(ground, bodies, state, scheme=scheme, dt=dt)
+    simulation = Simulation(ground, bodies, state, physics=Physics(scheme, dt=dt))
     ahead, relative = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2, dtype=np.bool_)
     moments = [(state.position.copy(), state.velocity.copy(), False)]
     for _ in range(round(duration / dt)):

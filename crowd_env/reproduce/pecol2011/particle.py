@@ -7,6 +7,7 @@ import numpy as np
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.physics import ContactScheme
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 
 RADIUS = 0.3  # m
@@ -32,7 +33,7 @@ def particle(scheme: ContactScheme, dt: float) -> Simulation:
     wall = Geometry.from_polygon(box(0.0, -500.0, 1000.0, 500.0))
     state = make_state(np.array([START]), np.array([VELOCITY]))
     bodies = make_bodies(np.array([RADIUS]), np.array([MASS]))
-    return Simulation(wall, bodies, state, scheme=scheme, dt=dt, driving=False, allow_unstable=True)
+    return Simulation(wall, bodies, state, physics=Physics(scheme, dt=dt, allow_unstable=True), driving=False)
 
 
 def instants(scheme: ContactScheme, dt: float, duration: float) -> list[Instant]:

@@ -13,6 +13,7 @@ import pytest
 from numba import config
 from repository import ROOT
 from shapely.geometry import box
+from simulations import simulate
 
 from crowd_env import (
     FULL_SPEED,
@@ -29,7 +30,6 @@ from crowd_env import (
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics import DEM, SCHEMES, SOCIAL_FORCES
 from crowd_env.physics.dem_lanes import partition
-from crowd_env.physics.simulation.simulation import Simulation
 
 pytestmark = [pytest.mark.kernels, pytest.mark.more]
 KINDS = {**SCHEMES, **{f"dem-{name}": DEM(social=social) for name, social in SOCIAL_FORCES.items()}}
@@ -74,7 +74,7 @@ def lattice(**options):
     position = rng.permutation(position + rng.uniform(-0.05, 0.05, position.shape))
     bodies = make_bodies(rng.uniform(0.19, 0.23, len(position)), 70.0, desired_speed=1.4)
     place = Geometry.from_polygon(box(0, 0, 27, 27))
-    simulation = Simulation(place, bodies, make_state(position), scheme="dem", fields=[None], **options)
+    simulation = simulate(place, bodies, make_state(position), scheme="dem", fields=[None], **options)
     towards = np.full((len(position), 2), np.sqrt(0.5))
     simulation.advance(towards, relative=np.zeros(len(position), bool), n_substeps=3)
     return simulation.state.position

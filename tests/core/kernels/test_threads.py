@@ -116,11 +116,11 @@ def test_ctrl_c_between_two_requests_leaves_nobody_waiting_for_a_part_that_never
 class Interrupted(DEM):
     """Soft discs in the midst of whose step somebody presses Ctrl-C."""
 
-    def advance(self, batch, dt, n_substeps, first, stop, thread=0, threads=1):
+    def advance(self, batch, dt, n_substeps, first, stop, thread=0, threads=1, *, desire=None):
         if (thread or first) and not pressed:  # the second thread
             pressed.append(True)
             press_ctrl_c()
-        super().advance(batch, dt, n_substeps, first, stop, thread, threads)
+        super().advance(batch, dt, n_substeps, first, stop, thread, threads, desire=desire)
 
 
 pressed = []
@@ -129,7 +129,7 @@ pressed = []
 def large(scheme, threads):
     place = make_scenario("room-v0", people=4050, side=42.0)
     bodies, position = place.population.draw(np.random.default_rng(0), place.geometry)
-    return Simulation(place.geometry, bodies, make_state(position), scheme=scheme, threads=threads)
+    return Simulation(place.geometry, bodies, make_state(position), physics=Physics(scheme, threads=threads))
 
 
 @can_interrupt

@@ -117,7 +117,7 @@ def on_deck(people=30):
     bodies = make_bodies(np.full(people, 0.2), np.full(people, 80.0), desired_speed=rng.uniform(1.2, 2.0, people))
     start = make_state(np.column_stack([30.0 + 0.6 * (k // 3), 1.0 + k % 3]))
     place = Geometry.from_polygon(box(-1.0, 0.0, 87.0, 4.0))
-    return Simulation(place, bodies, start, scheme="dem", manner="hurried")
+    return Simulation(place, bodies, start, physics="dem", walking="hurried")
 
 
 def walked(bridge, calls=60):

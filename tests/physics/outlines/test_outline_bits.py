@@ -12,7 +12,7 @@ from shapely.geometry import box
 
 import crowd_env.physics.simulation.simulation
 import crowd_env.physics.spatial_order
-from crowd_env import Geometry, Hertz, Outline, Simulation, make_bodies, make_state
+from crowd_env import Geometry, Hertz, Outline, Physics, Simulation, make_bodies, make_state
 from crowd_env.physics.workspace import allocate_workspace
 
 PRESSED = 6.0  # /m2: all of them touch
@@ -146,7 +146,7 @@ def test_a_mirrored_crowd_mirrors_all_it_does():
         bodies = make_bodies(np.full(25, 0.17), 70.0, desired_speed=1.5)
         state = make_state(np.column_stack([position[:, 0], 1.5 + sign * (position[:, 1] - 1.5)]))
         state.angle[:], state.spin[:] = sign * angle, sign * spin
-        simulation = Simulation(place, bodies, state, scheme=Hertz(social=None), fields=[None], outline=TORSO)
+        simulation = Simulation(place, bodies, state, physics=Physics(Hertz(social=None), outline=TORSO), fields=[None])
         for _ in range(12):
             command = np.tile(ways * (1.0, sign), (25, 1))
             simulation.advance(command, relative=np.zeros(25, dtype=bool), n_substeps=50)
@@ -178,7 +178,9 @@ def test_nobody_gets_outside_however_hard_they_are_pressed(force):
         if np.hypot(*(np.array(position) - point).T).min() > 0.48 and len(position) < 40:
             position.append(point)
     bodies = make_bodies(rng.uniform(0.16, 0.18, 40), rng.uniform(60, 90, 40), desired_speed=2.0, relaxation_time=0.2)
-    simulation = Simulation(place, bodies, make_state(np.array(position)), scheme="hertz", outline=TORSO, manner=None)
+    simulation = Simulation(
+        place, bodies, make_state(np.array(position)), physics=Physics("hertz", outline=TORSO), walking=None
+    )
     for k in range(60):
         push = force * np.array([np.cos(0.7 * k), np.sin(0.7 * k)])
         simulation.advance(n_substeps=50, external_force=np.tile(push, (40, 1)))

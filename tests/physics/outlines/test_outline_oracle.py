@@ -12,8 +12,9 @@ from cases import looped
 from crowds import PLANS, half_plane
 from outlined_crowds import LIMP, TORSO, bodies_as_shapes, discs_of, grains
 from shapely.geometry import box
+from simulations import simulate
 
-from crowd_env import Geometry, Hertz, Outline, Simulation, make_bodies, make_state
+from crowd_env import Geometry, Hertz, Outline, Physics, Simulation, make_bodies, make_state
 
 
 def nearest_points(walls, center):
@@ -139,7 +140,7 @@ def test_whole_runs_with_walls_friction_and_ways():
     ahead = np.array([0.2, 1.9]) - around
     ways = ahead / np.hypot(*ahead.T)[:, None]
     own = state.copy()
-    simulation = Simulation(place, bodies, state, scheme=scheme, dt=5e-4, fields=[None], outline=outline)
+    simulation = Simulation(place, bodies, state, physics=Physics(scheme, dt=5e-4, outline=outline), fields=[None])
     plain = PlainHertz(place.walls, outline, scheme, bodies, own, ways, 5e-4)
     asked = {"command": ways, "relative": np.zeros(len(around), dtype=bool)}
     seen = {True: 0, False: 0}
@@ -168,7 +169,7 @@ def test_contacts_are_all_that_there_are(plan, count):
         place = rng.uniform((x0, y0), (x1, y1), (40 * count, 2))
         state.position[:] = place[geometry.contains(place) & (geometry.clearance(place) > 0.2)][:count]
         options = {"scheme": Hertz(social=None), "dt": 1e-9, "fields": [None], "driving": False, "outline": LIMP}
-        simulation = Simulation(geometry, bodies, state, allow_unstable=True, **options)
+        simulation = simulate(geometry, bodies, state, allow_unstable=True, **options)
         simulation.advance()
         found = simulation.contacts()
         expected = [

@@ -6,7 +6,7 @@ from cases import looped
 from crowds import half_plane, plain
 from outlined_crowds import DISC, DUMBBELL, ELASTIC, LIMP, TORSO, before_a_door, grains
 
-from crowd_env import Hertz, Outline, Simulation, make_bodies, make_state
+from crowd_env import Hertz, Outline, Physics, Simulation, make_bodies, make_state
 from crowd_env.physics import SCHEMES
 
 HARD = Hertz(
@@ -143,7 +143,7 @@ def turning(outline, angle, *, seconds, dt=1e-3, spin=0.0):
     bodies = make_bodies([0.17], [80.0], desired_speed=1.0)
     state = make_state([[0.0, 0.0]])
     state.angle[:], state.spin[:] = angle, spin
-    simulation = Simulation(plain(), bodies, state, scheme="hertz", fields=[None], dt=dt, outline=outline)
+    simulation = Simulation(plain(), bodies, state, physics=Physics("hertz", dt=dt, outline=outline), fields=[None])
     asked = {"command": np.array([[1.0, 0.0]]), "relative": np.zeros(1, dtype=bool)}
     found = []
     for _ in range(round(seconds / dt)):
@@ -176,7 +176,7 @@ def test_the_torque_has_a_limit_and_contacts_can_be_stronger():
 def test_without_a_way_people_only_come_to_rest():
     bodies, state = make_bodies([0.17], [80.0], desired_speed=1.0), make_state([[0.0, 0.0]])
     state.angle[:], state.spin[:] = 0.7, 2.0
-    simulation = Simulation(plain(), bodies, state, scheme="hertz", fields=[None], outline=TORSO)
+    simulation = Simulation(plain(), bodies, state, physics=Physics("hertz", outline=TORSO), fields=[None])
     simulation.advance(np.zeros((1, 2)), relative=np.zeros(1, dtype=bool), n_substeps=3000)
     assert state.spin[0] == pytest.approx(0.0, abs=1e-4)
     assert state.angle[0] == pytest.approx(0.7 + 2.0 * 0.45 / 2.0, rel=1e-2)  # spin times 1 / (2 / t)

@@ -269,7 +269,7 @@ def test_a_simulation_by_itself_goes_back_to_any_of_its_steps(scheme):
         np.stack(np.meshgrid(*[np.linspace(0.5, 4.5, 8)] * 2), -1).reshape(-1, 2)
     )
     bodies = make_bodies(np.full(40, 0.25), 80.0, desired_speed=1.5)
-    simulation = Simulation(place, bodies, make_state(spots[:40]), scheme=make_scheme(scheme))
+    simulation = Simulation(place, bodies, make_state(spots[:40]), physics=make_scheme(scheme))
     steps = round(0.1 / simulation.dt)
     for _ in range(8):
         simulation.advance(n_substeps=steps)
@@ -290,7 +290,7 @@ def test_whoever_is_let_in_by_hand_is_touched_at_once(name):
     state = make_state([[1.4, 2.0], [1.91, 2.0]], [[1.2, 0.0], [0.0, 0.0]])
     state.active[1] = False
     bodies = make_bodies([0.25, 0.25], 80.0, desired_speed=1.2)
-    simulation = Simulation(place, bodies, state, scheme=name)
+    simulation = Simulation(place, bodies, state, physics=name)
     steps = round(0.01 / simulation.dt)
     simulation.advance(n_substeps=steps)
     state.active[1] = True  # nobody has moved further than the list allows for

@@ -13,6 +13,7 @@ from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, NSM1, SCHEMES
 from crowd_env.physics.scheme import arrays_of
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.physics.workspace import grow
 from crowd_env.scenarios.population import Population
@@ -26,8 +27,8 @@ def people_at(*positions, **options):
 
 @pytest.mark.parametrize("dt", [0.0, -0.01, float("nan"), float("inf")])
 def test_a_step_must_be_positive_and_finite(dt):
-    with pytest.raises(ValueError, match=r"dt is .* s; it must be finite and > 0"):
-        Simulation(plain(), *people_at([0, 0]), dt=dt)
+    with pytest.raises(ValueError, match=r"dt is .* s; it must be > 0 and finite"):
+        Simulation(plain(), *people_at([0, 0]), physics=Physics(dt=dt))
 
 
 @every_scheme
@@ -35,12 +36,12 @@ def test_a_step_above_the_stable_one_is_refused_with_both_numbers(name):
     bodies, state = people_at([0, 0], relaxation_time=0.05)
     limit = SCHEMES[name].stable_dt(bodies)
     if np.isinf(limit):
-        Simulation(plain(), bodies, state, scheme=name, dt=10.0)
+        Simulation(plain(), bodies, state, physics=Physics(name, dt=10.0))
         return
     with pytest.raises(ValueError, match=rf"dt = 1 s is above the stable step of \S+, {limit:.4g} s"):
-        Simulation(plain(), bodies, state, scheme=name, dt=1.0)
-    Simulation(plain(), bodies, state, scheme=name, dt=1.0, allow_unstable=True)
-    Simulation(plain(), bodies, state, scheme=name, dt=0.999 * limit)
+        Simulation(plain(), bodies, state, physics=Physics(name, dt=1.0))
+    Simulation(plain(), bodies, state, physics=Physics(name, dt=1.0, allow_unstable=True))
+    Simulation(plain(), bodies, state, physics=Physics(name, dt=0.999 * limit))
 
 
 @every_scheme
@@ -50,7 +51,9 @@ def test_the_stable_step_is_stable(name):
     bodies = make_bodies([0.2, 0.25], [60.0, 62.0], desired_speed=1.5, relaxation_time=0.01)
     state = make_state([[0.0, 0.0], [0.44, 0.0]], [[0.5, 0.0], [-0.5, 0.1]])
     dt = min(0.97 * scheme.stable_dt(bodies), 0.5)
-    simulation = Simulation(plain(), bodies, state, scheme=name, dt=dt, allow_unstable=True)  # however far they go
+    simulation = Simulation(
+        plain(), bodies, state, physics=Physics(name, dt=dt, allow_unstable=True)
+    )  # however far they go
     command = np.array([[1.0, 0.0], [-1.0, 0.0]])
     simulation.advance(command, relative=np.zeros(2, bool), n_substeps=400)
     assert np.abs(state.velocity).max() < 100
@@ -112,7 +115,7 @@ def test_restart_with_another_number_of_people_is_refused():
 
 def test_grains_have_no_spontaneous_velocity():
     with pytest.raises(ValueError, match=r"nsm1: passive grains have no spontaneous velocity; use NSM1\(trial="):
-        Simulation(plain(), *people_at([0, 0]), scheme=NSM1(), driving=False)
+        Simulation(plain(), *people_at([0, 0]), physics=NSM1(), driving=False)
 
 
 # ------------------------------------------------------------------------------------------------------ what diverges
@@ -123,7 +126,7 @@ def test_a_step_far_too_large_ends_in_a_sentence_not_in_a_crash():
     rng = np.random.default_rng(14)
     bodies = people(rng, 20)
     state = make_state(scatter(rng, geometry, bodies.radius), rng.normal(0, 1, (20, 2)))
-    simulation = Simulation(geometry, bodies, state, scheme=DEM(stiffness=1e12), dt=0.5, allow_unstable=True)
+    simulation = Simulation(geometry, bodies, state, physics=Physics(DEM(stiffness=1e12), dt=0.5, allow_unstable=True))
     with pytest.raises(FloatingPointError, match=r"dem: positions of environment 0 .*dt = 0.5 s; take a smaller dt"):
         for _ in range(400):
             simulation.advance(n_substeps=5)
@@ -135,7 +138,7 @@ def test_a_step_far_too_large_ends_in_a_sentence_not_in_a_crash():
 def test_a_position_that_is_not_finite_is_reported(name, value, who):
     positions = [[k, 0.5 * k] for k in range(7)]
     bodies, state = people_at(*positions)
-    simulation = Simulation(plain(), bodies, state, scheme=name)
+    simulation = Simulation(plain(), bodies, state, physics=name)
     simulation.advance()
     state.position[who, 1] = value
     with pytest.raises(FloatingPointError, match="environment 0"):
@@ -145,7 +148,7 @@ def test_a_position_that_is_not_finite_is_reported(name, value, who):
 @every_scheme
 def test_an_unheard_of_force_is_reported_within_the_call_or_the_next(name):
     bodies, state = people_at([0, 0], [1, 1])
-    simulation = Simulation(plain(), bodies, state, scheme=name)
+    simulation = Simulation(plain(), bodies, state, physics=name)
     force = np.array([[0.0, 0.0], [np.nan, 0.0]])
     with pytest.raises((FloatingPointError, ValueError)):
         simulation.advance(external_force=force, n_substeps=2)
@@ -199,7 +202,7 @@ def test_a_hopeless_run_neither_crashes_nor_hangs(program):
 def test_every_step_says_what_went_on_in_it(name):
     geometry = Geometry.from_polygon([(0, 0), (5, 0), (5, 5), (0, 5)])
     bodies, position = Population(40).draw(np.random.default_rng(3), geometry)
-    simulation = Simulation(geometry, bodies, make_state(position), scheme=name, dt=0.01)
+    simulation = Simulation(geometry, bodies, make_state(position), physics=Physics(name, dt=0.01))
     east = dict(command=np.tile([1.0, 0.0], (40, 1)), relative=np.zeros(40, bool))
     deepest, iterations = [], []
     for _ in range(200):
@@ -216,15 +219,15 @@ def test_every_step_says_what_went_on_in_it(name):
 
 @pytest.mark.parametrize("threads", [0, -1])
 def test_there_is_at_least_one_thread(threads):
-    with pytest.raises(ValueError, match=rf"^threads is {threads}; it must be at least 1$"):
-        Simulation(plain(), *people_at([0, 0]), threads=threads)
+    with pytest.raises(ValueError, match=rf"^threads is {threads}; it must be 1 to 1024$"):
+        Simulation(plain(), *people_at([0, 0]), physics=Physics(threads=threads))
 
 
 def test_more_memory_keeps_all_that_others_hold_on_to():
     """Environments and kernels refer to a batch once: they must see what is replaced when lists of neighbors grow."""
     geometry = Geometry.from_polygon(box(0, 0, 5, 5), exits=[[(5, 2), (5, 3)]])
     bodies = make_bodies(np.full(3, 0.2), np.full(3, 70.0))
-    simulation = Simulation(geometry, bodies, make_state(np.array([[1.0, 1], [2, 2], [3, 3]])), scheme="hertz")
+    simulation = Simulation(geometry, bodies, make_state(np.array([[1.0, 1], [2, 2], [3, 3]])), physics="hertz")
     history, workspace, batch = simulation.history, simulation.workspace, simulation.batch
     before = len(workspace.neighbors.owner)
     grow(history, workspace, bodies, arrays_of(simulation.scheme))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from crowds import PLANS, copied, crowd_in, every_scheme, joined, part, people, plain, scatter
 from shapely.geometry import box
+from simulations import simulate
 
 import crowd_env.physics.simulation.simulation
 import crowd_env.physics.spatial_order
@@ -13,6 +14,7 @@ from crowd_env.core.arrays.state import join_bodies, make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import make_scheme
 from crowd_env.physics.neighbors.lists import invalidate_lists
+from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.physics.workspace import allocate_workspace
 from crowd_env.routing.fields.field import travel_time_field
@@ -28,7 +30,7 @@ def march(geometry, position, velocity, *, scheme, radius=0.2, dt=0.01, **option
     speed = np.hypot(*velocity.T)
     bodies = make_bodies(np.full(count, radius), 80.0, desired_speed=speed, relaxation_time=0.3)
     state = make_state(position, velocity)
-    simulation = Simulation(geometry, bodies, state, scheme=scheme, dt=dt, fields=[None], **options)
+    simulation = simulate(geometry, bodies, state, scheme=scheme, dt=dt, fields=[None], **options)
     command = velocity / np.where(speed > 0, speed, 1.0)[:, None]
     return simulation, dict(command=command, relative=np.zeros(count, bool))
 
@@ -99,7 +101,7 @@ def test_nobody_leaves_through_a_wall(name):
     rng = np.random.default_rng(11)
     bodies = people(rng, 25)
     state = make_state(scatter(rng, geometry, bodies.radius))
-    simulation = Simulation(geometry, bodies, state, scheme=name, dt=0.01, fields=[None])
+    simulation = Simulation(geometry, bodies, state, physics=Physics(name, dt=0.01), fields=[None])
     east = np.tile([1.0, 0.0], (25, 1))
     simulation.advance(east, relative=np.zeros(25, bool), n_substeps=800)
     out = ~state.active
@@ -124,7 +126,7 @@ def test_the_line_of_an_exit_counts_only_within_its_ends(name):
 def test_response_time_is_waited_for(name):
     bodies = make_bodies([0.2, 0.2], 80.0, desired_speed=1.5, response_time=[0.0, 0.5])
     state = make_state([[0.0, 0.0], [0.0, 5.0]])
-    simulation = Simulation(plain(), bodies, state, scheme=name, dt=0.01)
+    simulation = Simulation(plain(), bodies, state, physics=Physics(name, dt=0.01))
     asked = dict(command=np.tile([1.0, 0.0], (2, 1)), relative=np.zeros(2, bool))
     simulation.advance(n_substeps=50, **asked)
     assert state.position[0, 0] > 0.2
@@ -148,7 +150,7 @@ def evacuations(count=5):
 
 def run(name, crowds, *, calls=15, n_substeps=10, before_each=None, **options):
     bodies, state = joined([copied(*crowd) for crowd in crowds])
-    simulation = Simulation(ROOM, bodies, state, scheme=name, dt=0.01, fields=[room_field()], **options)
+    simulation = simulate(ROOM, bodies, state, scheme=name, dt=0.01, fields=[room_field()], **options)
     for _ in range(calls):
         if before_each is not None:
             before_each(simulation)
@@ -287,7 +289,11 @@ def test_environments_that_restart_together_are_those_that_restart_one_after_the
 def test_who_looks_after_a_call_sees_every_environment_once_where_it_comes_to_stand(threads, many, monkeypatch):
     monkeypatch.setattr(crowd_env.physics.spatial_order, "MANY", many)
     bodies, state = joined([copied(b, s) for b, s in evacuations()])
-    simulation, seen, start = Simulation(ROOM, bodies, state, scheme="dem", threads=threads), [], bodies.env_start
+    simulation, seen, start = (
+        Simulation(ROOM, bodies, state, physics=Physics("dem", threads=threads)),
+        [],
+        bodies.env_start,
+    )
 
     def look(first, stop):
         seen.append((first, stop, state.position[start[first] : start[stop]].copy()))
@@ -307,9 +313,9 @@ def test_environments_in_different_places(name):
     crowds = [crowd_in(np.random.default_rng(20 + e), plans[g], 30) for e, g in enumerate(which)]
     bodies, state = joined([copied(b, s) for b, s, _ in crowds])
     asked = dict(command=np.concatenate([c for *_, c in crowds]), relative=np.zeros(120, bool), n_substeps=60)
-    Simulation(plans, bodies, state, scheme=name, geometry_of_env=which).advance(**asked)
+    Simulation(plans, bodies, state, physics=name, geometry_of_env=which).advance(**asked)
     for e, (own_bodies, own, command) in enumerate(crowds):
-        alone = Simulation(plans[which[e]], own_bodies, own, scheme=name)
+        alone = Simulation(plans[which[e]], own_bodies, own, physics=name)
         alone.advance(command, relative=np.zeros(30, bool), n_substeps=60)
         np.testing.assert_array_equal(state.position[30 * e : 30 * e + 30], own.position)
         assert plans[which[e]].contains(own.position).all()

@@ -7,8 +7,8 @@ import pytest
 from cases import looped
 
 from crowd_env import FULL_SPEED, SCHEMES, CrowdEnv, Geometry, Physics, Population, Scenario, Uniform, make_scenario
-from crowd_env.core.arrays.outline import OUTLINES
 from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_state
+from crowd_env.core.behaviors.outline import OUTLINES
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.scenarios.groups import Groups, extreme_bodies
 
@@ -143,7 +143,10 @@ def test_recorded_starts_may_come_transposed_and_are_the_populations_own():
         ),
         (lambda: make_bodies(np.full(3, 0.2), "heavy"), "^mass is not made of numbers"),
         (lambda: make_bodies(np.full(3, 0.2), 1.0, env_start=[0.0, 3.0]), "^env_start is .* a row of whole numbers$"),
-        (lambda: Simulation(ROOM, *crowd(), threads=1.5), "^threads is 1.5; it must be a whole number, at least 1$"),
+        (
+            lambda: Simulation(ROOM, *crowd(), physics=Physics(threads=1.5)),
+            "^threads is 1.5; it must be a whole number, 1 to 1024$",
+        ),
         (lambda: Simulation(ROOM, *crowd(), geometry_of_env=np.zeros((1, 1), int)), "^geometry_of_env"),
     ],
 )
@@ -165,7 +168,7 @@ def test_what_does_not_fit_is_refused_in_one_sentence(make, sentence):
 )
 def test_a_restart_is_checked_before_anything_changes(what, sentence):
     bodies, state = crowd()
-    simulation = Simulation(ROOM, bodies, state, scheme="dem")
+    simulation = Simulation(ROOM, bodies, state, physics="dem")
     before, mass = state.copy(), bodies.mass.copy()
     with pytest.raises(ValueError, match=sentence):
         simulation.restart(0, **{"bodies": bodies, "position": before.position, **what})

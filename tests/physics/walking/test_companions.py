@@ -8,7 +8,7 @@ from crowds import every_scheme
 from shapely.geometry import box
 from walking_crowds import decided, manner, standing
 
-from crowd_env import Attraction, Companionship, Geometry, Pulls, Simulation
+from crowd_env import Attraction, Companionship, Geometry, Pulls, Simulation, Walking
 from crowd_env.core.arrays.state import make_bodies, make_state
 
 RULE = Companionship(gaze=2.5, cohesion=2.0, repulsion=0.7, spacing=0.9)
@@ -87,7 +87,7 @@ def test_the_closed_form_of_all_forces(seed):
 def test_an_attraction_begins_and_fades():
     (simulation, asked), ways = a_few(3)
     for time in (4.9, 5.0, 9.0, 60.0):
-        simulation.state.time[:], simulation.history.held_since[:] = time, 0.0  # nobody has lost patience
+        simulation.state.time[:], simulation.history.memory.pulls.held_since[:] = time, 0.0  # nobody has lost patience
         wanted = expected(simulation, ways, time)
         np.testing.assert_allclose(decided(simulation, asked), wanted, rtol=0, atol=1e-8)
 
@@ -151,7 +151,7 @@ def two(place, start, keeps, scheme="dem", company=(0, 0), **rule):
     )
     state = make_state(np.array(start, dtype=float))
     pulls = Pulls(Companionship(**rule))
-    return Simulation(place, bodies, state, scheme=scheme, manner=keeps, pulls=pulls)
+    return Simulation(place, bodies, state, physics=scheme, walking=Walking(keeps, pulls=pulls))
 
 
 @every_scheme

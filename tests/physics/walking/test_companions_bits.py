@@ -36,7 +36,7 @@ def test_companies_of_one_change_no_bit(name):
         ones = before_a_door(60, keeps, scheme=name, company=np.arange(60))
         for simulation in (alone, ones):
             simulation.advance(n_substeps=steps(simulation, 0.3))
-        assert moves(ones) == moves(alone) and not len(ones.history.held_since)
+        assert moves(ones) == moves(alone) and not len(ones.history.memory.pulls.held_since)
 
 
 @every_scheme

@@ -119,9 +119,9 @@ def test_the_push_grows_with_the_time_that_one_stands_and_falls_back_when_one_wa
         (9.0, 1.0, [1, 0], 0.2, 1.75),
     ):
         simulation, asked = standing([[0, 0], [0.4, 0]], [[1, 0], other], keeps, velocity=[[velocity, 0.0], [0.0, 0.0]])
-        simulation.history.waited[0] = waited
+        simulation.history.memory.manner.waited[0] = waited
         assert decided(simulation, asked)[0] == pytest.approx([push * V0, 0.0], abs=1e-9)
-        assert simulation.history.waited[0] == pytest.approx(then)
+        assert simulation.history.memory.manner.waited[0] == pytest.approx(then)
 
 
 def test_who_has_not_responded_yet_does_not_wait_for_anyone():
@@ -130,7 +130,7 @@ def test_who_has_not_responded_yet_does_not_wait_for_anyone():
         [[0, 0], [0.45, 0]], [[1, 0], [1, 0]], manner(patience=0.1, impatience=1.0), bodies=bodies
     )
     simulation.advance(**asked, n_substeps=40)
-    assert simulation.history.waited[0] == 0.0
+    assert simulation.history.memory.manner.waited[0] == 0.0
     assert not simulation.state.velocity[0].any()
 
 

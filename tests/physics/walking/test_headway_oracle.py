@@ -10,10 +10,11 @@ import pytest
 import shapely
 from cases import looped
 from shapely.geometry import box
+from simulations import simulate
 
-from crowd_env import Geometry, Simulation
-from crowd_env.core.arrays.headway import Headway
+from crowd_env import Geometry
 from crowd_env.core.arrays.state import make_bodies, make_state
+from crowd_env.core.behaviors.headway import Headway
 from crowd_env.physics.workspace import BLOCK
 
 pytestmark = pytest.mark.kernels
@@ -27,7 +28,7 @@ MOST_ASIDE = 2.0  # of the way: nobody turns further than atan 2 from it
 
 def decide(simulation, manner):
     """Return the velocity (P, 2) [m/s] that everyone wants to walk at, and for how long each has stood still (P,) [s]."""
-    velocity, waited = simulation.history.walking_velocity.copy(), simulation.history.waited.copy()
+    velocity, waited = simulation.history.walking_velocity.copy(), simulation.history.memory.manner.waited.copy()
     start = simulation.bodies.env_start
     for e in range(len(start) - 1):
         inside = [i for i in range(start[e], start[e + 1]) if simulation.state.active[i]]
@@ -50,7 +51,7 @@ def way_of(simulation, i):
 
 def decide_one(simulation, manner, e, i, inside, ways):
     """Return the velocity that person ``i`` wants, and how long that one has stood still."""
-    bodies, state, waited = simulation.bodies, simulation.state, simulation.history.waited[i]
+    bodies, state, waited = simulation.bodies, simulation.state, simulation.history.memory.manner.waited[i]
     way, speed = ways[i]
     if speed == 0.0 or not simulation.batch.control.gives_way[i]:
         return speed * way, waited
@@ -210,7 +211,7 @@ def crowd(rng, manner, counts=(40, 17, 25), **options):
     )
     state.velocity[rng.random(count) < 0.3] *= 0.01
     state.active[rng.random(count) < 0.1] = False
-    simulation = Simulation(
+    simulation = simulate(
         [HALL, YARD], bodies, state, manner=manner, fields=[None, None], geometry_of_env=np.array([0, 0, 1]), **options
     )
     simulation.close_doors(0, ["middle"])
@@ -218,7 +219,7 @@ def crowd(rng, manner, counts=(40, 17, 25), **options):
     angle = rng.uniform(0.0, 2.0 * math.pi, count)
     simulation.history.direction[:] = np.column_stack([np.cos(angle), np.sin(angle)])
     simulation.history.directions_known[:] = True
-    simulation.history.waited[:] = rng.uniform(0.0, 2.0 * manner.patience, count)
+    simulation.history.memory.manner.waited[:] = rng.uniform(0.0, 2.0 * manner.patience, count)
     command = rng.normal(0.0, 0.7, (count, 2))
     command[rng.random(count) < 0.1] = 0.0
     return simulation, {"command": command, "relative": rng.random(count) < 0.5, "gives_way": rng.random(count) < 0.9}
@@ -256,7 +257,7 @@ def test_a_decision_is_the_rule_written_plainly(manner, seed):
     inside = simulation.state.active.copy()
     simulation.advance(**asked)
     np.testing.assert_allclose(simulation.history.walking_velocity[inside], velocity[inside], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(simulation.history.waited[inside], waited[inside], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(simulation.history.memory.manner.waited[inside], waited[inside], rtol=0, atol=1e-12)
     # The crowd has to hold what it is meant to test.
     wanted = np.hypot(*asked["command"].T) * simulation.bodies.desired_speed
     at_full_speed = np.abs(np.hypot(*velocity.T) - wanted) < 1e-9
@@ -282,7 +283,7 @@ def test_who_looks_at_more_people_than_are_looked_at_together_decides_alike(seed
     velocity = simulation.history.walking_velocity[asked_of]
     np.testing.assert_allclose(velocity, [velocity for velocity, _ in expected], rtol=0, atol=1e-12)
     np.testing.assert_allclose(
-        simulation.history.waited[asked_of], [waited for _, waited in expected], rtol=0, atol=1e-12
+        simulation.history.memory.manner.waited[asked_of], [waited for _, waited in expected], rtol=0, atol=1e-12
     )
     assert np.ptp(np.hypot(*velocity.T)) > 0.1
 

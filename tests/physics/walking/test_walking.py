@@ -7,8 +7,8 @@ from shapely.geometry import LineString, box
 from walking_crowds import manner, standing, steps
 
 from crowd_env import FULL_SPEED, Geometry, Scenario, Simulation, make_scenario
-from crowd_env.core.arrays.headway import MANNERS
 from crowd_env.core.arrays.state import make_bodies, make_state
+from crowd_env.core.behaviors.headway import MANNERS
 
 TURNS = 64  # environments in which the same room is drawn anew
 
@@ -72,7 +72,7 @@ def test_a_lone_pedestrian_walks_as_without_a_manner(name):
     times = []
     for keeps in (None, name):
         bodies = make_bodies([0.2], [70.0], desired_speed=1.3, response_time=1.02)
-        simulation = Simulation(place, bodies, make_state([[0.5, 2.0]]), scheme="dem", fields=[field], manner=keeps)
+        simulation = Simulation(place, bodies, make_state([[0.5, 2.0]]), physics="dem", walking=keeps, fields=[field])
         simulation.advance(n_substeps=steps(simulation, 1.0))
         assert not simulation.state.velocity.any()
         simulation.advance(n_substeps=steps(simulation, 11.0))
@@ -100,7 +100,7 @@ def rooms(keeps, people: int = 20) -> np.ndarray:
     }
     bodies = make_bodies(**columns, env_start=people * np.arange(TURNS + 1))
     state = make_state(np.concatenate([position for _, position in drawn]), environments=TURNS)
-    simulation = Simulation(scenario.geometry, bodies, state, scheme="dem", fields=[scenario.field()], manner=keeps)
+    simulation = Simulation(scenario.geometry, bodies, state, physics="dem", walking=keeps, fields=[scenario.field()])
     simulation.advance(n_substeps=steps(simulation, 40.0))
     return state.exit_time.reshape(TURNS, people).max(axis=1)
 

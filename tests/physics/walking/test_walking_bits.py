@@ -27,7 +27,7 @@ def moves(simulation, people=slice(None)):
     state, digest = simulation.state, hashlib.sha256()
     arrays = [state.position, state.velocity, state.exit_time, simulation.results.impulse]
     if simulation._sorted is None:
-        arrays += [simulation.history.walking_velocity, simulation.history.waited]
+        arrays += [simulation.history.walking_velocity, simulation.history.memory.manner.waited]
     for array in arrays:
         digest.update(np.ascontiguousarray(array[people]).tobytes())
     return digest.hexdigest()
@@ -41,7 +41,7 @@ def test_alone_and_anywhere_in_a_batch_on_any_number_of_threads(name, threads):
     for _ in range(3):
         alone.advance(n_substeps=steps(alone, 0.15))
         many.advance(n_substeps=steps(many, 0.15))
-    assert (alone.history.waited > KEEPS.patience).any()
+    assert (alone.history.memory.manner.waited > KEEPS.patience).any()
     assert {moves(many, slice(90 * e, 90 * (e + 1))) for e in range(4)} == {moves(alone)}
 
 
@@ -66,7 +66,7 @@ def test_one_call_or_many(name, count):
             in_parts.advance(n_substeps=steps(in_parts, 0.03))
         np.testing.assert_array_equal(in_parts.state.position, at_once.state.position)
         np.testing.assert_array_equal(in_parts.history.walking_velocity, at_once.history.walking_velocity)
-        np.testing.assert_array_equal(in_parts.history.waited, at_once.history.waited)
+        np.testing.assert_array_equal(in_parts.history.memory.manner.waited, at_once.history.memory.manner.waited)
 
 
 @pytest.mark.parametrize("name", ["dem", "hertz"])
@@ -79,7 +79,9 @@ def test_people_in_the_order_of_space_decide_as_in_the_order_of_their_slots(name
             simulation.advance(n_substeps=steps(simulation, 0.2))
     np.testing.assert_allclose(here.state.position, there.state.position, rtol=0, atol=1e-6)
     slot = here._sorted.slot
-    np.testing.assert_allclose(here.history.waited, there.history.waited[slot], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        here.history.memory.manner.waited, there.history.memory.manner.waited[slot], rtol=0, atol=1e-12
+    )
     np.testing.assert_allclose(here.history.walking_velocity, there.history.walking_velocity[slot], rtol=0, atol=1e-6)
 
 
@@ -145,7 +147,9 @@ def test_a_copy_of_an_environment_goes_on_alike(copied):
         for _ in range(10):
             one.step(None)
     assert moves(other.simulation) == moves(env.simulation)
-    np.testing.assert_array_equal(other.simulation.history.waited, env.simulation.history.waited)
+    np.testing.assert_array_equal(
+        other.simulation.history.memory.manner.waited, env.simulation.history.memory.manner.waited
+    )
 
 
 @every_scheme
@@ -153,6 +157,12 @@ def test_without_a_manner_nothing_of_it_is_there(name):
     simulation = before_a_door(60, None, scheme=name)
     simulation.advance(n_substeps=10)
     history, walkers = simulation.history, simulation.workspace.walkers
-    assert len(history.walking_velocity) == len(history.waited) == len(walkers.slot) == len(walkers.ahead) == 0
+    assert (
+        len(history.walking_velocity)
+        == len(history.memory.manner.waited)
+        == len(walkers.slot)
+        == len(walkers.ahead)
+        == 0
+    )
     assert not history.have_decided.any()
     assert len(simulation.world.wall_grid.wall) == 0

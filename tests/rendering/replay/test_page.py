@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from replayed_pages import Parsed, read_page, walk_out
 
-from crowd_env.core.arrays.outline import make_outline
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.rendering.palette import pressure_color
 from crowd_env.rendering.replay import write_page
 
@@ -128,7 +128,7 @@ def test_who_is_left_inside_is_said(tmp_path: Path) -> None:
 
 def test_the_shape_of_bodies_comes_along(tmp_path: Path) -> None:
     about = Parsed(write_page(tmp_path / "out.html", walk_out(outline="torso")).path.read_text("utf-8")).about()
-    torso = make_outline("torso")
+    torso = Outline.of("torso")
     assert torso is not None
     np.testing.assert_allclose(about["recordings"][0]["outline"], np.column_stack(torso.shape[:3]))
 

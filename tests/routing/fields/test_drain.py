@@ -90,7 +90,7 @@ def test_to_a_narrow_opening_people_take_the_shortest_way(width):
 
 def planner_of(route_set, manner):
     bodies, state = make_bodies(np.full(1, RADIUS), 80.0), make_state(np.array([[-3.0, 0.0]]))
-    return Simulation(route_set.geometry, bodies, state, fields=[route_set], manner=manner).planner
+    return Simulation(route_set.geometry, bodies, state, walking=manner, fields=[route_set]).planner
 
 
 def test_people_spread_if_they_keep_a_distance_and_follow_a_path():

@@ -21,11 +21,12 @@ speed, which is the bound of Helbing and Molnár 1995.
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Bodies, Floats, Ints, row_starts
+from crowd_env.core.behaviors.behavior import Behavior
 from crowd_env.core.checks import NotNegative, Positive, check_fields, refuse
 
 ALONE = -1  # number of the company of whoever walks alone
@@ -80,8 +81,14 @@ class Attraction:
         check_fields("attraction", self)
 
 
+class Waiting(NamedTuple):
+    """What companions remember."""
+
+    held_since: Annotated[Floats, "P"]  # s  since when companions further back hold one back; 0 = they do not
+
+
 @dataclass(frozen=True)
-class Pulls:
+class Pulls(Behavior):
     """What pulls people off their way in a place.
 
     Parameters
@@ -93,6 +100,12 @@ class Pulls:
     companions: Companionship = field(default_factory=Companionship)
     attractions: tuple[Attraction, ...] = ()
 
+    NAME = "pulls"
+    ABOUT = "what pulls people off their way: companions and attractions"
+    MEMORY = Waiting
+    USES = ("walking", "pulls")
+    PER_PLACE = True
+
     def __post_init__(self) -> None:
         check_fields("pulls", self)
 
@@ -101,6 +114,26 @@ class Pulls:
         moved = (replace(one, x=x, y=y) for one, (x, y) in zip(self.attractions, points.tolist(), strict=True))
         return replace(self, attractions=tuple(moved))
 
+    @classmethod
+    def of(cls, given: Any) -> "Pulls":
+        """Return the pulls that are given, as such or as a table of their fields; by default those of nobody in company."""
+        return super().of(given) or Pulls()
+
+    @classmethod
+    def params_of(cls, chosen: Sequence["Pulls"]) -> "PullArrays":
+        """Return the pulls of all places as kernels read them."""
+        rows = [astuple(one) for pulls in chosen for one in pulls.attractions]
+        return PullArrays(
+            np.array([astuple(pulls.companions) for pulls in chosen], dtype=np.float64),
+            np.array(rows, dtype=np.float64).reshape(-1, 6),
+            row_starts([len(pulls.attractions) for pulls in chosen]),
+        )
+
+    @classmethod
+    def acts(cls, chosen: Sequence["Pulls"], bodies: Bodies) -> bool:
+        """Whether anyone walks in company, or is attracted."""
+        return has_companions(bodies) or any(pulls.attractions for pulls in chosen)
+
 
 class PullArrays(NamedTuple):
     """The pulls of G places as kernels read them."""
@@ -108,16 +141,6 @@ class PullArrays(NamedTuple):
     companions: Floats  # (G, 6)  fields of `Companionship`
     attraction: Floats  # (K, 6)  fields of `Attraction`
     start: Ints  # (G+1,)  attractions of place g are start[g]:start[g + 1]
-
-
-def pull_arrays(places: Sequence[Pulls]) -> PullArrays:
-    """Return the pulls of all places as kernels read them."""
-    rows = [astuple(one) for pulls in places for one in pulls.attractions]
-    return PullArrays(
-        np.array([astuple(pulls.companions) for pulls in places], dtype=np.float64),
-        np.array(rows, dtype=np.float64).reshape(-1, 6),
-        row_starts([len(pulls.attractions) for pulls in places]),
-    )
 
 
 def pulls_of(pulls: Any, places: int) -> list[Pulls]:

@@ -21,7 +21,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.checks import POSITIVE, Range, array, check_fields, from_choice, plain_choice, require_all
+from crowd_env.core.behaviors.behavior import Behavior
+from crowd_env.core.checks import POSITIVE, Range, array, check_fields, plain_choice, require_all
 
 MOST_DISCS = 16
 _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
@@ -103,7 +104,7 @@ def _free_arcs(k: int, x: Floats, y: Floats, r: Floats) -> list[tuple[float, flo
 
 
 @dataclass(frozen=True)
-class Outline:
+class Outline(Behavior):
     """Several discs that move and turn as one body.
 
     Parameters
@@ -121,6 +122,12 @@ class Outline:
     discs: tuple[Disc, ...]
     turning_time: float = 0.45
     max_torque: float = 20.0
+
+    NAME = "outline"
+    ABOUT = "what shape bodies have, unless the run says otherwise"
+    NEEDS = "turns_bodies"
+    LACKS = "does not turn bodies, so it cannot have {behavior}"
+    USES = ("discs",)
 
     def __post_init__(self) -> None:
         values = np.asarray(array("outline: discs", _rows(self.discs), (None, 3)), dtype=np.float64)
@@ -164,12 +171,20 @@ class Outline:
         away = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
         return position[:, None] + radius[:, None, None] * away, radius[:, None] * size
 
-    def params(self) -> OutlineParams:
-        """Return the outline as kernels read it."""
-        return OutlineParams(*self.shape[:4], self.turning_time, self.max_torque)
+    @classmethod
+    def plain_of(cls, chosen: Any) -> Any:
+        """Return the name of an outline, or if it has none the table of its parameters."""
+        plain = plain_choice(chosen, cls.PRESETS)
+        return plain if isinstance(plain, str) else plain | {"discs": [list(disc) for disc in plain["discs"]]}
 
+    @classmethod
+    def params_of(cls, chosen: Any) -> OutlineParams:
+        """Return the outline as kernels read it; no discs where bodies are discs."""
+        if chosen is None:
+            return OutlineParams(np.zeros(0), np.zeros(0), np.zeros(0), 1.0, np.inf, np.inf)
+        x, y, radius, reach, _ = chosen.shape
+        return OutlineParams(x, y, radius, reach, chosen.turning_time, chosen.max_torque)
 
-NO_OUTLINE = OutlineParams(np.zeros(0), np.zeros(0), np.zeros(0), 1.0, np.inf, np.inf)
 
 _TORSO = (
     Disc(-0.014, 0.150, 0.08556),
@@ -187,25 +202,7 @@ OUTLINES: dict[str, Outline | None] = {
     "disc": None,  # as in the papers
     "torso": Outline(_TORSO),
 }
-
-
-def make_outline(outline: BodyShape | None) -> Outline | None:
-    """Return the outline of a name in `OUTLINES`, of plain data such as ``{"discs": [[0, 0, 0.2]]}``, or that is given.
-
-    None stands for discs.
-
-    Raises
-    ------
-    ValueError
-        If it is something else, or a name is unknown.
-    """
-    return from_choice("outline", Outline, outline, OUTLINES)
-
-
-def plain_outline(outline: Outline | None) -> str | dict[str, Any]:
-    """Return the name of an outline, or if it has none the table of its parameters; ready for JSON, and for `make_outline`."""
-    plain = plain_choice(outline, OUTLINES)
-    return plain if isinstance(plain, str) else plain | {"discs": [list(disc) for disc in plain["discs"]]}
+Outline.PRESETS = OUTLINES
 
 
 def room_of(outline: Outline | None) -> float:

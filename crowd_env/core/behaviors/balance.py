@@ -17,16 +17,29 @@ Nobody falls; feet mind neither walls nor each other.  The numbers are fitted on
 (docs/validation.md).
 """
 
-from collections import namedtuple
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass, fields
-from typing import Any, TypeAlias, cast
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
-from crowd_env.core.checks import NotNegative, Positive, check_fields, from_choice, plain_choice
+import numpy as np
+
+from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.behaviors.behavior import Behavior
+from crowd_env.core.checks import NotNegative, Positive, check_fields
+
+GRAVITY = 9.81  # m/s2
+
+
+class Feet(NamedTuple):
+    """Those who stand: both feet, the first of which carries while the other is in the air, and when that lands."""
+
+    feet: Annotated[Floats, "P 4"]  # m
+    lands_at: Annotated[Floats, "P"]  # s    infinite = both are on the ground, and none is to be lifted
+    stands: Annotated[Bools, "P"]
 
 
 @dataclass(frozen=True)
-class Balance:
+class Balance(Behavior):
     """How someone who stands keeps upright.
 
     Parameters
@@ -58,15 +71,21 @@ class Balance:
     head: Positive = 1.7
     walks_from: NotNegative = 0.1
 
+    NAME = "balance"
+    ABOUT = "how those who stand keep upright, unless the run says otherwise"
+    NEEDS = "drives"
+    LACKS = "has no force of the ground, so pedestrians cannot keep their balance"
+    MEMORY = Feet
+    RECORDED = ("feet",)
+
     def __post_init__(self) -> None:
         check_fields("balance", self)
 
-    def params(self) -> "Balance":
-        """Return the numbers as kernels read them: a NamedTuple of the fields."""
-        return cast(Balance, _Params(*(float(value) for value in astuple(self))))
+    @classmethod
+    def rows(cls, simulation: Any) -> dict[str, Floats]:
+        """Return the places of both feet of everyone (P, 4) [m]."""
+        return {"feet": places_of_feet(simulation).reshape(-1, 4)}
 
-
-_Params: Any = namedtuple("_Params", [field.name for field in fields(Balance)])  # type: ignore[misc]  # names alone
 
 Balancing: TypeAlias = str | Mapping[str, Any] | Balance
 """How callers say how people keep upright: a name in `BALANCES`, a table of the parameters of a `Balance`, or one."""
@@ -75,19 +94,33 @@ BALANCES: dict[str, Balance | None] = {
     "none": None,  # as in the papers: a disc that stands is braked by its drive
     "stepping": Balance(),
 }
+Balance.PRESETS = BALANCES
 
 
-def make_balance(balance: Balancing | None) -> Balance | None:
-    """Return the balance of a name in `BALANCES`, of plain data such as ``{"base": 0.12}``, or that is given.
+def places_of_feet(simulation: Any) -> Floats:
+    """Return where both feet of everyone are (P, 2, 2) [m], one in the air on its way too; under the body of who walks.
 
     Raises
     ------
     ValueError
-        If it is something else, or a name is unknown.
+        If people of the simulation have no feet: it has no balance.
     """
-    return from_choice("balance", Balance, balance, BALANCES)
+    params, state, bodies = simulation.behaviors[Balance.NAME], simulation.state, simulation.bodies
+    if params is None:
+        raise ValueError("people have no feet here: a simulation needs balance='stepping'")
+    feet, lands_at, stands = (simulation.in_slots(array) for array in simulation.history.memory.balance)
+    feet = np.where(stands[:, None], feet, np.tile(state.position, 2)).reshape(-1, 2, 2)
+    time = np.repeat(state.time, np.diff(bodies.env_start))
+    done = np.clip(1.0 - (np.where(stands, lands_at, np.inf) - time) / params.swing, 0.0, 1.0)[:, None]
+    ahead = state.position + np.sqrt(params.height / GRAVITY) * state.velocity - feet[:, 0]
+    ahead *= np.minimum(1.0, params.step / np.maximum(np.hypot(*ahead.T), 1e-9))[:, None]
+    feet[:, 1] += done * (feet[:, 0] + ahead - feet[:, 1])
+    return feet
 
 
-def plain_balance(balance: Balance | None) -> str | dict[str, float]:
-    """Return the name of a balance, or if it has none the table of its parameters; ready for JSON, and for `make_balance`."""
-    return plain_choice(balance, BALANCES)
+def places_of_heads(simulation: Any) -> Floats:
+    """Return where everyone's head is (P, 2) [m]: further from the middle of the feet than the body that leans."""
+    body, params = simulation.state.position, simulation.behaviors[Balance.NAME]
+    return (
+        body.copy() if params is None else body + (params.head - 1.0) * (body - places_of_feet(simulation).mean(axis=1))
+    )

@@ -34,16 +34,23 @@ ring, the ovals and the streams of ``python -m validation``, one set for all but
 ``eager``).  docs/walking.md says how.
 """
 
-from collections import namedtuple
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass, fields
-from typing import Annotated, Any, TypeAlias, cast
+from dataclasses import dataclass
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
-from crowd_env.core.checks import NotNegative, Positive, Range, Share, check_fields, from_choice, plain_choice
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.behaviors.behavior import Behavior
+from crowd_env.core.checks import NotNegative, Positive, Range, Share, check_fields
+
+
+class Patience(NamedTuple):
+    """What a decision depends on besides the moment."""
+
+    waited: Annotated[Floats, "P"]  # s  stood still
 
 
 @dataclass(frozen=True)
-class Headway:
+class Headway(Behavior):
     """The distance that people keep, and how they step aside.
 
     Parameters
@@ -100,15 +107,20 @@ class Headway:
     sight: Positive = 2.0
     interval: Positive = 0.05
 
+    NAME = "manner"
+    ABOUT = "how people walk before they touch, unless the run says otherwise"
+    MEMORY = Patience
+    USES = ("walking",)
+
     def __post_init__(self) -> None:
         check_fields("headway", self)
 
-    def params(self) -> "Headway":
-        """Return the rule as kernels read it: a NamedTuple of its fields."""
-        return cast(Headway, _Params(*(float(value) for value in astuple(self))))
+    @classmethod
+    def params_of(cls, chosen: Any) -> Any:
+        """Return the rule as kernels read it; people who keep no distance decide anew at every step."""
+        params = super().params_of(chosen)
+        return params if chosen is not None else params._replace(interval=0.0)
 
-
-_Params: Any = namedtuple("_Params", [field.name for field in fields(Headway)])  # type: ignore[misc]  # names alone
 
 Manner: TypeAlias = str | Mapping[str, Any] | Headway
 """How callers say how people walk: a name in `MANNERS`, a table of the parameters of a `Headway`, or one."""
@@ -121,18 +133,4 @@ MANNERS: dict[str, Headway | None] = {
     "calm": Headway(),  # museum, corridor
 }
 
-
-def make_manner(manner: Manner | None) -> Headway | None:
-    """Return the headway rule of a name in `MANNERS`, of plain data such as ``{"time_gap": 0.7}``, or that is given.
-
-    Raises
-    ------
-    ValueError
-        If it is something else, or a name is unknown.
-    """
-    return from_choice("manner", Headway, manner, MANNERS)
-
-
-def plain_manner(headway: Headway | None) -> str | dict[str, float]:
-    """Return the name of a manner, or if it has none the table of its parameters; ready for JSON, and for `make_manner`."""
-    return plain_choice(headway, MANNERS)
+Headway.PRESETS = MANNERS

@@ -1,0 +1,109 @@
+"""What an optional behavior of pedestrians is: its parameters, and all that others have to know of it.
+
+A behavior declares itself in one class.  Scenarios, settings, the schema of files, checkpoints, recordings, reports and kernels
+go through `BEHAVIORS`, or through what `Walking.others` adds, and name no behavior themselves.
+"""
+
+from collections import namedtuple
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, ClassVar
+
+from typing_extensions import Self
+
+from crowd_env.core.arrays.state import Bodies, Floats
+from crowd_env.core.checks import from_choice, plain_choice
+
+
+@dataclass(frozen=True)
+class Behavior:
+    """Base of all behaviors: a frozen dataclass of parameters.
+
+    Attributes
+    ----------
+    NAME : of the field of a `Scenario`, `Physics` or `Walking`, and of the parameters and the memory as kernels read them.
+    ABOUT : a line that says what it is, for files and documentation.
+    PRESETS : name -> behavior; None stands for its absence.
+    NEEDS : fact of a contact scheme without which it cannot be: "drives" or "turns_bodies".
+    LACKS : what a message says of a scheme without it.
+    MEMORY : NamedTuple of the arrays that the next step depends on, each annotated with its shape (see
+        `crowd_env.physics.allocation`); they begin at zero, and a checkpoint holds them.
+    USES : scratch arrays that it needs, by the last word of their annotation.
+    RECORDED : what recordings hold, of the arrays of the memory with one row a pedestrian; see `rows`.
+    PER_PLACE : whether each place of a batch may have its own.
+    YIELDS : whether the one of a scenario is left out, without a word, under a scheme that cannot have it.
+    """
+
+    NAME: ClassVar[str]
+    ABOUT: ClassVar[str] = ""
+    PRESETS: ClassVar[Mapping[str, Any]] = {}
+    NEEDS: ClassVar[str | None] = None
+    LACKS: ClassVar[str] = ""
+    MEMORY: ClassVar[type[Any] | None] = None
+    USES: ClassVar[tuple[str, ...]] = ()
+    RECORDED: ClassVar[tuple[str, ...]] = ()
+    PER_PLACE: ClassVar[bool] = False
+    YIELDS: ClassVar[bool] = False
+    # Kernel that changes what people want: (i, time [s], vx, vy [m/s], batch) -> (vx, vy); see `Walking.others`.
+    desire: ClassVar[Any] = None
+
+    @classmethod
+    def of(cls, given: Any) -> Self | None:
+        """Return the behavior that is given: as such, by the name of a preset, as a table of its parameters, or None.
+
+        Raises
+        ------
+        ValueError
+            If it is something else, or a name is unknown; the message lists the known ones.
+        """
+        return from_choice(cls.NAME, cls, given, cls.PRESETS)
+
+    @classmethod
+    def stored(cls, given: Any) -> Any:
+        """Return what is given as a scenario keeps it: a name as it is, a table as the behavior that it describes.
+
+        Raises
+        ------
+        ValueError
+            As `of` does.
+        """
+        chosen = cls.of(given)
+        return given if isinstance(given, str) else chosen
+
+    @classmethod
+    def plain_of(cls, chosen: Any) -> Any:
+        """Return the name of a behavior, or if it has none the table of its parameters: ready for JSON, and for `of`."""
+        return plain_choice(chosen, cls.PRESETS)
+
+    @classmethod
+    def params_of(cls, chosen: Any) -> Any:
+        """Return the parameters as kernels read them, those of a default where it is absent; of places if `PER_PLACE`."""
+        values = vars(chosen or cls())
+        return record(**{name: float(value) for name, value in values.items()})
+
+    @classmethod
+    def acts(cls, chosen: Any, bodies: Bodies) -> bool:
+        """Whether anything is to be done for these people."""
+        return chosen is not None
+
+    @classmethod
+    def rows(cls, simulation: Any) -> dict[str, Floats]:
+        """Return what a recording holds of everyone at this moment, by name (P, ...)."""
+        memory = getattr(simulation.history.memory, cls.NAME)
+        return {name: simulation.in_slots(getattr(memory, name)) for name in cls.RECORDED}
+
+
+def record(**values: Any) -> Any:
+    """Return a NamedTuple of these values, which kernels can read and which can be pickled."""
+    return _record(tuple(values), tuple(values.values()))
+
+
+def _record(names: tuple[str, ...], values: tuple[Any, ...]) -> Any:
+    return _kind_of_record(names)._make(values)
+
+
+@cache
+def _kind_of_record(names: tuple[str, ...]) -> Any:
+    made = namedtuple("Record", names)  # type: ignore[misc]  # names are known at run time alone
+    return type("Record", (made,), {"__slots__": (), "__reduce__": lambda self: (_record, (names, tuple(self)))})

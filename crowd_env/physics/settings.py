@@ -1,0 +1,160 @@
+"""What moves bodies, in two parts that travel whole from a user's call to the simulation: the physics and the walking.
+
+Each part is a frozen dataclass.  Whoever takes one also takes its first field alone, or a table of its fields.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Literal, TypeAlias
+
+from typing_extensions import Self
+
+from crowd_env.core.behaviors import BEHAVIORS
+from crowd_env.core.behaviors.balance import Balancing
+from crowd_env.core.behaviors.behavior import Behavior
+from crowd_env.core.behaviors.headway import Headway, Manner
+from crowd_env.core.behaviors.outline import BodyShape
+from crowd_env.core.behaviors.pulls import Pulls
+from crowd_env.core.checks import POSITIVE, Range, check_fields, flag, from_table, number, refuse, shown, whole
+from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
+
+_THREADS = Range(1, 1024)
+
+
+class Part:
+    """A part of the settings."""
+
+    @classmethod
+    def of(cls, given: Any) -> Self:
+        """Return the part, given as such, as a table of its fields, or as its first field alone.
+
+        Raises
+        ------
+        ValueError
+            If the part refuses it.
+        """
+        if isinstance(given, cls):
+            return given
+        names = [field.name for field in fields(cls)]  # type: ignore[arg-type]  # a dataclass
+        if isinstance(given, Mapping) and any(name in given for name in names):
+            return from_table(cls.__name__.lower(), cls, given)
+        return cls(given)  # type: ignore[call-arg]  # a dataclass
+
+
+@dataclass(frozen=True)
+class Physics(Part):
+    """What bodies do when they touch, and what they are.
+
+    Parameters
+    ----------
+    scheme : contact scheme: a name in ``SCHEMES``, a scheme, or a table such as ``{"name": "nsm2", "social": "lin"}``.
+    dt : s, physics step; by default that of the scheme, see `ContactScheme.default_dt`.
+    outline : shape of all bodies: a name in ``OUTLINES``, an `Outline`, or a table of its parameters.  By default the scenario
+        decides, and if it says nothing bodies are discs.  Only schemes that turn bodies take another: `hertz`, `hertz-literal`.
+    max_drive : N, the largest force with which a pedestrian drives forwards, infinite = as large as the papers make it, up to
+        2 kN; by default the scenario decides.  No scheme without a driving force takes it (`nsm1`).
+    balance : how those who stand keep upright: a name in ``BALANCES``, a `Balance`, or a table of its parameters; by default
+        the scenario decides, and if it says nothing their drive brakes them.  No scheme without a driving force takes it.
+    threads : spread environments, or with `dem` the parts of one large crowd, over threads; results do not depend on it.
+    allow_unstable : accept a ``dt`` above the stable step of the scheme, and let everyone go as fast, as far in a step and
+        through whatever the contact law alone allows (to show what happens); else see `crowd_env.physics.bounds`.
+
+    Raises
+    ------
+    ValueError
+        If one of them is unknown or out of range, or the scheme cannot have it.
+    """
+
+    scheme: str | Mapping[str, Any] | ContactScheme = "nsm2"
+    dt: float | None = None
+    outline: BodyShape | None = None
+    max_drive: float | None = None
+    balance: Balancing | None = None
+    threads: int = 1
+    allow_unstable: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "scheme", make_scheme(self.scheme))
+        if self.dt is not None:
+            object.__setattr__(self, "dt", number("dt", self.dt, POSITIVE, "s"))
+        object.__setattr__(self, "threads", whole("threads", self.threads, _THREADS))
+        flag("allow_unstable", self.allow_unstable)
+        check_behaviors(behaviors_of(self), self.law)
+
+    @property
+    def law(self) -> ContactScheme:
+        """The contact scheme."""
+        assert isinstance(self.scheme, ContactScheme)  # made at construction
+        return self.scheme
+
+
+@dataclass(frozen=True)
+class Walking(Part):
+    """How people walk before they touch.
+
+    Parameters
+    ----------
+    manner : a name in ``MANNERS``, a `Headway`, or a table of its parameters; by default the scenario decides.
+    acts_on : "everyone": also those who have an action, which then says what one would do with nobody in front.  "scripted":
+        only those who have no action; the others walk as their action says.
+    pulls : companions and attractions that pull people off their way, of all places or of each; by default the
+        scenario decides.
+    others : behaviors that are not in ``BEHAVIORS``: objects of classes of one's own, derived from `Behavior`.
+
+    Raises
+    ------
+    ValueError
+        If one of them is unknown.
+    """
+
+    manner: Manner | None = None
+    acts_on: Literal["everyone", "scripted"] = "everyone"
+    pulls: Pulls | Sequence[Pulls] | None = None
+    others: tuple[Behavior, ...] = ()
+
+    def __post_init__(self) -> None:
+        Headway.of(self.manner)
+        check_fields("walking", self)
+        for one in self.others:
+            if (
+                getattr(one, "NAME", None) in (None, *BEHAVIORS)
+                or [other.NAME for other in self.others].count(one.NAME) > 1
+            ):
+                refuse("walking: others", one, f"a behavior of a name of its own; known: {', '.join(BEHAVIORS)}")
+
+
+AsPhysics: TypeAlias = Physics | str | Mapping[str, Any] | ContactScheme
+AsWalking: TypeAlias = Walking | str | Mapping[str, Any] | Headway | None
+
+
+def behaviors_of(*parts: Part) -> dict[str, Any]:
+    """Return the behaviors that the parts of the settings choose, by name; None where one is absent, or not said."""
+    return {
+        name: kind.of(getattr(part, name))
+        for name, kind in BEHAVIORS.items()
+        for part in parts
+        if hasattr(part, name) and not kind.PER_PLACE
+    }
+
+
+def check_behaviors(chosen: Mapping[str, Any], scheme: ContactScheme, driving: bool = True) -> None:
+    """Raise ValueError, listing the schemes that can, unless a scheme can have all chosen behaviors.
+
+    Passive grains (not ``driving``) are not driven, whatever the scheme.
+    """
+    for behavior in chosen.values():
+        needs = getattr(behavior, "NEEDS", None)
+        if needs is None or (getattr(scheme, needs) and (driving or needs != "drives")):
+            continue
+        able = [name for name, known in SCHEMES.items() if getattr(known, needs)]
+        switched = needs == "turns_bodies" and any(type(scheme) is type(SCHEMES[name]) for name in able)
+        subject = scheme.info.name if driving or needs != "drives" else "passive grains (driving=False)"
+        lacks = behavior.LACKS.format(behavior=f"the {behavior.NAME} {shown(behavior.plain_of(behavior))}")
+        raise ValueError(
+            f"{subject}{' with rotation=False' if switched else ''} {lacks}; schemes that can: {', '.join(able)}"
+        )
+
+
+def kinds_of(walking: Walking) -> dict[str, type[Behavior]]:
+    """Return the class of each behavior that there is in a simulation, by name."""
+    return BEHAVIORS | {one.NAME: type(one) for one in walking.others}

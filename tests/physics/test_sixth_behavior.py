@@ -1,0 +1,114 @@
+"""A behavior that the package does not know, in this file alone: it acts under every scheme, and is kept and recorded.
+
+Pedestrians tire: the speed that they want falls by exp(-t / T) since they began to walk.  A lone pedestrian of relaxation time
+tau then walks at v_0 exp(-t / T) / (1 - tau / T) once the start is forgotten, or without a drive at v_0 exp(-t / T).
+"""
+
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import pytest
+from cases import looped
+
+from crowd_env import SCHEMES, CrowdEnv, Geometry, Population, Scenario, Simulation, Walking, make_bodies, make_state
+from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.behaviors.behavior import Behavior
+from crowd_env.core.checks import Positive, check_fields
+from crowd_env.core.kernels.jit import inner_kernel
+from crowd_env.recording import load, record
+
+pytestmark = [
+    pytest.mark.kernels,
+    pytest.mark.more,
+]  # kernels with a behavior of one's own are compiled in every process
+
+SPEED, TAU, LASTS = 1.5, 0.2, 4.0
+
+
+class Began(NamedTuple):
+    """Since when people walk."""
+
+    time: Annotated[Floats, "P"]  # s
+    walks: Annotated[Bools, "P"]
+
+
+@inner_kernel
+def tire(i, time, vx, vy, batch):
+    memory, lasts = batch.history.memory.fatigue, batch.behaviors.fatigue.lasts
+    if not memory.walks[i]:
+        memory.walks[i], memory.time[i] = True, time
+    share = np.exp((memory.time[i] - time) / lasts)
+    return share * vx, share * vy
+
+
+@dataclass(frozen=True)
+class Fatigue(Behavior):
+    """People tire."""
+
+    lasts: Positive = LASTS  # s
+
+    NAME = "fatigue"
+    MEMORY = Began
+    RECORDED = ("time",)
+    desire = tire
+
+    def __post_init__(self):
+        check_fields("fatigue", self)
+
+
+def corridor():
+    return Geometry.from_polygon([(0, 0), (12, 0), (12, 2), (0, 2)], exits={"east": [(12, 0), (12, 2)]})
+
+
+def one_who_tires(scheme):
+    bodies = make_bodies(np.array([0.2]), 80.0, desired_speed=SPEED, relaxation_time=TAU)
+    walking = Walking(others=(Fatigue(),))
+    return Simulation(corridor(), bodies, make_state(np.array([[0.5, 1.0]])), physics=scheme, walking=walking)
+
+
+@looped("scheme", SCHEMES)
+def test_people_tire_under_every_scheme(scheme):
+    simulation = one_who_tires(scheme)
+    spontaneous = scheme in ("nsm1", "nsm1-loose")
+    factor = 1.0 if spontaneous else 1.0 / (1.0 - TAU / LASTS)
+    for _ in range(3):
+        simulation.advance(n_substeps=round(1.0 / simulation.dt))
+        expected = SPEED * factor * np.exp(-simulation.state.time[0] / LASTS)
+        start = 0.0 if spontaneous else SPEED * factor * np.exp(-simulation.state.time[0] / TAU)
+        assert simulation.state.velocity[0, 0] == pytest.approx(expected - start, rel=6.0 * simulation.dt)
+
+
+@looped("scheme", SCHEMES)
+def test_a_checkpoint_holds_who_has_tired(scheme):
+    simulation = one_who_tires(scheme)
+    simulation.advance(n_substeps=40)
+    kept = simulation.checkpoint()
+    simulation.advance(n_substeps=40)
+    then = simulation.state.position.copy()
+    simulation.history.memory.fatigue.time[:] = 0.3  # of another evacuation
+    simulation.restore(kept)
+    simulation.advance(n_substeps=40)
+    np.testing.assert_array_equal(simulation.state.position, then)
+
+
+@pytest.mark.parametrize("suffix", ["sqlite", "h5"])
+def test_a_recording_holds_it(tmp_path, suffix):
+    people = Population(3, radius=0.2, desired_speed=SPEED, response_time=(0.0, 0.5))
+    place = Scenario("corridor", corridor(), people, time_limit=1.0)
+    env = CrowdEnv(place, physics="nsm2", walking=Walking(others=(Fatigue(),)))
+    recording = record(env, seed=1)
+    path = recording.save(tmp_path / f"a.{suffix}")
+    for found in (recording, load(path)):
+        assert found.memory["time"].shape == found.person.shape
+        np.testing.assert_array_equal(found.memory["time"], recording.memory["time"])
+        assert found.facts["fatigue"] == {"lasts": LASTS}
+
+
+def test_a_name_that_is_taken_is_refused():
+    class Again(Fatigue):
+        NAME = "balance"
+
+    for others in [(Again(),), (Fatigue(), Fatigue(2.0)), (1,)]:
+        with pytest.raises(ValueError, match="others"):
+            Walking(others=others)
