@@ -10,6 +10,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pytest
 from cases import looped
+from numba import config
 
 from crowd_env import SCHEMES, CrowdEnv, Geometry, Population, Scenario, Simulation, Walking, make_bodies, make_state
 from crowd_env.core.arrays.state import Bools, Floats
@@ -23,6 +24,8 @@ pytestmark = [
     pytest.mark.more,
 ]  # kernels with a behavior of one's own are compiled in every process
 
+# All schemes as plain Python, in `make kernels`; compiled, two whose loops differ most.
+UNDER = tuple(SCHEMES) if config.DISABLE_JIT else ("dem", "nsm2")
 SPEED, TAU, LASTS = 1.5, 0.2, 4.0
 
 
@@ -67,7 +70,7 @@ def one_who_tires(scheme):
     return Simulation(corridor(), bodies, make_state(np.array([[0.5, 1.0]])), physics=scheme, walking=walking)
 
 
-@looped("scheme", SCHEMES)
+@looped("scheme", UNDER)
 def test_people_tire_under_every_scheme(scheme):
     simulation = one_who_tires(scheme)
     spontaneous = scheme in ("nsm1", "nsm1-loose")
@@ -79,7 +82,7 @@ def test_people_tire_under_every_scheme(scheme):
         assert simulation.state.velocity[0, 0] == pytest.approx(expected - start, rel=6.0 * simulation.dt)
 
 
-@looped("scheme", SCHEMES)
+@looped("scheme", UNDER)
 def test_a_checkpoint_holds_who_has_tired(scheme):
     simulation = one_who_tires(scheme)
     simulation.advance(n_substeps=40)
