@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
-from crowd_env.geometry.parsing import SLIVER, Area, border_edges, place
+from crowd_env.geometry.parsing import SLIVER, Area, border_edges, place, tangents
 
 _SAME = 1e-9  # m; a point nearer than this to a straight line is on it
 _SNAP = 0.01  # m; an exit may be drawn this far from the boundary ...
@@ -141,10 +141,8 @@ def _say_moved(name: str, by: float) -> None:
 
 def _overlaps(edges: Floats, name: str, segment: Floats, tolerance: float) -> list[_Opening]:
     """Return where ``segment`` (2, 2) runs along ``edges`` (N, 2, 2), no further than ``tolerance`` from them."""
-    start, along = edges[:, 0], edges[:, 1] - edges[:, 0]
-    length = np.hypot(*along.T)
-    along = along / length[:, None]
-    relative = segment[None] - start[:, None]  # (N, 2 ends, 2)
+    along, length = tangents(edges)
+    relative = segment[None] - edges[:, :1]  # (N, 2 ends, 2)
     s = np.einsum("nek,nk->ne", relative, along)
     offset = relative[..., 1] * along[:, None, 0] - relative[..., 0] * along[:, None, 1]
     flip = s[:, 0] > s[:, 1]
@@ -209,8 +207,8 @@ def _cut(edges: Floats, openings: list[_Opening]) -> tuple[Floats, Floats, tuple
 
 def add_aprons(walkable: Area, exits: Floats, depth: float) -> Area:
     """Return the area with a rectangle as wide as the exit and ``depth`` [m] deep outside of each of ``exits`` (X, 2, 2)."""
-    along = exits[:, 1] - exits[:, 0]
-    outward = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]  # the area lies to the left
+    along, _ = tangents(exits)
+    outward = np.stack([along[:, 1], -along[:, 0]], axis=1)  # the area lies to the left
     near, far = exits - _INWARDS * outward[:, None], exits + depth * outward[:, None]
     aprons = shapely.polygons(np.concatenate([near, far[:, ::-1]], axis=1))
     area = shapely.union_all([walkable, *aprons])
@@ -226,8 +224,7 @@ def solid_depth(walls: Floats, area: Area, most: float = 0.25) -> Floats:
     depth = np.full(len(walls), most)
     if not len(walls):
         return depth
-    along = walls[:, 1] - walls[:, 0]
-    along = along / np.hypot(*along.T)[:, None]
+    along, _ = tangents(walls)
     behind = 2 * most * np.column_stack([along[:, 1], -along[:, 0]])
     a, b = walls[:, 0] + SLIVER * along, walls[:, 1] - SLIVER * along
     strips = shapely.polygons(np.stack([a, b, b + behind, a + behind], axis=1))

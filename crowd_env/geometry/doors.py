@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from crowd_env.core.arrays.state import Floats, Ints
-from crowd_env.geometry.parsing import Area, Shape, read_lines, require_inside
+from crowd_env.geometry.parsing import Area, Shape, read_lines, require_inside, tangents
 
 _SHORT = 1e-3  # m
 _SHORTEST = 0.1  # m
@@ -36,8 +36,8 @@ def read_doors(
             raise ValueError(f"door {name!r} has the name of an exit; it must close that exit")
         if isinstance(thing, str) and thing in exit_names:
             segments = exits[[k for k, other in enumerate(exit_names) if other == thing]]
-            along = segments[:, 1] - segments[:, 0]
-            left = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.hypot(*along.T)[:, None]
+            along, _ = tangents(segments)
+            left = np.stack([-along[:, 1], along[:, 0]], axis=1)
             segments = segments + _SHORT * left[:, None, :]  # inside, so that nobody is over the line when it closes
             closes.append(thing)
         else:

@@ -34,6 +34,7 @@ from crowd_env.geometry.parsing import (
     read_exits,
     read_lines,
     require_inside,
+    tangents,
 )
 from crowd_env.geometry.parts import closed_off, is_within, join_near_parts, say_left_out, split_by_exits
 
@@ -184,7 +185,7 @@ class Geometry:
         thin = _thin_walls(area, left_out, read_lines(thin_walls, "thin wall"))
         arcs, chords = NO_ARCS, np.empty((0, 2, 2))
         if radius > 0.0:
-            area, walls, thin, arcs, chords = round_jambs(area, walls, thin, exit_rows, radius)
+            area, walls, thin, chords, arcs = round_jambs(area, walls, thin, exit_rows, radius)
         leaves, door_of_leaf, exits_of_door = read_doors(doors or {}, area, thin, exit_rows, exit_names)
         fixed, sides = len(walls) + len(thin), [len(walls), len(thin) + len(leaves), len(chords)]
         return cls(
@@ -268,9 +269,7 @@ class Geometry:
         members = np.concatenate([members, self.arcs.ends[~on_post].ravel()])
         starts = np.concatenate([start, start[-1] + np.cumsum(np.where(on_post, 0, 2))])
         corner = np.concatenate([ends[members[start[:-1]]], self.arcs.center])
-        along = self.walls[:, 1] - self.walls[:, 0]
-        length = np.hypot(*along.T)
-        tangent = along / length[:, None]
+        tangent, length = tangents(self.walls)
         return Boundary(
             wall=self.walls,
             tangent=tangent,

@@ -20,7 +20,7 @@ from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.geometry.boundary import ends_together, rings_of
-from crowd_env.geometry.parsing import SLIVER, Area, place
+from crowd_env.geometry.parsing import SLIVER, Area, place, tangents
 
 _CHORDS = 32  # of half a turn
 _KEPT = 1e-5  # m; so much is left of a wall between two arcs that meet, lest it have no direction
@@ -89,10 +89,29 @@ def deepen_exits(
     }
 
 
-def round_jambs(
-    area: Area, walls: Floats, thin: Floats, exits: Floats, radius: float
-) -> tuple[Area, Floats, Floats, Arcs, Floats]:
-    """Return area, walls and thin walls with round jambs, the arcs, and the chords (C, 2, 2) [m] that draw them.
+class Rounded(NamedTuple):
+    """A place with round jambs."""
+
+    area: Area
+    walls: Floats  # (W, 2, 2)  m
+    thin: Floats  # (T, 2, 2)  m   thin walls
+    chords: Floats  # (C, 2, 2)  m   that draw the arcs
+    arcs: Arcs
+
+
+class _Corners(NamedTuple):
+    """The corners (A,) that jut into the area."""
+
+    point: Floats  # (A, 2)  m
+    joints: Ints  # (A, 2)  ends of the walls before and behind, see `Arcs.ends`
+    turn: Floats  # (A,)    rad
+    cut: Floats  # (A,)    m   that an arc takes of either wall
+    before: Floats  # (A, 2)  unit vectors of the two walls
+    behind: Floats  # (A, 2)
+
+
+def round_jambs(area: Area, walls: Floats, thin: Floats, exits: Floats, radius: float) -> Rounded:
+    """Return area, walls and thin walls with round jambs.
 
     Corners where more than two walls meet, and the kinks of thin walls, stay sharp.
 
@@ -101,6 +120,35 @@ def round_jambs(
     ValueError
         If the radius is too large for a corner; the sentence names the tightest, and what fits there.
     """
+    corners = _jutting_corners(walls, thin, radius)
+    corner, joints, cut = corners.point, corners.joints, corners.cut
+    along, length = tangents(walls)
+    taken = np.zeros((len(walls), 2))
+    taken[joints // 2, joints % 2] = cut[:, None]
+    _require_walls(corner, joints, taken.sum(axis=1), length, radius)
+    _require_solid(area, corners, radius)
+    taken *= np.minimum(1.0, (length - _KEPT) / np.maximum(taken.sum(axis=1), 1e-300))[:, None]
+    center = corner - cut[:, None] * corners.before + radius * _right_of(corners.before)
+    short = walls.copy()
+    short[:, 0] += taken[:, :1] * along
+    short[:, 1] -= taken[:, 1:] * along
+    first, last = short.reshape(-1, 2)[joints[:, 0]], short.reshape(-1, 2)[joints[:, 1]]
+    arcs = [_arc(c, a, b, t) for c, a, b, t in zip(center, first, last, corners.turn, strict=True)]
+    rounded = _with_arcs(area, corner, arcs)
+    thin, posts, post_ends = _posts(area, thin, walls, exits, radius)
+    circles = [_arc(c, c - (radius, 0), c - (radius, 0), 2 * np.pi) for c in posts]
+    if circles:
+        rounded = shapely.difference(rounded, shapely.union_all([Polygon(circle) for circle in circles]))
+    assert isinstance(rounded, Polygon | MultiPolygon)
+    on_post = np.column_stack([2 * len(walls) + post_ends, np.full(len(posts), -1)])
+    drawn = [np.stack([points[:-1], points[1:]], axis=1) for points in (*arcs, *circles)]
+    chords = np.concatenate([np.empty((0, 2, 2)), *drawn])
+    made = Arcs(radius, np.concatenate([center, posts]), np.concatenate([joints, on_post]), len(chords))
+    return Rounded(rounded, short, thin, chords, made)
+
+
+def _jutting_corners(walls: Floats, thin: Floats, radius: float) -> _Corners:
+    """Return the corners of two walls that jut into the area."""
     ends = np.concatenate([walls, thin]).reshape(-1, 2)
     start, members = ends_together(ends)
     pairs = [np.sort(members[a:b]) for a, b in pairwise(start)]
@@ -113,56 +161,32 @@ def round_jambs(
         ],
         dtype=np.int64,
     ).reshape(-1, 2)
-    along = walls[:, 1] - walls[:, 0]
-    length = np.hypot(*along.T)
-    along = along / length[:, None]
+    along, _ = tangents(walls)
     turn = np.array([_turn(along[a // 2], along[b // 2]) for a, b in joints])
     cut = radius * np.tan(0.5 * turn)
     jutting = cut > SLIVER
-    joints, turn, cut = joints[jutting], turn[jutting], cut[jutting]
-    taken = np.zeros((len(walls), 2))
-    taken[joints // 2, joints % 2] = cut[:, None]
-    corner = ends[joints[:, 0]]
+    joints = joints[jutting]
     before, behind = along[joints[:, 0] // 2], along[joints[:, 1] // 2]
-    inwards = np.column_stack([before[:, 1], -before[:, 0]])
-    _require_walls(corner, joints, taken.sum(axis=1), length, radius)
+    return _Corners(ends[joints[:, 0]], joints, turn[jutting], cut[jutting], before, behind)
+
+
+def _require_solid(area: Area, corners: _Corners, radius: float) -> None:
+    """Refuse a radius whose arcs open the solid to what is walkable behind it."""
 
     def open_behind(r: float) -> np.ndarray:
-        """Return for which corners an arc of radius ``r`` would open the solid to what is walkable behind it."""
-        away = (r / radius * cut)[:, None]
-        first, last = corner - away * before, corner + away * behind
-        kites = shapely.polygons(np.stack([first, corner, last, first + r * inwards], axis=1))
-        return np.asarray(shapely.area(shapely.intersection(kites, area)) > _ROUNDING)
+        away = (r / radius * corners.cut)[:, None]
+        first, last = corners.point - away * corners.before, corners.point + away * corners.behind
+        kites = np.stack([first, corners.point, last, first + r * _right_of(corners.before)], axis=1)
+        return np.asarray(shapely.area(shapely.intersection(shapely.polygons(kites), area)) > _ROUNDING)
 
     if open_behind(radius).any():
         most = _largest(lambda r: not open_behind(r).any(), radius)
         k = int(np.argmax(open_behind(1.001 * most)))
-        raise ValueError(_too_large(radius, corner[k], most))
+        raise ValueError(_too_large(radius, corners.point[k], most))
 
-    most_taken = np.maximum(taken.sum(axis=1), 1e-300)
-    taken *= np.minimum(1.0, (length - _KEPT) / most_taken)[:, None]
-    center = corner - cut[:, None] * before + radius * inwards
-    short = walls.copy()
-    short[:, 0] += taken[:, :1] * along
-    short[:, 1] -= taken[:, 1:] * along
-    first, last = short.reshape(-1, 2)[joints[:, 0]], short.reshape(-1, 2)[joints[:, 1]]
-    arcs = [_arc(c, a, b, t) for c, a, b, t in zip(center, first, last, turn, strict=True)]
-    rounded = _with_arcs(area, corner, arcs)
-    thin, posts, post_ends = _posts(area, thin, walls, exits, radius)
-    circles = [_arc(c, c - (radius, 0), c - (radius, 0), 2 * np.pi) for c in posts]
-    if circles:
-        rounded = shapely.difference(rounded, shapely.union_all([Polygon(circle) for circle in circles]))
-    assert isinstance(rounded, Polygon | MultiPolygon)
-    on_post = np.column_stack([2 * len(walls) + post_ends, np.full(len(posts), -1)])
-    chords = [np.stack([points[:-1], points[1:]], axis=1) for points in (*arcs, *circles)]
-    drawn = np.concatenate([np.empty((0, 2, 2)), *chords])
-    return (
-        rounded,
-        short,
-        thin,
-        Arcs(radius, np.concatenate([center, posts]), np.concatenate([joints, on_post]), len(drawn)),
-        drawn,
-    )
+
+def _right_of(vectors: Floats) -> Floats:
+    return np.column_stack([vectors[:, 1], -vectors[:, 0]])
 
 
 def _same(points: Floats, point: Floats) -> np.ndarray:

@@ -52,6 +52,13 @@ def border_edges(area: Area) -> Floats:
     return np.stack([points[:-1][same], points[1:][same]], axis=1)
 
 
+def tangents(segments: Floats) -> tuple[Floats, Floats]:
+    """Return the unit vectors (N, 2) from end to end of ``segments`` (N, 2, 2) [m], and their lengths (N,) [m]."""
+    along = segments[:, 1] - segments[:, 0]
+    length = np.hypot(*along.T)
+    return along / length[:, None], length
+
+
 def require_inside(what: str, line: Floats, area: Area, allowed: str) -> None:
     """Raise ValueError, naming the place, if a line (K, 2) [m] leaves ``area`` by more than a hair."""
     outside = shapely.difference(shapely.LineString(line), shapely.buffer(area, SLIVER))

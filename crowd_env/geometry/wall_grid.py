@@ -1,6 +1,6 @@
-"""Which walls are near a place: square cells over each geometry, each with the list of walls that come near it.
+"""What is near a place: square cells over each geometry, each with the list of walls that come near it; pairs of points.
 
-A wall between two people hides them from each other, and who looks for it should not look at all walls of a building.
+A wall between two pedestrians hides them from each other.  The cells spare a look at all walls of a building.
 """
 
 from typing import NamedTuple
@@ -63,6 +63,16 @@ def _grid_of(wall: Floats, first: int, reach: float | None) -> tuple[Floats, flo
     cell, near = shapely.STRtree(shapely.linestrings(wall)).query(cells, predicate="dwithin", distance=reach)
     order = np.lexsort((near, cell))
     return low, size, (rows, columns), np.bincount(cell, minlength=len(cells)), first + near[order]
+
+
+def pairs_within(points: Floats, distance: float) -> tuple[Ints, Ints]:
+    """Return the pairs (M,), (M,) of ``points`` (K, 2) [m] no further apart than ``distance`` [m], each with itself too.
+
+    It is for work done now and then; at every step the lists of neighbors are quicker.
+    """
+    places = shapely.points(points)
+    i, j = shapely.STRtree(places).query(places, predicate="dwithin", distance=distance)
+    return i, j
 
 
 @inner_kernel

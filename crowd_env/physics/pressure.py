@@ -11,7 +11,7 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import POSITIVE, array, number, require_all
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.geometry.near import pairs_within
+from crowd_env.geometry.wall_grid import pairs_within
 from crowd_env.physics.simulation.simulation import Simulation
 
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Ints, row_starts
 from crowd_env.routing.fields.field import NavigationField
-from crowd_env.routing.regions import region_masks
-from crowd_env.routing.route_set import RouteSet
+from crowd_env.routing.route_set import RouteSet, region_masks
 from crowd_env.routing.rules import MOST_REGIONS, Guidance, RegionArrays, RuleArrays
 
 _REGION_CELL = 0.05  # m

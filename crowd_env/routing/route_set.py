@@ -11,10 +11,10 @@ from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import known
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields.congestion import CongestionField
+from crowd_env.routing.fields.directions import regions_on_the_way
 from crowd_env.routing.fields.drain import spread
 from crowd_env.routing.fields.extension import carried_along
 from crowd_env.routing.fields.field import NavigationField, OneWay, straight_field, travel_time_field
-from crowd_env.routing.regions import region_masks, regions_along
 from crowd_env.routing.rules import MOST_REGIONS
 from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedMap, SpeedZone
@@ -269,11 +269,21 @@ def _check_doors(plan: RoutePlan) -> None:
             known("exit", event.exit, plan.geometry.exit_names, f"event of door {event.door!r} names an ")
 
 
+def region_masks(geometry: Geometry, points: Floats) -> Ints:
+    """Return which regions ``points`` (..., 2) [m] lie in: bit k is region k of the geometry."""
+    mask = np.zeros(points.shape[:-1], dtype=np.int64)
+    for k, name in enumerate(geometry.regions):
+        mask[geometry.contains(points, name)] |= 1 << k
+    return mask
+
+
 def _with_regions(route: RouteField, geometry: Geometry) -> RouteField:
     """Add to a route the regions that it leads through; one that follows the crowd names none, so no rule turns people away."""
     if route.congestion is not None:
         return route
-    return route._replace(field=replace(route.field, through=regions_along(route.field, geometry)))
+    field = route.field
+    through = regions_on_the_way(field.travel_time, field.direction, region_masks(geometry, field.nodes()))
+    return route._replace(field=replace(field, through=np.asarray(through)))
 
 
 def _with_time_to_exit(route: RouteField, routes: Sequence[RouteField]) -> RouteField:

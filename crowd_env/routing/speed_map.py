@@ -42,7 +42,7 @@ class Comfort:
 
     Parameters
     ----------
-    stairs : number of meters that a meter in a slow zone costs in addition.
+    stairs : number of meters that a meter in a slow zone costs in addition, be it stairs or other slow ground.
     turn : number of meters that passing a corner costs, if it juts into the way.
     reach : m, the distance from a corner over which its cost is spread, which also keeps the way off the corner.
     """

@@ -18,8 +18,7 @@ from crowd_env.core.kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields.field import join_fields, travel_time_field
 from crowd_env.routing.fields.lookup import direction_at, travel_time_at
-from crowd_env.routing.regions import region_masks
-from crowd_env.routing.route_set import RoutePlan
+from crowd_env.routing.route_set import RoutePlan, region_masks
 from crowd_env.routing.spec import ControlRule, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone, jutting_corners
 from crowd_env.scenarios.population import Population, Uniform

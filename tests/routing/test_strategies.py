@@ -24,8 +24,7 @@ from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.routing.fields.field import join_fields
 from crowd_env.routing.fields.fundamental_diagram import SLOWEST, FundamentalDiagram, weidmann
 from crowd_env.routing.fields.lookup import direction_at
-from crowd_env.routing.regions import region_masks
-from crowd_env.routing.route_set import RoutePlan
+from crowd_env.routing.route_set import RoutePlan, region_masks
 from crowd_env.routing.spec import ControlRule, Route
 from crowd_env.routing.speed_map import SpeedZone
 

@@ -10,8 +10,8 @@ from crowd_env.envs.observation.view import View, Ways
 from crowd_env.physics.neighbors.lists import allocate_neighbors
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.physics.workspace import by_reference, replace_arrays
+from crowd_env.routing.fields.bottlenecks import bottlenecks_of, no_bottlenecks
 from crowd_env.routing.fields.field import NavigationField
-from crowd_env.routing.fields.openings import no_openings, openings_of
 
 
 class Observer:
@@ -42,7 +42,7 @@ class Observer:
         self.layout, self._width = layout, layout.size
         direction = np.zeros((people, 2))
         self._simulation, self._known = simulation, list[NavigationField | None]()
-        self._openings = by_reference(no_openings())
+        self._openings = by_reference(no_bottlenecks())
         self._update_openings()
         self._everywhere = np.arange(environments)
         largest = int(np.diff(simulation.bodies.env_start).max())
@@ -111,7 +111,7 @@ class Observer:
             return
         self._known = list(planner.fields)
         geometries = [self._simulation.geometries[g] for g in planner.geometry_of_field]
-        replace_arrays(self._openings, openings_of(self._known, geometries))
+        replace_arrays(self._openings, bottlenecks_of(self._known, geometries))
 
     def finish(self, rows: np.ndarray, environments: Ints | None = None) -> np.ndarray:
         """Return the rows, with terms of one's own of these environments; None = of all."""

@@ -24,8 +24,8 @@ from crowd_env.envs.observation.view import (
     View,
 )
 from crowd_env.envs.observation.ways import way_features
+from crowd_env.routing.fields.bottlenecks import bottleneck_at
 from crowd_env.routing.fields.lookup import travel_time_at, way_at
-from crowd_env.routing.fields.openings import opening_at
 
 COMPANY_SCALE = 3.0  # people   so many companions are observed as 1/2
 KICK_SCALE = 1.0  # m/s   an impulse that changes the own speed by this much is observed as 1
@@ -121,7 +121,7 @@ def write_own_features(e: int, begin: int, end: int, view: View, column: Columns
 def write_opening(e: int, i: int, k: int, view: View, out: Rows) -> None:
     """Write the term `opening` of person ``i`` into two columns; 0 where no way is known."""
     p = view.potential_of_route[e, view.followed[i]]
-    width, rest = opening_at(view.openings, p, view.state.position[i, 0], view.state.position[i, 1])
+    width, rest = bottleneck_at(view.openings, p, view.state.position[i, 0], view.state.position[i, 1])
     if width > 0.0:
         speed = max(view.bodies.desired_speed[i], SLOWEST)
         time = max(view.potential[i] - rest / speed, 0.0)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.physics.neighbors.lists import NeighborList
+from crowd_env.routing.fields.bottlenecks import Bottlenecks
 from crowd_env.routing.fields.lookup import FieldArrays
-from crowd_env.routing.fields.openings import Openings
 
 Rows = NDArray[np.float32]
 Cells = NDArray[np.int32]
@@ -55,7 +55,7 @@ class View(NamedTuple):
     reached: Floats  # (P, 2)  s, least potential so far, and when; kept where it is observed
     distance_to_go: Floats  # (P,)    m   scratch: the rest of the route of those who are seen
     ways: Ways
-    openings: Openings  # a reference; of no field where nobody observes them
+    openings: Bottlenecks  # a reference; of no field where nobody observes them
     length_of_way: Floats  # (P, C)  m   scratch: rest of each way from where they stand, as `distance_to_go`
     company_sums: Floats  # (P, 3)  scratch: of each company inside the positions [m] and the number of members
     heads_for: Ints  # (P,)    scratch: the way that they go, or that looks most like it

@@ -204,37 +204,37 @@ def _make_grid(plan: Plan, spacing: float) -> Grid:
     return Grid(origin, spacing, inside, distance(plan.walls, plan.radius + 2 * spacing))
 
 
-class Level(NamedTuple):
-    """The nodes from which bodies of one size get out, and smaller ones."""
+class Dilation(NamedTuple):
+    """The walls dilated for bodies of one size: the nodes from which these get out, and smaller ones."""
 
     radius: float  # m, of the body
-    dilation: float  # m, of the walls
+    depth: float  # m, by which the walls are dilated
     reached: Bools  # (rows, cols)  where the center may be, those of larger bodies included
     parts: Ints  # (rows, cols)  1 = reached, 2, 3 ... = parts that are not, 0 = too near to a wall
     closed: set[str]  # exits that such a body cannot pass
 
 
-def _levels(plan: Plan, nodes: Grid, spacing: float) -> Iterator[Level]:
-    """Yield a level for each size of body: the largest first, since whoever is smaller may go where that one goes."""
+def _dilations(plan: Plan, nodes: Grid, spacing: float) -> Iterator[Dilation]:
+    """Yield a dilation for each size of body, the largest first: a smaller body may go wherever a larger one goes."""
     least = max(plan.min_radius, 2 * spacing)  # nodes on both sides of a thin wall must be no neighbors
     sizes = np.linspace(max(plan.radius, least), least, _SIZES if least < plan.radius else 1).tolist()
     before = np.zeros_like(nodes.inside)
-    dilations = [(body, body) for body in sizes]
+    depths = [(body, body) for body in sizes]
     if next(_finer(plan, nodes.spacing), None) is None:
         # A passage exactly as wide as a body holds no chain of nodes, unless one lies on its axis: the finest grid allows it.
         slack = _SLACK * nodes.spacing
-        dilations = [dilations[0], (sizes[0], sizes[0] - slack), *dilations[1:], (sizes[-1], sizes[-1] - slack)]
-    for body, dilation in dilations:
-        free = nodes.inside & (nodes.clearance >= dilation - TOUCH)
+        depths = [depths[0], (sizes[0], sizes[0] - slack), *depths[1:], (sizes[-1], sizes[-1] - slack)]
+    for body, depth in depths:
+        free = nodes.inside & (nodes.clearance >= depth - TOUCH)
         seeds, closed = free & (in_goal(plan, nodes) | before), set(plan.widest)
         for segment, name in zip(plan.exits, plan.names, strict=True):
-            near = free & (source_distance(segment[None], nodes, dilation) < SOURCE * nodes.spacing)
+            near = free & (source_distance(segment[None], nodes, depth) < SOURCE * nodes.spacing)
             if plan.widest[name] >= 2 * body - TOUCH and near.any():
                 seeds |= near
                 closed.discard(name)
         parts = grid.connected_parts(free, seeds)
         before = parts == 1
-        yield Level(body, dilation, before, parts, closed)
+        yield Dilation(body, depth, before, parts, closed)
 
 
 def _finer(plan: Plan, spacing: float) -> Iterator[float]:
@@ -246,31 +246,31 @@ def _finer(plan: Plan, spacing: float) -> Iterator[float]:
         yield spacing
 
 
-def _most_open(plan: Plan, spacing: float) -> tuple[Grid, list[Level]]:
-    """Return the grid on which the largest bodies get furthest, the coarsest of those that show as much, and its levels.
+def _most_open(plan: Plan, spacing: float) -> tuple[Grid, list[Dilation]]:
+    """Return the grid on which the largest bodies get furthest, the coarsest of those that show as much, and its dilations.
 
-    The levels are left to the caller, [], unless the first is all that is needed, as in most places.
+    These are left to the caller, [], unless the first is all that is needed, as in most places.
     """
     smallest, most, best = max(plan.min_radius, 2 * spacing), -np.inf, None
     for h in chain(_coarse(plan, spacing), [spacing], () if plan.partial else _finer(plan, spacing)):
         nodes = _make_grid(plan, h)
-        for k, level in enumerate(_levels(plan, nodes, max(h, spacing))):
-            if level.radius < plan.radius:
+        for k, dilation in enumerate(_dilations(plan, nodes, max(h, spacing))):
+            if dilation.radius < plan.radius:
                 break
-            whole = not level.closed and _lost_part(level.parts, nodes, smallest) is None
+            whole = not dilation.closed and _lost_part(dilation.parts, nodes, smallest) is None
             if h > spacing and not whole:
                 break  # such as a region to lead to that is too small for it
-            area = float(level.reached.sum()) * h**2
+            area = float(dilation.reached.sum()) * h**2
             if best is None or area > most + np.pi * smallest**2:
                 best, most = nodes, area
             if whole:
-                return nodes, [] if k else [level]
+                return nodes, [] if k else [dilation]
     assert best is not None
     return best, []
 
 
-def dilate(plan: Plan, spacing: float) -> tuple[Grid, list[Level]]:
-    """Return the grid, and the levels that lead all of the area to an exit: one, unless only small bodies get out of a part.
+def dilate(plan: Plan, spacing: float) -> tuple[Grid, list[Dilation]]:
+    """Return the grid, and the dilations that lead all of the area to an exit: one, unless only small bodies leave a part.
 
     Raises
     ------
@@ -282,33 +282,33 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, list[Level]]:
         return best, whole
     leads_anywhere = len(plan.rows) == len(plan.geometry.exits)  # of one exit alone it is not worth a word
     for nodes in chain([best], (_make_grid(plan, h) for h in _finer(plan, best.spacing))):
-        levels: list[Level] = []
+        dilations: list[Dilation] = []
         lost, closed = None, set(plan.widest)
-        for level in _levels(plan, nodes, spacing):
-            if level.reached.any() and (not levels or (level.reached & (levels[-1].parts > 1)).any()):
-                if lost is not None and level.radius < plan.radius and leads_anywhere:
+        for dilation in _dilations(plan, nodes, spacing):
+            if dilation.reached.any() and (not dilations or (dilation.reached & (dilations[-1].parts > 1)).any()):
+                if lost is not None and dilation.radius < plan.radius and leads_anywhere:
                     warnings.warn(
                         f"the way out from ({lost[0]:.2f}, {lost[1]:.2f}) is too narrow for a body of radius {plan.radius:g} m:"
-                        f" it is made for {level.radius:.3g} m, larger people will squeeze",
+                        f" it is made for {dilation.radius:.3g} m, larger people will squeeze",
                         stacklevel=3,
                     )
-                levels.append(level)
-            lost, closed = _lost_part(level.parts, nodes, smallest), closed & level.closed
-            if levels and lost is None and not closed:
-                return nodes, levels
-        if plan.partial and levels and lost is not None and not closed:
+                dilations.append(dilation)
+            lost, closed = _lost_part(dilation.parts, nodes, smallest), closed & dilation.closed
+            if dilations and lost is None and not closed:
+                return nodes, dilations
+        if plan.partial and dilations and lost is not None and not closed:
             warnings.warn(
                 f"as the doors stand, no exit can be reached from ({lost[0]:.2f}, {lost[1]:.2f}): people wait there",
                 stacklevel=3,
             )
-            return nodes, levels
+            return nodes, dilations
     if closed:
         narrowest = min(closed, key=plan.widest.__getitem__)
         problem = f"the way to exit {narrowest!r} is blocked right in front of it"
         if plan.widest[narrowest] < 2 * smallest - TOUCH:
             problem = f"exit {narrowest!r} is too narrow"
     else:
-        assert lost is not None  # or the levels would do
+        assert lost is not None  # or the dilations would do
         what = "no exit can" if plan.goal is None else "the region that the way leads to cannot"
         problem = f"{what} be reached from ({lost[0]:.2f}, {lost[1]:.2f})"
     raise ValueError(f"{problem} for a body of diameter {2 * smallest:.2f} m; widen the passage or open an exit there")

@@ -17,9 +17,8 @@ import numpy as np
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.routing.fields import grid
 from crowd_env.routing.fields.directions import regions_on_the_way
-from crowd_env.routing.fields.even_flow import drain
 from crowd_env.routing.fields.field import NavigationField
-from crowd_env.routing.fields.fronts import parts_of_levels
+from crowd_env.routing.fields.fronts import parts_of_bands
 from crowd_env.routing.fields.grid import RIGHT, UP
 from crowd_env.routing.fields.lookup import BLEND
 
@@ -45,7 +44,7 @@ def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> Naviga
     blocked = grid.blocked_lines(walls, floor.shape, field.origin, spacing)
     right = (blocked[:, :-1] & RIGHT == 0) & (way[:, 1:, 0] - way[:, :-1, 0] < _PARTING) & floor[:, :-1] & floor[:, 1:]
     up = (blocked[:-1] & UP == 0) & (way[1:, :, 1] - way[:-1, :, 1] < _PARTING) & floor[:-1] & floor[1:]
-    ends, part = floor & (time < spacing), parts_of_levels(np.where(floor, 0, -1), right, up)
+    ends, part = floor & (time < spacing), parts_of_bands(np.where(floor, 0, -1), right, up)
     floor = np.isin(part, part[ends])
     if not floor.any():
         return field
@@ -86,7 +85,7 @@ def _drain(ends: Bools, floor: Bools, right: Bools, up: Bools) -> Floats:
     ):
         beside[here[link], 2 * k], beside[there[link], 2 * k + 1] = there[link], here[link]
     found, scratch = np.zeros(len(beside)), np.ones((3, len(beside)))
-    drain(beside, ends[floor], found, scratch)
+    grid.drain(beside, ends[floor], found, scratch)
     phi[floor] = found
     x, y = right * (phi[:, :-1] - phi[:, 1:]), up * (phi[:-1] - phi[1:])
     flow = np.zeros((*floor.shape, 2))

@@ -8,7 +8,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.kernels.jit import allocating_kernel, inner_kernel, kernel
 from crowd_env.routing.fields.lookup import crosses
-from crowd_env.routing.fields.taut import Targets, aim, passes
+from crowd_env.routing.fields.string_pulling import Targets, aim, passes
 
 _LEAN = 2.0  # how much a direction turns away from the wall per body radius of depth in the band along it
 

@@ -19,8 +19,8 @@ from crowd_env.routing.fields.directions import cell_kinds, descend
 from crowd_env.routing.fields.domain import (
     SOURCE,
     TOUCH,
+    Dilation,
     Grid,
-    Level,
     Plan,
     choose_spacing,
     dilate,
@@ -32,7 +32,7 @@ from crowd_env.routing.fields.domain import (
 from crowd_env.routing.fields.extension import extend_once, fill_from_nearest
 from crowd_env.routing.fields.lookup import FieldArrays
 from crowd_env.routing.fields.marching import Gate, gate, lead_through, march, march_on, march_through
-from crowd_env.routing.fields.taut import make_targets, pull_taut
+from crowd_env.routing.fields.string_pulling import make_targets, pull_strings
 
 
 @dataclass(frozen=True)
@@ -182,9 +182,9 @@ def travel_time_field(
     lines = [line for door in one_way if door.door not in closed for line in door.lines(geometry)]
     plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius, goal, closed)
     plan = plan._replace(one_way=bool(lines))
-    nodes, levels = dilate(plan, choose_spacing(plan))
+    nodes, dilations = dilate(plan, choose_spacing(plan))
     local_speed = None if speed is None else np.asarray(speed(nodes.points()), dtype=np.float64)
-    return _solve(plan, nodes, levels, local_speed, lines)
+    return _solve(plan, nodes, dilations, local_speed, lines)
 
 
 def straight_field(field: NavigationField, geometry: Geometry, margin: float) -> NavigationField:
@@ -244,15 +244,15 @@ def rows_in_batch(exits: Ints, first: int) -> Ints:
 
 
 def _solve(
-    plan: Plan, nodes: Grid, levels: Sequence[Level], speed: Floats | None, one_way: Sequence[Floats] = ()
+    plan: Plan, nodes: Grid, dilations: Sequence[Dilation], speed: Floats | None, one_way: Sequence[Floats] = ()
 ) -> NavigationField:
     """March through the free nodes, extend to all walkable ones, and find directions and straight lines."""
-    h, dilation = nodes.spacing, levels[0].dilation
+    h, dilation = nodes.spacing, dilations[0].depth
     # In large places walls are dilated by more than a body.
     radius, reach = min(dilation, plan.radius), dilation + SOURCE * h
-    free = _free(nodes, levels[0])
+    free = _free(nodes, dilations[0])
     gates = [gate(line, free, nodes.points(), h) for line in one_way]
-    time, fits = _march(plan, nodes, levels, np.ones(free.shape) if speed is None else speed, gates)
+    time, fits = _march(plan, nodes, dilations, np.ones(free.shape) if speed is None else speed, gates)
     direction = descend(time, h)
     lead_through(time, direction, gates)
     # No straight line may lead back through a one-way door.
@@ -272,7 +272,7 @@ def _solve(
     clear = (nodes.clearance >= radius - TOUCH) & ~strip
     plain = np.empty((0, 0), dtype=bool) if speed is None else speed == 1.0
     order = np.argsort(time, axis=None, kind="stable")
-    pull_taut(time, direction, target, order, clear, targets, around, plain, nodes.origin, h)
+    pull_strings(time, direction, target, order, clear, targets, around, plain, nodes.origin, h)
     del order  # what is made next is as large
     # The ragged edge of the march belongs to the band along the walls, unless it alone leads through a passage.
     edge = free if dilation == radius else ~np.isnan(time)
@@ -296,30 +296,32 @@ def _solve(
     )
 
 
-def _march(plan: Plan, nodes: Grid, levels: Sequence[Level], speed: Floats, gates: list[Gate]) -> tuple[Floats, Floats]:
+def _march(
+    plan: Plan, nodes: Grid, dilations: Sequence[Dilation], speed: Floats, gates: list[Gate]
+) -> tuple[Floats, Floats]:
     """Return the travel times [s] that the march finds, and the largest body [m] that gets out; both nan where it left out."""
-    free, h = _free(nodes, levels[0]), nodes.spacing
-    time, level = _sources(plan, nodes, levels[0].dilation, free, speed)
+    free, h = _free(nodes, dilations[0]), nodes.spacing
+    time, level = _sources(plan, nodes, dilations[0].depth, free, speed)
     start = SOURCE * h if plan.goal is None else 0.0
     if gates:
         time = march_through(time, level, free, speed, h, start, gates)
     else:
         time = march(time, level, free, speed, h, start)
-    fits = np.where(np.isnan(time), np.nan, levels[0].radius)
-    for smaller in levels[1:]:
+    fits = np.where(np.isnan(time), np.nan, dilations[0].radius)
+    for smaller in dilations[1:]:
         free = _free(nodes, smaller)
-        sources, _ = _sources(plan, nodes, smaller.dilation, free, speed)
+        sources, _ = _sources(plan, nodes, smaller.depth, free, speed)
         time = march_on(np.fmin(time, sources) if plan.goal is None else time, free, speed, h)
         fits[np.isnan(fits) & ~np.isnan(time)] = smaller.radius
     return time, fits
 
 
-def _free(nodes: Grid, level: Level) -> Bools:
+def _free(nodes: Grid, dilation: Dilation) -> Bools:
     """Return where the center of a body of this size is on its way.
 
     That is half a spacing more, so that the ragged edge of the nodes lies at the radius on average, not beyond it.
     """
-    return grid.with_fringe(level.reached, nodes.inside & (nodes.clearance >= level.dilation - nodes.spacing / 2))
+    return grid.with_fringe(dilation.reached, nodes.inside & (nodes.clearance >= dilation.depth - nodes.spacing / 2))
 
 
 def _sources(plan: Plan, nodes: Grid, radius: float, free: Bools, speed: Floats) -> tuple[Floats, Floats]:

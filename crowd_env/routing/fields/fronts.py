@@ -1,8 +1,8 @@
 """The fronts in which a crowd comes to a way out, and how long it queues there.
 
-A front is a connected piece of floor that is equally far from the way out, `DEPTH` deep.  All who are as far as that and have
-to pass the same opening wait for each other there, whichever branch they come by; nobody gets past the others by walking
-around them.  Where ways part for good, a queue on one of them makes the other the faster one.
+The floor is divided into bands, each `DEPTH` deep, by the distance to the way out.  A front is a connected piece of a band.
+People in one band who have to pass the same opening wait for each other there, whichever branch they come by.  Nobody gets past
+the others by walking around them.  Where ways part for good, a queue on one of them makes the other the faster one.
 """
 
 from heapq import heapify, heappop, heappush
@@ -41,20 +41,20 @@ class Fronts:
     ) -> None:
         self._depth = max(DEPTH, 2.5 * spacing)  # s at 1 m/s
         known = np.isfinite(time) & free  # others may lie on walls, with floor on both sides
-        level = np.where(known, np.where(known, time, 0.0) / self._depth, -1.0).astype(np.int64)
+        band = np.where(known, np.where(known, time, 0.0) / self._depth, -1.0).astype(np.int64)
         open_right, open_up = blocked[:, :-1] & RIGHT == 0, blocked[:-1] & UP == 0
         right, up = open_right & known[:, :-1] & known[:, 1:], open_up & known[:-1] & known[1:]
-        front = parts_of_levels(level, right, up)
+        front = parts_of_bands(band, right, up)
         count = int(front.max(initial=0)) + 1
-        level_of = np.full(count, -1)
-        level_of[front] = level
+        band_of = np.full(count, -1)
+        band_of[front] = band
         size = np.maximum(np.bincount(front.ravel(), minlength=count), 1)
         share = np.bincount(front.ravel(), speed.ravel(), count) / size
         self._length = self._depth * np.maximum(share, 1e-6)  # m; slow ground takes longer, and lets fewer pass
         self._width = size * spacing**2 / self._length * share
         seen = np.full(count, np.inf)
         np.minimum.at(seen, front.ravel(), width.ravel())
-        self._first = np.flatnonzero(level_of == 0)
+        self._first = np.flatnonzero(band_of == 0)
         self._width[self._first] = np.minimum(self._width, seen)[self._first]
         self._width = np.maximum(self._width, 1e-6)
         pairs = np.concatenate(
@@ -65,9 +65,9 @@ class Fronts:
         for one, other in pairs.T.tolist():
             self._beside[one].add(other)
             self._beside[other].add(one)
-        self._ahead = [[p for p in near if level_of[p] < level_of[n]] for n, near in enumerate(self._beside)]
-        self._by_level, self._level = np.argsort(level_of, kind="stable").tolist(), level_of
-        self._steps = [self._step(list(fronts)) for _, fronts in groupby(self._by_level, level_of.__getitem__)]
+        self._ahead = [[p for p in near if band_of[p] < band_of[n]] for n, near in enumerate(self._beside)]
+        self._by_band, self._band = np.argsort(band_of, kind="stable").tolist(), band_of
+        self._steps = [self._step(list(fronts)) for _, fronts in groupby(self._by_band, band_of.__getitem__)]
         self._steps = [step for step in self._steps if len(step[0])]
         self.front = _spread(front, open_right, open_up)
 
@@ -86,18 +86,16 @@ class Fronts:
 
     def queue(self, node: tuple[Ints, Ints], people: FundamentalDiagram) -> Floats:
         """Return how many times as long as for somebody alone (K,) each front takes, with people at these nodes."""
-        inside = np.bincount(self.front[node], minlength=len(self._level))
+        inside = np.bincount(self.front[node], minlength=len(self._band))
         inside[0] = 0
-        passing = np.zeros(
-            (len(inside), int(self._level.max()) + 1)
-        )  # people of each level who come through each front
-        passing[np.arange(len(inside)), self._level] = inside
+        passing = np.zeros((len(inside), int(self._band.max()) + 1))  # people of each band who come through each front
+        passing[np.arange(len(inside)), self._band] = inside
         for behind, ahead, share, _ in reversed(self._steps):
             np.add.at(passing, ahead, passing[behind] * share)
         waiting = passing / people.flow(self._width)[:, None]  # s
         for behind, ahead, _, first in self._steps:
             waiting[behind[first]] = np.maximum(waiting[behind[first]], np.minimum.reduceat(waiting[ahead], first))
-        longest = waiting[np.arange(len(inside)), self._level]
+        longest = waiting[np.arange(len(inside)), self._band]
         longest[0] = 0.0
         return np.asarray(np.maximum(longest * people.desired_speed / self._depth, 1.0))
 
@@ -116,7 +114,7 @@ class Fronts:
                 if later < time[other]:
                     heappush(heap, (later, other, n))
         keeps = np.zeros(len(queue), dtype=np.bool_)
-        for n in self._by_level:
+        for n in self._by_band:
             ahead = self._ahead[n]
             keeps[n] = (then[n] in ahead and all(keeps[p] for p in ahead)) if ahead else then[n] < 0
         return keeps
@@ -137,15 +135,15 @@ def _spread(front: Ints, right: Bools, up: Bools) -> Ints:
     return front
 
 
-def parts_of_levels(level: Ints, right: Bools, up: Bools) -> Ints:
-    """Return a number per node (rows, cols) of the connected part of its ``level`` (-1 = none: part 0).
+def parts_of_bands(band: Ints, right: Bools, up: Bools) -> Ints:
+    """Return a number per node (rows, cols) of the connected part of its ``band`` (-1 = none: part 0).
 
     ``right`` (rows, cols - 1) and ``up`` (rows - 1, cols) say between which neighbors one can walk.
     """
-    rows, cols = level.shape
+    rows, cols = band.shape
     linked = np.zeros((2 * rows - 1, 2 * cols - 1), dtype=np.bool_)
-    linked[::2, ::2] = level >= 0
-    linked[::2, 1::2] = right & (level[:, :-1] == level[:, 1:])
-    linked[1::2, ::2] = up & (level[:-1] == level[1:])
+    linked[::2, ::2] = band >= 0
+    linked[::2, 1::2] = right & (band[:, :-1] == band[:, 1:])
+    linked[1::2, ::2] = up & (band[:-1] == band[1:])
     part = connected_parts(linked, np.zeros_like(linked))[::2, ::2]
     return np.asarray(np.where(part > 0, part - 1, 0))

@@ -1,4 +1,4 @@
-"""The nodes of a grid: distance to walls, lines that walls cross, parts that are connected.
+"""The nodes of a grid: distance to walls, lines that walls cross, connected parts, an even flow between them.
 
 Arrays over nodes have shape (rows, cols); node (i, j) lies at ``origin + spacing * (j, i)``.
 """
@@ -11,6 +11,8 @@ from crowd_env.core.kernels.jit import inner_kernel, kernel
 from crowd_env.routing.fields.lookup import crosses
 
 _AROUND = 8  # nodes
+_ENOUGH = 1e-4  # share of the sources that may be left unbalanced
+_MOST = 4000  # steps of conjugate gradients
 RIGHT, UP, DIAGONAL, ANTIDIAGONAL = 1, 2, 4, 8  # lines between the nodes of the cell right of and above a node
 
 
@@ -145,3 +147,30 @@ def connected_parts(free: Bools, seeds: Bools) -> Ints:
     others = (part == np.arange(len(part))) & (number == 0)
     number[others] = 2 + np.arange(np.count_nonzero(others))
     return np.append(number[part], 0)[run]
+
+
+@kernel
+def drain(beside: Ints, ends: Bools, phi: Floats, scratch: Floats) -> None:
+    """Write the potential ``phi`` (K,) of `crowd_env.routing.fields.drain`, by conjugate gradients.
+
+    ``beside`` (K, 4) are the neighbors of each node; the node itself stands for a neighbor behind a wall.  ``ends`` (K,) are
+    the nodes next to the way out.  ``scratch`` (3, K) is 1 at first.
+    """
+    left, step, out = scratch
+    square = float(len(phi))
+    enough = _ENOUGH * _ENOUGH * square
+    for _ in range(_MOST):
+        if square <= enough:
+            break
+        along = 0.0
+        for k in range(len(phi)):
+            others = step[beside[k, 0]] + step[beside[k, 1]] + step[beside[k, 2]] + step[beside[k, 3]]
+            out[k] = (5.0 if ends[k] else 4.0) * step[k] - others
+            along += step[k] * out[k]
+        share, before, square = square / along, square, 0.0
+        for k in range(len(phi)):
+            phi[k] += share * step[k]
+            left[k] -= share * out[k]
+            square += left[k] * left[k]
+        for k in range(len(phi)):
+            step[k] = left[k] + square / before * step[k]

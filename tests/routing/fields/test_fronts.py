@@ -67,5 +67,5 @@ def test_without_people_the_shortest_way_is_the_fastest_everywhere(name):
 def test_fronts_do_not_reach_through_walls():
     """Walls of the theatre, 0.2 m thick, run along lines of nodes; beyond them the exit is nearer by many meters."""
     fronts = make_scenario("theatre-v0").route_set("fastest").routes[1].congestion._fronts
-    jumps = [abs(fronts._level[n] - fronts._level[p]) for n, near in enumerate(fronts._beside) for p in near]
+    jumps = [abs(fronts._band[n] - fronts._band[p]) for n, near in enumerate(fronts._beside) for p in near]
     assert max(jumps) <= 5  # at the edge of stairs; through a wall it was 30

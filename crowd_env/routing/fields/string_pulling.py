@@ -1,11 +1,14 @@
-"""The shortest way as a taut string: straight lines to an exit, and around the corners that stand in between.
+"""String pulling: the shortest way as straight lines to an exit, and arcs around the corners in between.
 
-A disc keeps its radius from every wall.  The shortest way of its center is therefore made of straight lines and of arcs around
-wall ends: no matter how a place lies to the axes of the grid, these are known to the last digit.  The march says which of them
-to look at.
+A disc keeps its radius from every wall.  The shortest way of its center is made of straight lines and of arcs around wall ends.
+These are exact, however the place lies to the axes of the grid.  The march says which of them to look at.
 
-A *target* is what a straight line leads to, by number: exit k (0 ... X-1), or the circle around wall end n, along which the way
-then turns counterclockwise (X + 2n) or clockwise (X + 2n + 1).
+A *target* is what a straight line leads to, by number.  Exits have the numbers 0 ... X-1.  The circle around wall end c has
+two: the way turns around it counterclockwise (X + 2c) or clockwise (X + 2c + 1).  ``spin`` is 1 and -1 then::
+
+    node (x, y) ---- (ex, ey) ----> (tx, ty)     along a tangent of the circle, ``offset`` = spin * radius to its left
+                                        ) o      around the wall end ``targets.corner[c]``, by the angle `_turn`
+                     exit <------------          along ``targets.leave``; ``targets.rest`` is left to walk
 """
 
 from typing import NamedTuple
@@ -95,17 +98,17 @@ def aim(targets: Targets, n: int, x: float, y: float) -> tuple[float, float, flo
         tx, ty = nearest_on_exit(frame, x, y, radius)
         ex, ey = through_exit(frame, x, y, radius, radius)
         return ex, ey, np.sqrt((tx - x) ** 2 + (ty - y) ** 2), tx, ty
-    k = n - len(targets.exits)
-    spin = 1.0 - 2.0 * (k & 1)
-    dx, dy = targets.corner[k >> 1, 0] - x, targets.corner[k >> 1, 1] - y
+    bend = n - len(targets.exits)
+    spin = 1.0 - 2.0 * (bend & 1)
+    dx, dy = targets.corner[bend >> 1, 0] - x, targets.corner[bend >> 1, 1] - y
     square = dx * dx + dy * dy
-    if targets.rest[k] == np.inf or square < (radius - _TOUCH) ** 2:
+    if targets.rest[bend] == np.inf or square < (radius - _TOUCH) ** 2:
         return nowhere
     ex, ey = _tangent(dx, dy, spin * radius)
-    length, turn = np.sqrt(max(square - radius * radius, 0.0)), _turn(ex, ey, targets.leave[k], spin)
+    length, turn = np.sqrt(max(square - radius * radius, 0.0)), _turn(ex, ey, targets.leave[bend], spin)
     if turn < -_TOUCH:
         return nowhere
-    return ex, ey, length + radius * turn + targets.rest[k], x + length * ex, y + length * ey
+    return ex, ey, length + radius * turn + targets.rest[bend], x + length * ex, y + length * ey
 
 
 @inner_kernel
@@ -199,7 +202,7 @@ def _find_ways_around(targets: Targets, around: Floats, plain: Bools, origin: Fl
 
 
 @kernel
-def pull_taut(
+def pull_strings(
     time: Floats, direction: Floats, target: Ints, order: Ints, clear: Bools, targets: Targets, around: Floats,
     plain: Bools, origin: Floats, spacing: float,
 ) -> None:  # fmt: skip

@@ -1,4 +1,4 @@
-"""The narrowest opening on the way ahead: as wide as it was drawn, from wherever one comes, however the place is turned."""
+"""The narrowest bottleneck on the way ahead: as wide as it was drawn, from wherever one comes, however the place is turned."""
 
 import numpy as np
 import pytest
@@ -7,8 +7,8 @@ from shapely.geometry import box
 
 from crowd_env import CrowdEnv, ObservationLayout, Scenario, make_scenario
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.routing.fields.bottlenecks import WIDEST, bottlenecks_of
 from crowd_env.routing.fields.field import travel_time_field
-from crowd_env.routing.fields.openings import WIDEST, openings_of
 from crowd_env.scenarios.distributions import Uniform
 from crowd_env.scenarios.population import Population
 
@@ -31,7 +31,7 @@ def place(inner=None, outer=1.4, angle=0.0, thick=0.2):
 def of_nodes(geometry, radius=RADIUS):
     """Return where the nodes are (K, 2), unturned places alone, and the opening ahead of each: width (K,) and rest (K,)."""
     field = travel_time_field(geometry, radius)
-    found = openings_of([field], [geometry])
+    found = bottlenecks_of([field], [geometry])
     rows, cols = found.shape[0]
     x, y = np.meshgrid(*(found.origin[0, k] + found.spacing[0] * np.arange(n) for k, n in ((0, cols), (1, rows))))
     known = ~np.isnan(found.width)
@@ -64,7 +64,7 @@ def test_no_corner_makes_one_forget_what_is_ahead(angle):
     """Between seats, the neighbors that are nearer to the exit lie aside of the way; theirs is the narrowest ahead."""
     geometry = make_scenario("theatre-v0").turned(angle, False).geometry
     field = travel_time_field(geometry, RADIUS)
-    found = openings_of([field], [geometry])
+    found = bottlenecks_of([field], [geometry])
     stride = round(float(found.spacing[0] / field.spacing))
     time, width = field.travel_time[::stride, ::stride], found.width.reshape(found.shape[0])
     around = np.s_[1:-1, 1:-1]
