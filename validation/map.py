@@ -7,7 +7,7 @@ from crowd_env.core.files.atomic import write_text
 from crowd_env.core.files.json_file import read_json
 from validation.cases import CASES
 from validation.cases.case import COMPARED
-from validation.pages import ROOT, Grid, grid, pivoted, read_table
+from validation.pages import ROOT, Grid, Rows, pivoted, read_table
 from validation.sources import Source
 
 LIMITS = ROOT / "crowd_env/rendering/report/page_parts/limits.json"
@@ -18,7 +18,7 @@ _SAID = {True: "yes", False: "**no**", None: "–"}
 _OUTCOME = {"yes": "yes", "**no**": "no", "–": "reported"}
 
 
-def measured(source: Source, *cases: str, manner: str = "") -> Grid:
+def measured(source: Source, *cases: str, manner: str = "") -> Rows:
     """One row a case or test, manner and scheme: whether it passed, and the figures."""
     rows = [
         {**row, "said": _SAID[row["passed"]]}
@@ -27,20 +27,16 @@ def measured(source: Source, *cases: str, manner: str = "") -> Grid:
     ]
     order = list(dict.fromkeys(row["case"] for row in rows)).index
     manners = list(dict.fromkeys(row["manner"] for row in rows)).index
-    rows.sort(key=lambda row: (order(row["case"]), manners(row["manner"])))
-    columns = {"case or test": "`{case}`", "manner": "{manner}", "scheme": "`{scheme}`", "passed": "{said}"}
-    return grid(rows, **columns, figures="{figure}")
+    return sorted(rows, key=lambda row: (order(row["case"]), manners(row["manner"])))
 
 
-def criteria(source: Source) -> Grid:
+def criteria(source: Source) -> Rows:
     """One row a case or test: what it asks for, and where that comes from."""
-    rows = {row["case"]: row for row in source.rows(*CASES_OF_MAP) if row["case"] != "not supported"}
-    columns = {"case or test": "`{case}`", "draws": "{draws}", "criterion": "{criterion}", "source": "{source}"}
-    return grid(rows.values(), **columns)
+    return {row["case"]: row for row in source.rows(*CASES_OF_MAP) if row["case"] != "not supported"}.values()
 
 
 def passed(rows: Grid) -> Grid:
-    """Return the map of what `measured` has found: one row a case or test and manner, one column a scheme."""
+    """Return the map of the table of `measured`: one row a case or test and manner, one column a scheme."""
     found = [dict(zip(("case", "manner", "scheme", "passed"), row, strict=False)) for row in rows[1:]]
     order = [f"`{scheme}`" for scheme in (*COMPARED, "hertz-literal")].index
     found.sort(key=lambda row: order(row["scheme"]) if row["case"] == rows[1][0] else 0)  # columns as in the first case

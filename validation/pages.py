@@ -7,6 +7,7 @@ this value and leaves out columns that are empty then, and the command; a single
 
 import csv
 import re
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,11 @@ from crowd_env.analysis.figures import cell
 from crowd_env.core.files.atomic import write_text
 from crowd_env.core.files.csv_table import plain_cell, write_csv
 
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
 ROOT = Path(__file__).resolve().parent.parent
 TABLES = ROOT / "docs" / "tables"
 MADE_BY = "made_by"  # table, command, note
@@ -22,6 +28,14 @@ _MARK = re.compile(r"(<!-- table: ([\w-]+)((?: [\w-]+=[\w.-]+)*) -->\n).*?(?=<!-
 
 Grid = list[list[str]]  # rows of cells, the head first
 Rows = Iterable[Mapping[str, Any]]
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the content of a TOML file of this package."""
+    return tomllib.loads(path.read_text(encoding="utf-8"))
+
+
+_LAYOUTS = read_toml(Path(__file__).with_name("tables.toml"))
 
 
 def grid(rows: Rows, **columns: str) -> Grid:
@@ -36,6 +50,14 @@ def pivoted(rows: Rows, index: Mapping[str, str], across: str, text: str) -> Gri
         found.setdefault(tuple(cell(one, row) for one in index.values()), {})[cell(across, row)] = cell(text, row)
     heads = list(dict.fromkeys(head for cells in found.values() for head in cells))
     return [[*index, *heads], *([*names, *(cells.get(head, "") for head in heads)] for names, cells in found.items())]
+
+
+def laid_out(name: str, rows: Rows) -> Grid:
+    """Return a table of rows as tables.toml lays it out."""
+    layout = _LAYOUTS[name]
+    if "across" in layout:
+        return pivoted(rows, layout["columns"], layout["across"], layout["cells"])
+    return grid(rows, **layout["columns"])
 
 
 def read_table(name: str, folder: Path = TABLES) -> Grid:

@@ -5,25 +5,19 @@ from typing import Any
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from validation.pages import ROOT, Grid, grid
+from validation.pages import ROOT, Rows
 from validation.sources import Source
 
 PICTURE = ROOT / "docs/images/learning.png"
 _BESIDE = ("rule-best-speed", "follow")
 
 
-def seeds(source: Source) -> Grid:
+def seeds(source: Source) -> Rows:
     """One row a run, which lies in FOLDER/SEED; the picture has the curves of all, search and training one after the other."""
     runs = sorted((one.parent.name for one in source.folder.glob("*/results.json")), key=int)
     rules = {row["policy"]: row["clearing_time"]["mean"] for row in source.read(f"{runs[0]}/results.json")["rows"]}
     _draw([_curve(source, run) for run in runs], {name: rules[name] for name in _BESIDE})
-    return grid([_row(source, run) for run in runs], **{
-        "seed": "{seed}",
-        "last look at the search, s": "{search[evacuation_time]:.1f}", "after, CPU s": "{search[cpu_seconds]:.0f}",
-        "network kept": "{kept}", "last person out, s": "{time[mean]:.1f} [{time[ci95][0]:.1f}, {time[ci95][1]:.1f}]",
-        "of that of `evolution`": "{ratio:.3f}", "exits blocked": "{blocked} of {runs}",
-        "search and training, CPU s": "{spent[cpu_seconds]:.0f}",
-    })  # fmt: skip
+    return [_row(source, run) for run in runs]
 
 
 def _row(source: Source, run: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What makes the tables of docs/tables/ anew: rows from commands or finished runs, and a format string for each column.
+"""What makes the tables of docs/tables/ anew: rows from commands or finished runs, laid out as tables.toml says.
 
 ``source(LINE)`` is what ``python -m LINE --json`` prints; ``source.read(FILE)`` and ``source.rows(CASE)`` are of the folder
 that --from names.  Verdicts of the table ``lin`` are written by hand, beside what ``crowd-env reproduce`` prints.
@@ -15,14 +15,11 @@ from validation import task_tables
 from validation.cases.case import DISC, share
 from validation.cases.standing import DENSITIES
 from validation.map import criteria, measured, passed, write_limits
-from validation.pages import MADE_BY, Grid, grid, pivoted, read_table, write_table
+from validation.pages import MADE_BY, Grid, Rows, grid, laid_out, read_table, write_table
 from validation.seeds import seeds
 from validation.sources import Source
 
-_SPREAD = "{evacuation_time[mean]:.2f} ± {evacuation_time[sd]:.2f}"
-_FLOW = "{flow[mean]:.2f} ± {flow[sd]:.2f}"
-_INTERVAL = "{{{0}[mean]:.1f}} [{{{0}[ci95][0]:.1f}}, {{{0}[ci95][1]:.1f}}]".format
-_BLOCKED = "{blocked_share[ci95][0]:%} to {blocked_share[ci95][1]:%} %"
+_SCHEMES = ("dem", "nsm1", "nsm2", "nsm2-printed")  # of tables that compare rooms
 
 
 def _room(source: Source, scheme: str, options: str = "", place: str = "room-v0", runs: int = 50) -> dict[str, Any]:
@@ -30,163 +27,74 @@ def _room(source: Source, scheme: str, options: str = "", place: str = "room-v0"
 
 
 def _left(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a row that says who was left inside, and that a time is a bound if somebody was."""
+    """Return a row that says how many people were left inside."""
     left = f"{row['unfinished']} people in {row['unfinished_runs']} of {row['runs']} runs"
-    return {**row, "left": left if row["unfinished"] else "nobody", "bound": "≥ " if row["unfinished"] else ""}
+    return {**row, "left": left if row["unfinished"] else "nobody"}
 
 
-def schemes(source: Source) -> Grid:
+def schemes(source: Source) -> Rows:
     """One row a scheme at its own step, and for three of them shorter steps."""
     shorter = {"dem": (0.001,), "nsm2": (0.005, 0.0025, 0.001), "nsm2-printed": (0.001,)}
-    rows = [
+    return [
         {**_room(source, scheme, f" --set dt={dt:g}" if dt else ""), "step": dt or SCHEMES[scheme].info.default_dt}
         for scheme in SCHEMES
         for dt in (None, *shorter.get(scheme, ()))
     ]
-    overlap = "{overlap_mm[mean]:.3g} / {overlap_mm[max]:.3g}"
-    return grid(rows, **{
-        "scheme": "`{scheme}`", "step, s": "{step:g}", "overlap, mean / max, mm": overlap,
-        "beyond a wall, mm": "{outside_mm:.3g}", "evacuation time, s": _SPREAD, "flow, 1/s": _FLOW,
-        "left inside": "{left}", "largest speed, m/s": "{max_speed:.1f}",
-    })  # fmt: skip
 
 
-def halls(source: Source) -> Grid:
+def halls(source: Source) -> Rows:
     """One row a scheme: how many were outside of the plan, and the largest speed in the halls of each size."""
-    found = source.rows("halls", "great-halls")
-    rows = []
-    for scheme in dict.fromkeys(row["scheme"] for row in found):
-        some = [row["more"] for row in found if row["scheme"] == scheme]
+    found: dict[str, list[dict[str, Any]]] = {}
+    for row in source.rows("halls", "great-halls"):
+        found.setdefault(row["scheme"], []).append(row["more"])
+    for scheme, some in found.items():
         fastest = {n: max(one["fastest, m/s"] for one in some if one["people"] == n) for n in (500, 1000, 2000, 5000)}
         outside, overlap = sum(one["outside"] for one in some), max(one["overlap, mm"] for one in some)
-        rows.append({"scheme": scheme, "outside": outside or "nobody", "fastest": fastest, "overlap": overlap})
-    return grid(rows, **{
-        "scheme": "`{scheme}`", "outside of the plan": "{outside}", "fastest of 500, m/s": "{fastest[500]:.1f}",
-        "of 1000": "{fastest[1000]:.1f}", "of 2000": "{fastest[2000]:.1f}", "of 5000": "{fastest[5000]:.1f}",
-        "deepest overlap, mm": "{overlap:.3g}",
-    })  # fmt: skip
+        yield {"scheme": scheme, "outside": outside or "nobody", "fastest": fastest, "overlap": overlap}
 
 
-def jambs(source: Source) -> Grid:
-    """One row a scheme and manner: of how many draws the door was stuck, door by door and radius by radius."""
-    stuck = ", ".join(f"{{more[stuck, radius {radius} m]}}" for radius in ("0", "0.05", "0.1", "0.2"))
-    index = {"scheme": "`{scheme}`", "manner": "{manner}"}
-    return pivoted(source.rows("jambs"), index, "door of {more[door, m]:g} m", stuck)
-
-
-def _shapes(source: Source, case: str) -> list[dict[str, Any]]:
+def _shapes(source: Source, case: str) -> Rows:
     """Return the rows of a case under `hertz`, of discs and of torsos."""
-    shapes = {DISC: "discs", "torso": "torsos"}
-    rows = [{**row, "bodies": name} for outline, name in shapes.items() for row in source.rows(case, outline=outline)]
-    return [row for row in rows if row["scheme"] == "hertz"]
+    for outline, name in ((DISC, "discs"), ("torso", "torsos")):
+        rows = source.rows(case, outline=outline)
+        yield from ({**row, "bodies": name} for row in rows if row["scheme"] == "hertz")
 
 
-def bodies_gate(source: Source) -> Grid:
+def bodies_gate(source: Source) -> Rows:
     """One row a shape and manner: the flow of the runs that were not stuck, and how many were."""
-    rows = [
-        {**row, **row["more"], "share": share(row["more"]["stuck"], len(row["more"]["passages"]))}
-        for row in _shapes(source, "gate")
-    ]
-    return grid(rows, **{
-        "bodies": "{bodies} of 0.17 m", "manner": "{manner}", "flow, 1/s": "{flow:.2f} ± {flow_error:.2f}",
-        "variation of the gaps": "{variation:.2f}", "no passage for 20 s": "{share}",
-    })  # fmt: skip
+    for row in _shapes(source, "gate"):
+        more = row["more"]
+        yield {**row, **more, "share": share(more["stuck"], len(more["passages"]))}
 
 
-def bodies_doors(source: Source) -> Grid:
-    """One row a shape and manner, one column a door: the flow per meter of the runs that were not stuck."""
-    rows = [
-        {**row, **one, "width": width, "lost": f", {one['stuck']} of {len(one['runs'])} stuck" if one["stuck"] else ""}
-        for row in _shapes(source, "doors")
-        for width, one in row["more"]["widths"].items()
-    ]
-    return pivoted(rows, {"bodies": "{bodies}", "manner": "{manner}"}, "{width} m", "{flow:.2f}{lost}")
+def bodies_doors(source: Source) -> Rows:
+    """One row a shape, manner and door: the flow per meter of the runs that were not stuck."""
+    for row in _shapes(source, "doors"):
+        for width, one in row["more"]["widths"].items():
+            lost = f", {one['stuck']} of {len(one['runs'])} stuck" if one["stuck"] else ""
+            yield {**row, **one, "width": width, "lost": lost}
 
 
-def clogging(source: Source) -> Grid:
+def clogging(source: Source) -> Rows:
     """One row a desired speed."""
-    rows = [{"speed": v, **source(f"crowd_env clogging {source.folder / v}")["sets"][0]} for v in ("1.0", "1.5", "1.8")]
-    return grid(rows, **{
-        "desired speed, m/s": "{speed}", "gaps": "{gaps[count]}", "mean, s": "{gaps[mean]:.2f}", "sd / mean": "{gaps[cv]:.2f}",
-        "exponent α": "{tail[alpha]:.2f} ± {tail[error]:.2f}", "with open gaps": "{tail[alpha_open]:.2f}",
-        "against an exponential": "{tail[ratio]:+.1f} (p = {tail[p]:.2g})",
-        "blocked": "{blocked_runs} of {runs} (" + _BLOCKED + ")",
-    })  # fmt: skip
+    return [{"speed": v, **source(f"crowd_env clogging {source.folder / v}")["sets"][0]} for v in ("1.0", "1.5", "1.8")]
 
 
-def standing(source: Source) -> Grid:
-    """One row a scheme, balance and push, one column a density: how many are reached, how fast, the force at a wall."""
-    rows = [
-        {
-            **row,
-            "balance": balance,
-            "push": name[5:],
-            "density": density,
-            "reached": reached,
-            "speed": speed,
-            "force": force,
-        }
-        for row in source.rows("standing")
-        for balance, found in row["more"].items()
-        for name, waves in found.items()
-        if name.startswith("push ")
-        for density, reached, speed, force in zip(DENSITIES, *waves.values(), strict=True)
-    ]
-    index = {"scheme": "`{scheme}`", "balance": "{balance}", "push": "{push}"}
-    return pivoted(rows, index, "{density:g} /m²", "{reached}, {speed:.1f} m/s, {force:.0f} N")
+def standing(source: Source) -> Rows:
+    """One row a scheme, balance, push and density: how many are reached, how fast, the force at a wall."""
+    for row in source.rows("standing"):
+        for balance, found in row["more"].items():
+            for name in (name for name in found if name.startswith("push ")):
+                for density, *wave in zip(DENSITIES, *found[name].values(), strict=True):
+                    figures = dict(zip(("reached", "speed", "force"), wave, strict=True))
+                    yield {**row, **figures, "balance": balance, "push": name[5:], "density": density}
 
 
-def frozen(source: Source) -> Grid:
-    """One row a variant of Lin's room: how many draws block at each multiple of v*, and where half of them do."""
-    names = {"friction of people": "friction:g", "A, N": "A, N:g", "φ": "phi:g", "v*, m/s": "v*, m/s:.2f"}
-    columns = {head: "{{more[{}]:{}}}".format(*name.split(":")) for head, name in names.items()}
-    for at in ("blocked at 1.2 v*", "blocked at 1.4 v*"):
-        columns[at] = f"{{more[{at}]}} of {{more[draws]}} ({{more[{at}, least share]:%}} to {{more[{at}, most]:%}} %)"
-    columns["half block at"] = "{more[half block at, v*]:.2f} v* = {more[half block at, m/s]:.2f} m/s"
-    return grid(source.rows("frozen"), **columns)
-
-
-def strategies(source: Source) -> Grid:
+def strategies(source: Source) -> Rows:
     """One row a strategy and scheme, beside the shortest way on the same draws."""
     line = "--scenario two-exit-hall-v0 --policies shortest fastest comfortable nearest"
-    found = source(f"crowd_env evaluate {line} --physics dem nsm1 nsm2 nsm2-printed hertz --runs 20")["rows"]
-    by = "minus_first[evacuation_time][ci95]"
-    return grid(map(_left, found), **{
-        "route": "{policy}", "scheme": "`{scheme}`", "last person out, s": "{median_time:.1f}",
-        "beside the shortest, s": f"{{{by}[0]:+.1f}} to {{{by}[1]:+.1f}}", "left inside": "{left}",
-    })  # fmt: skip
-
-
-def controller(source: Source) -> Grid:
-    """One row a controller of Routing-v0, the learned one last."""
-    by = "learned_minus_this[last]"
-    return grid(map(_left, source.read("results.json")["rows"]), **{
-        "": "{policy}", "last person, s": "{last[mean]:.1f}",
-        "learned minus this": f"{{{by}[mean]:+.1f}} ({{{by}[ci95][0]:+.1f}} to {{{by}[ci95][1]:+.1f}})",
-        "mean, s": "{mean[mean]:.1f}", "left inside": "{left}",
-    })  # fmt: skip
-
-
-def training(source: Source) -> Grid:
-    """One row a policy."""
-    return grid(source.read("results.json")["rows"], **{
-        "policy": "`{policy}`", "starts from": "{starts_from}",
-        "exits blocked (Wilson interval)": "{blocked} of {runs} (" + _BLOCKED + ")",
-        "last person out, of the runs that ended, s": _INTERVAL("clearing_time"), "mean exit time, s": _INTERVAL("mean_exit"),
-        "flow, 1/s": "{flow:.2f}", "contact impulse, N s per person": "{contact_impulse[mean]:.0f}",
-        "worst pressure, kN/m": "{max_pressure[mean]:k}", "above 1600 N/m": "{crushed_share[mean]:%} %",
-        "for, s": "{crushed_time[mean]:.1f}",
-    })  # fmt: skip
-
-
-def plans(source: Source) -> Grid:
-    """One row a policy in generated places, and one for the best rule of each of them in hindsight."""
-    return grid(source.read("rows.json")["rows"], **{
-        "policy": "`{policy}`", "places": "{plans}", "somebody left inside": "{left_in}", "elsewhere": "{elsewhere}",
-        "all out, as meant": "{out:.1%}", "interval": "{out_interval[0]:%} to {out_interval[1]:%} %",
-        "last person, interquartile mean, s": "{time:.1f}", "of that of the best rule": "{over_hindsight:.2f}",
-        "somebody above 1.6 kN/m": "{pressed:%} %", "greatest pressure, median, kN/m": "{median_pressure:k}",
-    })  # fmt: skip
+    found = source(f"crowd_env evaluate {line} --physics dem nsm1 nsm2 nsm2-printed hertz --runs 20")
+    return map(_left, found["rows"])
 
 
 def algorithms(source: Source) -> Grid:
@@ -195,17 +103,14 @@ def algorithms(source: Source) -> Grid:
     return [line[2:-2].split(" | ") for line in (head, *rows)]
 
 
-def scenarios(source: Source) -> Grid:
-    """One row a scenario in which arches hold, one column a scheme: 100 runs each."""
-    rows = [
-        {"place": place, **_room(source, scheme, place=place, runs=100)}
-        for place in ("two-exit-hall-v0", "pillar-v0")
-        for scheme in ("dem", "nsm1", "nsm2", "nsm2-printed")
-    ]
-    return pivoted(rows, {"runs with people left inside": "`{place}`"}, "`{scheme}`", "{left}")
+def scenarios(source: Source) -> Rows:
+    """One row a scenario in which arches hold and a scheme: 100 runs each."""
+    for place in ("two-exit-hall-v0", "pillar-v0"):
+        for scheme in _SCHEMES:
+            yield {"place": place, **_room(source, scheme, place=place, runs=100)}
 
 
-def bodies(source: Source) -> Grid:
+def bodies(source: Source) -> Rows:
     """The flow through the door of Table 5 for other bodies and other hurry, 50 draws each."""
     # Shoulders of 30 to 38 cm are those of children; 1 to 1.4 m/s is a walk, and 1.2 to 2 m/s the hurry of Table 4.
     kinds = {
@@ -214,12 +119,9 @@ def bodies(source: Source) -> Grid:
         "adults who walk: 0.2 to 0.25 m, 1 to 1.4 m/s": " --set speed=1,1.4",
         "pupils who walk: 0.15 to 0.19 m, 1 to 1.4 m/s": " --set radius=0.15,0.19 --set speed=1,1.4",
     }
-    rows = [
-        {"kind": kind, **_room(source, scheme, options)}
-        for kind, options in kinds.items()
-        for scheme in ("dem", "nsm1", "nsm2", "nsm2-printed")
-    ]
-    return pivoted(rows, {"flow, 1/s": "{kind}"}, "`{scheme}`", _FLOW)
+    for kind, options in kinds.items():
+        for scheme in _SCHEMES:
+            yield {"kind": kind, **_room(source, scheme, options)}
 
 
 def _report(source: Source, line: str) -> dict[str, Any]:
@@ -227,33 +129,21 @@ def _report(source: Source, line: str) -> dict[str, Any]:
     return {row["quantity"]: row for row in source(f"crowd_env reproduce {line}")["rows"]}
 
 
-def theatre(source: Source) -> Grid:
+def theatre(source: Source) -> Rows:
     """Return Table 7: the exercise, the paper's simulation, ours with and without rules, and what the rules change."""
-    found, change = _report(source, "table7"), ": rules change it by"
-    rows = [
-        {"of": f"{who}, {kind}, s", "exercise": exercise, "paper": simulation, "here": found[name],
-         "free": found[f"{name}, no rules"], "change": found[name + change]}
-        for name, (exercise, simulation) in TIMES.items()
-        for kind, who in (name.split(", "),)
-    ]  # fmt: skip
-    return grid(rows, **{
-        "of": "{of}", "exercise": "{exercise}", "paper's simulation": "{paper}", "here": "{here[here]:.1f}",
-        "without rules": "{free[here]:.1f}",
-        "the rules change it by (paired, 95 %)": "{change[here]:+.2f} ({change[ci95][0]:.2f} to {change[ci95][1]:.2f})",
-    })  # fmt: skip
+    found = _report(source, "table7")
+    for name, (exercise, simulation) in TIMES.items():
+        kind, who = name.split(", ")
+        ours = {"here": found[name], "free": found[f"{name}, no rules"], "change": found[f"{name}: rules change it by"]}
+        yield {"of": f"{who}, {kind}, s", "exercise": exercise, "paper": simulation, **ours}
 
 
 def variants(source: Source) -> Grid:
     """Return the flows of Table 5 with other readings of the room, and in how many runs people were left inside."""
-    changes = [
-        "door_width=0.78",
-        "door_width=0.86",
-        "door_width=0.9",
-        "target=centre",
-        "target=nearest",
-        "target=width",
-    ]
-    changes += ["side=8", "dt=0.005", "dt=0.001 --set stiffness=1.2e6", "stiffness=1.2e4", "k_normal=80"]
+    changes = (
+        *("door_width=0.78", "door_width=0.86", "door_width=0.9", "target=centre", "target=nearest", "target=width"),
+        *("side=8", "dt=0.005", "dt=0.001 --set stiffness=1.2e6", "stiffness=1.2e4", "k_normal=80"),
+    )
     rows = [{"options": "(none)", "r": _report(source, "table5")}]
     for options in (*(f"--set {change}" for change in changes), "--seed 50"):
         rows.append({"options": f"`{options}`", "r": _report(source, f"table5 {options}")})
@@ -264,57 +154,61 @@ def variants(source: Source) -> Grid:
     return [*found, ["the paper", *FLOWS.values(), "–", "–"]]
 
 
-def clearance(source: Source) -> Grid:
+def clearance(source: Source) -> Rows:
     """Return the median clearance times of 200 and 300 people by their desired speed, and how many draws blocked."""
-    rows = []
     for people, name in ((200, "lin-fig7"), (300, "lin-fig8")):
-        found, crowd = _report(source, name), f"{people} people (`{name}`)"
+        found = _report(source, name)
         for speed in (key.removeprefix("blocked, ") for key in found if key.startswith("blocked, ")):
             figures = {"time": found[f"clearance, {speed}"], "blocked": found[f"blocked, {speed}"]}
-            rows.append({"crowd": crowd, "speed": speed, **figures})
-    return pivoted(rows, {"desired speed": "{crowd}"}, "{speed}", "{time[here]:.0f} b{blocked[here]}")
+            yield {"crowd": f"{people} people (`{name}`)", "speed": speed, **figures}
 
 
-def flows(source: Source) -> Grid:
+def flows(source: Source) -> Rows:
     """Return the mean flows of Figure 10 by the number of people and their desired speed, as the report reads them."""
-    found = [row | dict(zip(("people", "speed"), name.removeprefix("flow, ").split(" at "), strict=True))
-             for name, row in _report(source, "lin-fig10").items() if name.startswith("flow, ") and " at " in name]  # fmt: skip
-    return pivoted(found, {"desired speed": "{people} people"}, "{speed}", "{here:.2f}; {reading}")
+    for name, row in _report(source, "lin-fig10").items():
+        if name.startswith("flow, ") and " at " in name:
+            people, speed = name.removeprefix("flow, ").split(" at ")
+            yield {**row, "people": people, "speed": speed}
 
 
-def dilemma(source: Source) -> Grid:
-    """One row a crowd: when it is out, what it costs if all push instead, and what one gains who deviates."""
-    gains = {f"one who {head} gains, s": _INTERVAL(f"gain[{who}]") + " ({gain[" + who + "][share]:%} %)"
-             for head, who in (("pushes", "push"), ("queues", "queue"), ("learns to", "learned"))}  # fmt: skip
-    return grid(source.read("results.json")["rows"], **{
-        "crowd": "{crowd}", "mean exit, s": _INTERVAL("mean_exit"), "last exit, s": _INTERVAL("last_exit"),
-        "blocked": "{blocked} of {runs}", "impulse, N s": "{contact_impulse[mean]:.0f}",
-        "price of anarchy, mean and last exit": "{price[mean_exit]:.2f}, {price[last_exit]:.2f}", **gains,
-    })  # fmt: skip
+# Table -> the rows that tables.toml lays out; made_by.csv says by which command their figures are measured.
+_ROWS: dict[str, Callable[[Source], Rows]] = {
+    "schemes": schemes,
+    "halls": halls,
+    "jambs": lambda source: source.rows("jambs"),
+    "bodies-gate": bodies_gate,
+    "bodies-doors": bodies_doors,
+    "clogging": clogging,
+    "frozen": lambda source: source.rows("frozen"),
+    "standing": standing,
+    "measured": measured,
+    "criteria": criteria,
+    "strategies": strategies,
+    "controller": lambda source: map(_left, source.read("results.json")["rows"]),
+    "training": lambda source: source.read("results.json")["rows"],
+    "seeds": seeds,
+    "plans": lambda source: source.read("rows.json")["rows"],
+    "dilemma": lambda source: source.read("results.json")["rows"],
+    "dilemma-shares": lambda source: source.read("results.json")["shares"],
+    "scenarios": scenarios,
+    "bodies": bodies,
+    "theatre": theatre,
+    "clearance": clearance,
+    "flows": flows,
+    **{name: lambda source, rows=rows: rows() for name, rows in task_tables.ROWS.items()},
+}
 
 
-def dilemma_shares(source: Source) -> Grid:
-    """One row a share of pushers in a queue: when these are out, and when the others."""
-    return grid(source.read("results.json")["shares"], **{
-        "push": "{pushers:%} %", "blocked": "{blocked} of {runs}",
-        "who pushes is out after, s": _INTERVAL("mean_exit_deviators"), "who follows, s": _INTERVAL("mean_exit_others"),
-        "last exit, s": _INTERVAL("last_exit"), "price that deters, s per m/s": "{deterrent:.1f}",
-    })  # fmt: skip
+def _maker(name: str, rows: Callable[[Source], Rows]) -> Callable[[Source], Grid]:
+    return lambda source: laid_out(name, rows(source))
 
 
-def _of_tasks(make: Callable[[], Grid]) -> Callable[[Source], Grid]:
-    return lambda source: make()
-
-
-_OF_CASES = (schemes, halls, jambs, bodies_gate, bodies_doors, clogging, frozen, standing, measured, criteria)
-_OF_POLICIES = (strategies, controller, training, seeds, plans, algorithms, dilemma, dilemma_shares)
-_OF_ROOMS = (scenarios, bodies, theatre, variants, clearance, flows)
-# Name of the table -> what makes it; made_by.csv says by which command its figures are measured.
 MAKERS: dict[str, Callable[[Source], Grid]] = {
-    **{one.__name__.replace("_", "-"): one for one in (*_OF_CASES, *_OF_POLICIES, *_OF_ROOMS)},
-    "full-speed": lambda source: measured(source, "gate", "doors", manner="competitive"),
+    **{name: _maker(name, rows) for name, rows in _ROWS.items()},
+    "algorithms": algorithms,
+    "variants": variants,
+    "full-speed": lambda source: laid_out("measured", measured(source, "gate", "doors", manner="competitive")),
     "map": lambda source: passed(read_table("measured")),
-    **{name: _of_tasks(make) for name, make in task_tables.MAKERS.items()},
 }
 
 

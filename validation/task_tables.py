@@ -1,6 +1,6 @@
 """The tables of docs/tasks/: what each task is, how soon it could end at all, and what policies do on it, from submissions."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,122 +19,86 @@ from crowd_env.agents.tasks.variations import AS_IT_STANDS, variations
 from crowd_env.analysis.figures import cell
 from crowd_env.core.files.json_file import read_json
 from crowd_env.envs.action import make_action
-from validation.pages import ROOT, Grid
+from validation.pages import ROOT, Rows
 
 SUBMISSIONS = ROOT / "docs/tasks/submissions"
-
-
-def _upright(rows: list[dict[str, str]]) -> Grid:
-    return [list(rows[0]), *(list(row.values()) for row in rows)]
 
 
 def _listed(values: Mapping[str, Any]) -> str:
     return ", ".join(f"{name.replace('_', ' ')} {value:g}" for name, value in values.items())
 
 
-def tasks() -> Grid:
+def _quoted(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def _paid(reward: Mapping[str, Any]) -> dict[str, Any]:
+    return {"prices": _listed(reward["weights"]), "team_share": reward.get("team_share", 0.0)}
+
+
+def tasks() -> Rows:
     """One row a task, as it is registered."""
-    return _upright([
-        {
-            "task": f"`{task.name}`{' (no harm)' if task.no_harm else ''}",
-            "what it is": task.about,
-            "scenario and its options": f"`{task.scenario}`: {_listed(task.options)}",
-            "people": str(task.people),
-            "scheme, step": f"`{task.scheme}`, {task.dt:g} s",
-            "rule, manner": f"{task.rule}, {task.manner}",
-            "time limit / blocked after": f"{task.time_limit:g} / {task.blocked_after:g} s",
-            "draws": str(task.runs),
-            "decides": task.decides,
-            "version": str(task.version),
+    for task in TASKS.values():
+        yield {
+            "task": task,
+            "harm": " (no harm)" if task.no_harm else "",
+            "options": _listed(task.options),
+            "last_seed": task.seeds.stop - 1,
+            "varied": "; ".join(one.about for one in variations(task)[1:]),
+            "digest": task.digest(),
         }
-        for task in TASKS.values()
-    ])  # fmt: skip
 
 
-def facts() -> Grid:
-    """One row a task: what its own page says of it."""
-    return _upright([
-        {
-            "task": task.name,
-            "scenario": f"`{task.scenario}`: {_listed(task.options)}",
-            "people": f"{task.people}, {task.manner}",
-            "contact law, step": f"`{task.scheme}`, {task.dt:g} s",
-            "a run ends": f"after {task.time_limit:g} s, or {task.blocked_after:g} s after the last exit: blocked",
-            "held-out draws": f"{task.runs}, seeds {task.seeds.start} to {task.seeds.stop - 1}",
-            "a policy decides": f"{task.decides}, every {task.decision_dt:g} s; the way is that of `{task.rule}`",
-            "varied by": "; ".join(one.about for one in variations(task)[1:]),
-            "version, digest": f"{task.version}, `{task.digest()}`",
-        }
-        for task in TASKS.values()
-    ])  # fmt: skip
-
-
-def presets() -> Grid:
+def presets() -> Rows:
     """One row a task that has a preset: what is seen, done and paid where a policy is trained for it."""
-    return _upright([
-        {
+    for name, preset in ((name, PRESETS[name]) for name in TASKS if name in PRESETS):
+        yield {
             "task": name,
-            "people, step": f"{one.people}, {one.dt:g} s" + (f"; {_listed(one.options)}" if one.options else ""),
-            "observation": ", ".join(f"`{term}`" for term in one.terms),
-            "action": f"`{one.action if isinstance(one.action, str) else one.action['name']}`",
-            "reward": f"{_listed(one.reward['weights'])}; team share {one.reward.get('team_share', 0.0):g}",
+            "preset": preset,
+            "options": f"; {_listed(preset.options)}" if preset.options else "",
+            "terms": _quoted(preset.terms),
+            "action": preset.action if isinstance(preset.action, str) else preset.action["name"],
+            **_paid(preset.reward),
         }
-        for name, one in ((name, PRESETS[name]) for name in TASKS if name in PRESETS)
-    ])  # fmt: skip
 
 
-def floors() -> Grid:
+def floors() -> Rows:
     """One row a task: how soon the last could be out alone, one behind the other, and at the flow of recorded people."""
-    rows = []
     for name, task in TASKS.items():
         place, alone = task.place(), free_walk_time(task)
         width, touching = float(exit_widths(place).sum()), task.people / touching_flow(place)
-        rows.append({
-            "task": name,
-            "floor, s": f"{max(alone, touching):.0f}",
-            "the last person, alone, s": f"{alone:.1f}",
-            "one behind the other through the exits, s": f"{touching:.1f}",
-            f"at {RECORDED_FLOW:g} /(s m), s": f"{task.people / (RECORDED_FLOW * width):.0f}",
-            "width of the exits, m": f"{width:.3g}",
-        })  # fmt: skip
-    return _upright(rows)
+        recorded = task.people / (RECORDED_FLOW * width)
+        times = {"floor": max(alone, touching), "alone": alone, "touching": touching, "recorded": recorded}
+        yield {"task": name, "width": width, **times}
 
 
-def tiers(folder: Path = ROOT / "docs/tasks/tiers") -> Grid:
+def tiers(folder: Path = ROOT / "docs/tasks/tiers") -> Rows:
     """One row a setting of the benchmark: its bound, and how near to it the best known policies are."""
-    rows = []
     for one in SETTINGS:
         there = standing(one, folder)
         alike = one.variation is AS_IT_STANDS or one.variation.about.startswith("the task")
-        rows.append({
-            "tier": one.tier,
-            "task": f"`{one.task.name}`",
-            "setting": "as it stands" if alike else one.variation.about,
-            "draws": str(one.runs),
+        yield {
+            "setting": one,
+            "about": "as it stands" if alike else one.variation.about,
             **(_stands(there) if there else dict.fromkeys(_STANDS, "not tried")),
-        })  # fmt: skip
-    return _upright(rows)
+        }
 
 
-_STANDS = (
-    "bound, s",
-    "best learned policy",
-    "half of all draws, s",
-    "gap to the bound",
-    "best rule, s",
-    "hindsight, s",
-)
+_STANDS = ("bound", "best", "half", "gap", "rule", "hindsight")
 
 
 def _stands(one: Standing) -> dict[str, str]:
     def told(left: int, time: float) -> str:
         return ("never" if np.isinf(time) else f"{time:.1f}") + (f", left in {left}" if left else "")
 
-    gap = "–" if np.isinf(one.gap) else f"{100.0 * one.gap:+.0f} %".replace("-", "−")
-    half = told(one.best_left, one.best_time)
-    rule = f"{told(one.rule_left, one.rule_time)} (`{one.rule}`)"
-    soonest = "never" if np.isinf(one.hindsight) else f"{one.hindsight:.1f}"
-    return dict(zip(_STANDS, (f"{one.bound:.1f}", f"`{one.best}`", half, gap, rule, soonest), strict=True))
+    return {
+        "bound": f"{one.bound:.1f}",
+        "best": f"`{one.best}`",
+        "half": told(one.best_left, one.best_time),
+        "gap": "–" if np.isinf(one.gap) else f"{100.0 * one.gap:+.0f} %".replace("-", "−"),
+        "rule": f"{told(one.rule_left, one.rule_time)} (`{one.rule}`)",
+        "hindsight": told(0, one.hindsight),
+    }
 
 
 # ----------------------------------------------------------------------------------------------------------- submissions
@@ -173,43 +137,37 @@ def _row(content: dict[str, Any], policy: str = "") -> dict[str, Any]:
     return dict(next(row for row in content["rows"] if row["policy"] == (policy or content["policy"]["name"])))
 
 
-def submissions(folder: Path = SUBMISSIONS) -> Grid:
+def submissions(folder: Path = SUBMISSIONS) -> Rows:
     """One row a policy, task by task: the rule at full and at its best speed, then what was submitted, the best first."""
-    rows = []
     for name, those in read_submissions(folder).items():
         ours = [(those[0], policy) for policy in REFERENCES]
         ours += [(one, one["policy"]["name"]) for one in those if one["policy"]["name"] not in REFERENCES]
-        rows += [{"task": name, **_judged(content, policy)} for content, policy in ours]
-    return _upright(rows)
+        yield from ({"task": name, **_judged(content, policy)} for content, policy in ours)
 
 
-def _judged(content: dict[str, Any], policy: str) -> dict[str, str]:
+def _judged(content: dict[str, Any], policy: str) -> dict[str, Any]:
     row, own, best = _row(content, policy), content["own"][-1], REFERENCES[1]
     later = paired(_times(content, policy), _times(content, best))
-    row["star"] = "" if row["pressure_is_force"] else " (no forces)"
-    crushed = "{crushed_share[mean]:%} %{star}"
-    if row["crushed_time"]["mean"] is not None:
-        crushed += ", {crushed_time[mean]:.1f} s"
     credible = {True: "yes", False: "**no**: " + "; ".join(row["credible"]["reasons"]), None: "not tried"}
-    network = "" if policy in REFERENCES else content["policy"]["sha256"]
+    is_ours, is_best = policy in REFERENCES, policy == best
+    network = "" if is_ours else content["policy"]["sha256"]
     return {
-        "policy": f"`{policy}`" + (f", {row['constants']['share']:g}" if policy == best else ""),
-        "starts from": "–" if network and policy not in PRETRAINED else starts_from(policy),
-        "network": f"`{network[:12]}`" if network else "" if policy in REFERENCES else "–",
-        "exits blocked": cell("{blocked} of {runs} ({blocked_share[ci95][0]:%} to {blocked_share[ci95][1]:%} %)", row),
-        "left inside": str(row["left"] or "nobody"),
-        "half of all draws, s": _half(row),
-        "last person, s": _spread(row["clearing_time"]),
-        "on its own draws": "" if policy in REFERENCES else cell("{clearing_time[mean]:.1f}", own) + _lost(own),
-        f"beside `{best}`, s": "" if policy == best else _spread(later, "+"),
-        "more draws with people left": "" if policy == best else f"{later['more_left']:+d}".replace("-", "−"),
-        "mean exit, s": _spread(row["mean_exit"]),
-        "flow, 1/s": cell("{flow:.2f}", row),
-        "impulse, N s": cell("{contact_impulse[mean]:.0f}", row),
-        "greatest pressure, kN/m": cell("{max_pressure[mean]:k}{star}", row),
-        "above 1.6 kN/m": cell(crushed, row),
-        "leaves people in more draws than the rule on": "" if policy in REFERENCES else _worse(content),
-        "credible": credible[row["credible"]["ok"]],
+        **row,
+        "policy": policy,
+        "share": f", {row['constants']['share']:g}" if is_best else "",
+        "start": "–" if network and policy not in PRETRAINED else starts_from(policy),
+        "network": f"`{network[:12]}`" if network else "" if is_ours else "–",
+        "inside": row["left"] or "nobody",
+        "half": _half(row),
+        "last": _spread(row["clearing_time"]),
+        "own": "" if is_ours else cell("{clearing_time[mean]:.1f}", own) + _lost(own),
+        "beside": "" if is_best else _spread(later, "+"),
+        "more_left": "" if is_best else f"{later['more_left']:+d}".replace("-", "−"),
+        "exit": _spread(row["mean_exit"]),
+        "star": "" if row["pressure_is_force"] else " (no forces)",
+        "crushed": "" if row["crushed_time"]["mean"] is None else cell(", {crushed_time[mean]:.1f} s", row),
+        "worse": "" if is_ours else _worse(content),
+        "judged": credible[row["credible"]["ok"]],
     }
 
 
@@ -239,17 +197,14 @@ def _worse(content: dict[str, Any]) -> str:
     return ", ".join(name for name in tried if left[name, mine] > left[name, REFERENCES[0]]) or "none"
 
 
-def cards(folder: Path = SUBMISSIONS) -> Grid:
+def cards(folder: Path = SUBMISSIONS) -> Rows:
     """One row a shipped policy: what it sees and does, how it was trained, its digest, its figures and its limits."""
     judged = {one["policy"]["name"]: one for those in read_submissions(folder).values() for one in those}
-    return _upright(
-        [_card(name, read_json(path.with_suffix(".json")), judged.get(name)) for name, path in PRETRAINED.items()]
-    )
+    return [_card(name, read_json(path.with_suffix(".json")), judged.get(name)) for name, path in PRETRAINED.items()]
 
 
-def _card(name: str, made: dict[str, Any], judged: dict[str, Any] | None) -> dict[str, str]:
+def _card(name: str, made: dict[str, Any], judged: dict[str, Any] | None) -> dict[str, Any]:
     config, spent, action = made["config"], made["spent"], make_action(made["config"]["action"])
-    seen, prices = config["observation"], _listed(config["reward"]["weights"])
     figures, limits = "not submitted", "unchecked"
     trained = f"{config['people']} people, `{config['scenario']}`: {_listed(config['options'])}; `{config['scheme']}`, "
     trained += f"{config['dt']:g} s"
@@ -265,17 +220,19 @@ def _card(name: str, made: dict[str, Any], judged: dict[str, Any] | None) -> dic
     between = "between two of " if places else ""
     choices = f", {between}{action.space.n} choices" if isinstance(action.space, gymnasium.spaces.Discrete) else ""
     return {
+        **made,
         "card": name.replace("/", "-"),
-        "policy": f"`{name}`",
-        "network, SHA-256": f"`{network_digest(PRETRAINED[name])}`",
-        "sees": ", ".join(f"`{term}`" for term in seen["terms"])
-        + f"; {seen['neighbors']} neighbors, {seen['rays']} rays; along the own way, no compass",
-        "does": f"`{action.name}`{choices}, every {config['decision_dt']:g} s",
-        "trained in": trained,
-        "starts from": starts_from(name),
-        "is paid": f"{prices}; team share {config['reward'].get('team_share', 0.0):g}",
-        "took": f"{spent['steps'] / 1e6:.1f} million steps, {spent['cpu_seconds']:.0f} CPU s, seed {config['seed']}",
-        "held-out draws": figures,
+        "policy": name,
+        "digest": network_digest(PRETRAINED[name]),
+        "seen": config["observation"],
+        "terms": _quoted(config["observation"]["terms"]),
+        "action": action.name,
+        "choices": choices,
+        "trained": trained,
+        "start": starts_from(name),
+        **_paid(config["reward"]),
+        "steps": spent["steps"] / 1e6,
+        "figures": figures,
         "limits": limits if places else f"{limits}; other tasks than its own: see the tiers",
     }
 
@@ -289,23 +246,23 @@ def _known_limits(content: dict[str, Any]) -> list[str]:
     return [name for name, (own, rule) in pairs.items() if rule is not None and (own is None or own > 1.1 * rule)]
 
 
-def varied(folder: Path = SUBMISSIONS) -> Grid:
-    """One row a task and variation, one column a policy: when half of all draws were over, and those with people left."""
-    found: dict[tuple[str, str], dict[str, str]] = {}
+def varied(folder: Path = SUBMISSIONS) -> Rows:
+    """One row a task, variation and policy: when half of all draws were over, and those with people left."""
     for name, those in read_submissions(folder).items():
         about = {one.name: one.about for one in variations(TASKS[name])}
-        tried = [one for one in those if one["robustness"] is not None]
-        for row in (row for one in tried for row in one["robustness"]["rows"]):
-            cells = found.setdefault((name, about[row["variation"]]), {})
-            cells[f"`{row['policy']}`"] = _half(row) + _lost(row)
-    policies = list(dict.fromkeys(policy for cells in found.values() for policy in cells))
-    lines = ([*names, *(cells.get(policy, "") for policy in policies)] for names, cells in found.items())
-    return [["task", "variation", *policies], *lines]
+        for row in (row for one in those if one["robustness"] is not None for row in one["robustness"]["rows"]):
+            yield {
+                "task": name,
+                "about": about[row["variation"]],
+                "policy": row["policy"],
+                "half": _half(row) + _lost(row),
+            }
 
 
-MAKERS: dict[str, Callable[[], Grid]] = {
+# Table -> its rows, which tables.toml lays out.
+ROWS: dict[str, Callable[[], Rows]] = {
     "tasks": tasks,
-    "task-facts": facts,
+    "task-facts": tasks,
     "task-presets": presets,
     "task-floors": floors,
     "tiers": tiers,

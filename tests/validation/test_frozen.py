@@ -11,7 +11,7 @@ from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 from validation.cases.case import Setting
 from validation.cases.frozen import SPEEDS, Variant, finding, onset
-from validation.tables import frozen
+from validation.tables import MAKERS
 
 
 @looped("angle", [0.0, 0.2, 0.5])
@@ -67,6 +67,6 @@ def test_a_finding_counts_every_draw_and_passes_if_half_block_in_between():
             assert case == "frozen"
             return [{"more": usual.more}, {"more": never.more}]
 
-    _, first, second = frozen(Source())
+    _, first, second = MAKERS["frozen"](Source())
     assert first[4:] == ["2 of 10 (6 to 51 %)", "8 of 10 (49 to 94 %)", "1.30 v* = 2.60 m/s"]
     assert second[-1] == "–"

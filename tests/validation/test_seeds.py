@@ -7,6 +7,7 @@ from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.json_file import write_json
 from validation import seeds
 from validation.sources import Source
+from validation.tables import MAKERS
 
 training = late("crowd_env.agents.learned.training")
 
@@ -39,7 +40,7 @@ def folder(tmp_path):
 
 def test_every_run_is_a_row_and_all_curves_are_in_one_picture(folder, monkeypatch):
     monkeypatch.setattr(seeds, "PICTURE", folder / "learning.png")
-    head, *rows = seeds.seeds(Source(dict, folder))
+    head, *rows = MAKERS["seeds"](Source(dict, folder))
     assert [row[0] for row in rows] == ["0", "9", "10"]
     found = dict(zip(head, rows[2], strict=True))
     assert found["last person out, s"] == "52.0 [51.0, 53.0]" and found["of that of `evolution`"] == "1.040"

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import tomllib
 
 from crowd_env import SCHEMES, Normal, Population, Uniform
 from crowd_env.core.behaviors.headway import MANNERS, Headway
 from crowd_env.core.behaviors.outline import BodyShape, Outline, room_of
 from crowd_env.envs.metrics import share_interval
+from validation.pages import read_toml
 
 # Schemes that are compared by default; what papers print and this package does otherwise is for comparison with them, and
 # nsm1-loose walks as nsm1 does.
@@ -105,7 +105,7 @@ class Case:
 
 
 # What cases.toml says of the cases, of the tests of standards, and of those that are not supported.
-FACTS: dict[str, dict[str, Any]] = tomllib.loads(Path(__file__).with_name("cases.toml").read_text(encoding="utf-8"))
+FACTS: dict[str, dict[str, Any]] = read_toml(Path(__file__).with_name("cases.toml"))
 
 
 def row(
