@@ -1,5 +1,6 @@
 """The crowds that are measured, the same for every scheme and every other program: places, people and where they stand."""
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +46,17 @@ class Scene(NamedTuple):
     def people(self) -> int:
         """People at the start."""
         return len(self.position)
+
+    @property
+    def jambs(self) -> tuple[float, float]:
+        """Y of the ends of the door [m]."""
+        return 0.5 * (self.side - self.door), 0.5 * (self.side + self.door)
+
+    @property
+    def walls(self) -> list[tuple[tuple[float, float], tuple[float, float]]]:
+        """Ends of the five walls [m], from one end of the door around the room to the other."""
+        side, (low, high) = self.side, self.jambs
+        return list(pairwise(((side, low), (side, 0.0), (0.0, 0.0), (0.0, side), (side, side), (side, high))))
 
     @property
     def geometry(self) -> Geometry:

@@ -6,7 +6,6 @@ by Uzawa's method.  Walls and ways are read off an image with pixels of 5 cm (2 
 
 import tempfile
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +62,6 @@ class Granular(PeerCrowd):
 def domain_of(scene: Scene) -> Any:
     """Draw the room and find the ways."""
     side, pixel = scene.side, 0.02 if scene.side < 10.0 else 0.05
-    low, high = 0.5 * (side - scene.door), 0.5 * (side + scene.door)
     black, red = [0, 0, 0], [255, 0, 0]
     with tempfile.TemporaryDirectory() as folder:  # it leaves an image beside its name
         domain = cromosim.domain.Domain(
@@ -76,8 +74,7 @@ def domain_of(scene: Scene) -> Any:
             wall_colors=[black],
         )
         shift = np.array([_MARGIN, _MARGIN])
-        chains = ((side, low), (side, 0), (0, 0), (0, side), (side, side), (side, high))
-        for a, b in pairwise(chains):
+        for a, b in scene.walls:
             (ax, ay), (bx, by) = np.array(a) + shift, np.array(b) + shift
             domain.add_shape(Line2D([ax, bx], [ay, by], linewidth=1), outline_color=black, fill_color=black)
         x, y0, y1 = side + 0.5 + _MARGIN, _MARGIN, side + _MARGIN

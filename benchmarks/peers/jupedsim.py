@@ -23,7 +23,7 @@ class JuPedSim(PeerCrowd):
 
     def _build(self) -> None:
         scene = self._scene
-        low, high = 0.5 * (scene.side - scene.door), 0.5 * (scene.side + scene.door)
+        low, high = scene.jambs
         room = shapely.box(0.0, 0.0, scene.side, scene.side)
         floor = room.union(shapely.box(scene.side - 0.01, low, scene.side + _OUTSIDE, high))
         model: Any = jupedsim.SocialForceModel() if self._social else jupedsim.CollisionFreeSpeedModel()

@@ -5,7 +5,6 @@ batches, which belongs to the step.  Bodies carry a rotation that nothing turns.
 """
 
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 import pymunk
@@ -28,17 +27,14 @@ class Discs(PeerCrowd):
         super().__init__(f"{ITERATIONS} iterations", "pymunk", scene)
 
     def _build(self) -> None:
-        scene, side = self._scene, self._scene.side
+        scene = self._scene
         self._space = pymunk.Space()
         self._space.iterations = ITERATIONS
         self._space.collision_slop = SLOP
-        low, high = 0.5 * (side - scene.door), 0.5 * (side + scene.door)
-        ends = ((0, 0), (side, 0), (side, low)), ((0, 0), (0, side), (side, side), (side, high))
-        for chain in ends:
-            for a, b in pairwise(chain):
-                wall = pymunk.Segment(self._space.static_body, a, b, 0.0)
-                wall.friction = wall.elasticity = 0.0
-                self._space.add(wall)
+        for a, b in scene.walls:
+            wall = pymunk.Segment(self._space.static_body, a, b, 0.0)
+            wall.friction = wall.elasticity = 0.0
+            self._space.add(wall)
         self._number: dict[int, int] = {}
         self._disc: dict[int, pymunk.Circle] = {}
         for k in range(scene.people):

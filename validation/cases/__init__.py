@@ -2,7 +2,7 @@
 
 from importlib import import_module
 
-from validation.cases import clogging, figures, halls, ovals, row, standing
+from validation.cases import clogging, halls, ovals, panels, row, standing
 from validation.cases.case import FACTS, Case, Row, Setting
 
 # The cases of one module; any other case is the function `run` of the module of its name.
@@ -11,7 +11,7 @@ _RUN = {
     "jam": ovals.jam,
     "great-halls": halls.run_in(halls.GREAT_HALLS, "great-halls"),
 }
-_DRAW = {"gate": figures.gate, "corridor": figures.corridor, "ring": figures.ring, "clogging": clogging.draw}
+_DRAW = {"gate": panels.gate, "corridor": panels.corridor, "ring": panels.ring, "clogging": clogging.draw}
 _DRAW |= {"row": row.draw, "standing": standing.draw}
 
 # In the order of cases.toml, which says the rest.

@@ -106,6 +106,7 @@ class Case:
 
 # What cases.toml says of the cases, of the tests of standards, and of those that are not supported.
 FACTS: dict[str, dict[str, Any]] = read_toml(Path(__file__).with_name("cases.toml"))
+RECORDED: dict[str, dict[str, Any]] = read_toml(Path(__file__).with_name("recorded.toml"))
 
 
 def row(

@@ -9,7 +9,7 @@ from crowd_env import Geometry, Scenario
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
-from validation.cases.voronoi import Look, look, mean_between
+from validation.cases.voronoi import looks_at, mean_between
 
 RANK, HALVED = -0.8, 0.5
 
@@ -34,7 +34,7 @@ _BEYOND = 3.0  # m, depth of the opening behind
 _FIELD = box(_LEG, 0.0, _FAR, _WIDTH)
 _FLOOR = shapely.union(box(0.0, 0.0, _FAR, _WIDTH), box(_LEG, 0.0, _FAR, _TOP))
 _FIRST, _LAST = 0.5, 0.85  # shares of the people between whose passages everything is steady
-_PATIENCE, _LIMIT, _LOOKS = 20.0, 300.0, 5
+_PATIENCE, _LIMIT = 20.0, 300.0  # s
 
 
 def corner(run: Run) -> Scenario:
@@ -60,11 +60,8 @@ def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, fl
     """Return density, speed, flow and the number of stuck draws of each run."""
     crowds = draw_crowds([corner(run) for run in runs], setting)
     passages = Passages(crowds, 1, _WIDTH)
-    looks: list[Look] = []
-    for k, (before, now) in enumerate(passages.moments(_LIMIT, _PATIENCE)):
-        if k % _LOOKS == 0:
-            x, y = now.position.T
-            looks += look(crowds, before, now, (x > _LEG - 2.0) & (y < _WIDTH + 2.0))
+    moments = passages.moments(_LIMIT, _PATIENCE)
+    looks = looks_at(crowds, moments, lambda x, y: (x > _LEG - 2.0) & (y < _WIDTH + 2.0))
     found = []
     for k in range(len(runs)):
         figures = []
@@ -76,8 +73,7 @@ def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, fl
                 mine = [one for one in looks if one.crowd == e]
                 figures.append((*mean_between(begin, end, mine, _FLOOR, _FIELD), flow))
         density, speed, flow = (mean_of([one[part] for one in figures]) for part in range(3))
-        stuck = sum(e in passages.stuck for e in crowds.of(k))
-        found.append({"density": density, "speed": speed, "flow": flow, "stuck": stuck})
+        found.append({"density": density, "speed": speed, "flow": flow, "stuck": passages.count_stuck(k)})
     return found
 
 

@@ -7,10 +7,10 @@ import numpy as np
 
 from crowd_env import Geometry, Normal, Scenario
 from crowd_env.geometry.geometry import box
-from validation.cases.case import Row, Setting, adults, number, row
+from validation.cases.case import RECORDED, Row, Setting, adults, number, row
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
 from validation.cases.trajectories import Trajectories, read_trajectories
-from validation.cases.voronoi import Look, fundamental_diagram, look, samples_between
+from validation.cases.voronoi import Look, fundamental_diagram, looks_at, samples_between
 
 DATA = "corridor_hermes2009_uo"  # folder of the recordings
 DENSITY_WITHIN, FLOW_WITHIN, ENOUGH = 0.25, 0.15, 7
@@ -29,17 +29,7 @@ class Run(NamedTuple):
     flow: float  # 1/s
 
 
-RUNS = (
-    Run(0.50, 1.80, 61, 6, 52, 0.50, 1.34, 1.21),
-    Run(0.60, 1.80, 66, 8, 53, 0.54, 1.40, 1.38),
-    Run(0.70, 1.80, 111, 6, 98, 0.67, 1.35, 1.62),
-    Run(1.00, 1.80, 121, 16, 107, 1.14, 1.20, 2.48),
-    Run(1.45, 1.80, 175, 23, 162, 1.55, 1.01, 2.79),
-    Run(1.80, 1.80, 220, 48, 207, 1.68, 0.97, 2.89),
-    Run(1.80, 1.20, 170, 32, 152, 2.04, 0.67, 2.40),
-    Run(1.80, 0.95, 159, 35, 144, 2.45, 0.45, 1.82),
-    Run(1.80, 0.70, 148, 40, 137, 3.06, 0.35, 1.71),
-)
+RUNS = tuple(Run(*run) for run in RECORDED["corridor"]["runs"])
 
 _LEFT, _RIGHT, _MIDDLE = 0.0, 1.8, 0.9  # m, x of the corridor's walls and middle
 _TOP, _BOTTOM = 4.0, -4.0  # m, y of the corridor's ends
@@ -50,7 +40,6 @@ FIELD = box(_LEFT, -2.0, _RIGHT, 0.0)
 _FLOOR = box(_LEFT, _BOTTOM, _RIGHT, _TOP)
 _NEAR = (-4.0, 2.0)  # m, y of those whose cells can matter
 _SPEED = Normal(1.55, 0.18, 1.0, 2.1)  # m/s, free speed of 42 of the participants as the paper gives it
-_LOOKS = 5  # tenths of a second between two looks at the field
 _PATIENCE, _LIMIT = 20.0, 300.0  # s
 _FRAMES = 16.0  # 1/s, of the recordings
 
@@ -80,19 +69,15 @@ def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, An
     """Return density, speed, flow and the number of stuck draws of each run, and densities and speeds at all looks (K, 2)."""
     crowds = draw_crowds([corridor(run) for run in runs], setting)
     passages = Passages(crowds, 1, LINE, sign=-1)
-    looks: list[Look] = []
-    for k, (before, now) in enumerate(passages.moments(_LIMIT, _PATIENCE)):
-        if k % _LOOKS == 0:
-            y = now.position[:, 1]
-            looks += look(crowds, before, now, (y > _NEAR[0]) & (y < _NEAR[1]))
+    looks = looks_at(crowds, passages.moments(_LIMIT, _PATIENCE), lambda x, y: (y > _NEAR[0]) & (y < _NEAR[1]))
     found: list[dict[str, Any]] = []
     for k, run in enumerate(runs):
-        figures = [steady(run, passages.times(e), [one for one in looks if one.crowd == e]) for e in crowds.of(k)]
-        samples = np.concatenate([each for each, _ in figures])
-        draws = [(mean_of(each[:, 0]), mean_of(each[:, 1]), flow) for each, flow in figures]
+        parts = [steady(run, passages.times(e), [one for one in looks if one.crowd == e]) for e in crowds.of(k)]
+        samples = np.concatenate([each for each, _ in parts])
+        draws = [(mean_of(each[:, 0]), mean_of(each[:, 1]), flow) for each, flow in parts]
         density, speed, flow = (mean_of([one[part] for one in draws]) for part in range(3))
-        stuck = sum(e in passages.stuck for e in crowds.of(k))
-        found.append({"density": density, "speed": speed, "flow": flow, "stuck": stuck, "samples": samples})
+        figures = {"density": density, "speed": speed, "flow": flow, "stuck": passages.count_stuck(k)}
+        found.append({**figures, "samples": samples})
     return found
 
 

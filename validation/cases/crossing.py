@@ -5,7 +5,7 @@ import numpy as np
 from crowd_env import Geometry, Groups, Scenario
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Row, Setting, adults, number, row
-from validation.cases.crowds import Passages, draw_crowds, mean_of
+from validation.cases.crowds import Passages, draw_crowds
 
 AGAINST = (0, 10, 50, 100)
 
@@ -41,10 +41,10 @@ def run(setting: Setting) -> list[Row]:
     eastward = np.concatenate([np.arange(people.stop - people.start) < _PEOPLE for people in slots])
     door = np.where(eastward, _ROOM + _LENGTH, _ROOM)
     arrived = Passages(crowds, 0, door, np.where(eastward, 1, -1))
-    stuck = arrived.watch(240.0, _PATIENCE)
+    arrived.watch(240.0, _PATIENCE)
     last = [float(np.max(arrived.time[people][:_PEOPLE])) for people in slots]  # nan if somebody did not arrive
-    times = [mean_of([last[e] for e in crowds.of(k)]) for k in range(len(AGAINST))]
-    deadlocks = [sum(e in stuck for e in crowds.of(k)) for k in range(len(AGAINST))]
+    times = crowds.means(last)
+    deadlocks = [arrived.count_stuck(k) for k in range(len(AGAINST))]
     rising = np.diff(np.nan_to_num(times, nan=np.inf)) > 0.0  # where all runs deadlock, it takes for ever
     passed = bool(rising.all()) and deadlocks[AGAINST.index(50)] <= setting.draws // 20
     figure = ", ".join(

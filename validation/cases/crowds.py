@@ -1,6 +1,6 @@
 """Crowds of one or several scenarios side by side, looked at every 0.1 s; when people pass a line."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,6 +37,9 @@ class Moment(NamedTuple):
     active: Bools  # (P,) still inside
 
 
+Command = Callable[[Moment], Floats]
+
+
 class Crowds:
     """Draws of one or several experiments side by side: crowd ``k * draws + d`` is draw ``d`` of experiment ``k``."""
 
@@ -57,7 +60,7 @@ class Crowds:
         """Take everyone out of crowd ``e``: its run is over."""
         self.simulation.state.active[self.people(e)] = False
 
-    def moments(self, limit: float, command: Any = None) -> Iterator[tuple[Moment, Moment]]:
+    def moments(self, limit: float, command: Command | None = None) -> Iterator[tuple[Moment, Moment]]:
         """Yield what was and what is after every 0.1 s, until everyone is out or for ``limit`` seconds.
 
         Parameters
@@ -78,6 +81,24 @@ class Crowds:
             now = Moment(k * EVERY, state.position.copy(), state.active.copy())
             yield before, now
             before = now
+
+    def speeds(
+        self, command: Command, advance: Callable[[Moment, Moment], Floats], first: float, last: float
+    ) -> list[float]:
+        """Return the mean speed [m/s] of each crowd that is led by a ``command``, from ``first`` to ``last`` [s].
+
+        ``advance`` says how far (P,) [m] people got between two moments.
+        """
+        walked, counted = np.zeros(len(self.simulation.state.active)), 0.0
+        for before, now in self.moments(last, command):
+            if before.time >= first - 1e-9:
+                walked += advance(before, now)
+                counted += now.time - before.time
+        return [float(walked[self.people(e)].mean() / counted) for e in range(self.count)]
+
+    def means(self, values: Sequence[float]) -> list[float]:
+        """Return the mean over the draws of each experiment of what is not nan; ``values`` has one for each crowd."""
+        return [mean_of(values[k : k + self.draws]) for k in range(0, self.count, self.draws)]
 
     def walk(self, limit: float, *lines: "Passages") -> CrowdState:
         """Let everyone walk for ``limit`` seconds past lines, and return the state at the end."""
@@ -189,6 +210,10 @@ class Passages:
         for _ in self.moments(limit, patience):
             pass
         return self.stuck
+
+    def count_stuck(self, experiment: int) -> int:
+        """Return how many draws of an experiment have been stopped."""
+        return sum(e in self.stuck for e in self._crowds.of(experiment))
 
     def times(self, e: int) -> Floats:
         """Return when the people of crowd ``e`` passed, in order; nan last."""

@@ -6,13 +6,13 @@ what holds here by some way holds there.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from shapely.geometry import box
 
-from crowd_env import FULL_SPEED, TABLE_4, CrowdEnv, Geometry, Population, Scenario
+from crowd_env import FULL_SPEED, TABLE_4, CrowdEnv, Population, Scenario, make_scenario
 from crowd_env.core.arrays.state import MAX_SPEED
 from crowd_env.envs.crowd import Step
 from crowd_env.envs.rollout import rollout
@@ -31,11 +31,9 @@ class Hall(NamedTuple):
     def scenario(self, time_limit: float = _TIME_LIMIT) -> Scenario:
         """Return the hall, in which everyone is of the default kind."""
         side = float(np.sqrt(self.people / self.density))
-        door = [(side, 0.5 * (side - self.door)), (side, 0.5 * (side + self.door))]
-        geometry = Geometry.from_polygon(box(0.0, 0.0, side, side), exits={"door": door})
-        return Scenario(
-            "hall", geometry, Population(self.people, **TABLE_4), time_limit, blocked_after=30.0, **FULL_SPEED
-        )
+        people = Population(self.people, **TABLE_4)
+        options: dict[str, Any] = {"population": people, "time_limit": time_limit, "blocked_after": 30.0}
+        return replace(make_scenario("room-v0", side=side, door_width=self.door, **options), **FULL_SPEED)
 
 
 HALLS = (Hall(500, 2.0, 0.8), Hall(500, 4.0, 4.0), Hall(1000, 3.0, 1.2), Hall(1000, 4.0, 2.0))

@@ -14,14 +14,14 @@ from validation.cases import corner, counterflow, doors, ring, row
 from validation.cases.case import Row, Setting, number
 from validation.cases.case import row as row_of
 
-Verdict = tuple[bool, str]
+Holds = tuple[bool, str]
 
 WIDTHS = (0.8, 1.2, 2.0)  # m
 FASTER = 1.2  # times as many pass a door if they press on
 _RANK = -0.9
 
 
-def speed_falls_in_single_file(setting: Setting) -> Verdict:
+def speed_falls_in_single_file(setting: Setting) -> Holds:
     """Whether people around a ring are the slower, the more they are."""
     found = ring.speeds(setting)
     rank = corner.rank_correlation(np.array(list(found)), np.array(list(found.values())))
@@ -29,7 +29,7 @@ def speed_falls_in_single_file(setting: Setting) -> Verdict:
     return rank <= _RANK, f"{speeds} m/s from {min(found):g} to {max(found):g} /m"
 
 
-def speed_falls_at_a_corner(setting: Setting) -> Verdict:
+def speed_falls_at_a_corner(setting: Setting) -> Holds:
     """Whether people who turn a corner are slower in a crowd, and none gets stuck."""
     runs = (corner.RUNS[0], corner.RUNS[3], corner.RUNS[-1])
     found = corner.measure(setting, runs)
@@ -39,7 +39,7 @@ def speed_falls_at_a_corner(setting: Setting) -> Verdict:
     return bool(np.all(np.diff(speeds) < 0.0) and not any(one["stuck"] for one in found)), figure
 
 
-def wider_doors_pass_more(setting: Setting) -> Verdict:
+def wider_doors_pass_more(setting: Setting) -> Holds:
     """Whether the flow grows with the width of the door, and nobody gets stuck."""
     found = doors.specific_flows(setting, WIDTHS)
     flows = [width * found[f"{width:g}"]["flow"] for width in WIDTHS]
@@ -48,7 +48,7 @@ def wider_doors_pass_more(setting: Setting) -> Verdict:
     return bool(np.all(np.diff(flows) > 0.0)) and not stuck, f"{figure} /s; {stuck} stuck"
 
 
-def pressing_on_is_faster(setting: Setting) -> Verdict:
+def pressing_on_is_faster(setting: Setting) -> Holds:
     """Whether people who keep a distance pass a door more slowly than those who press on with all their might."""
     keeping, pressing = (
         doors.specific_flows(replace(setting, manner=manner), (1.2,))["1.2"]["flow"]
@@ -57,19 +57,19 @@ def pressing_on_is_faster(setting: Setting) -> Verdict:
     return pressing > FASTER * keeping, f"{number(keeping)} /(m s), pressing on {number(pressing)}"
 
 
-def oncoming_people_slow_down(setting: Setting) -> Verdict:
+def oncoming_people_slow_down(setting: Setting) -> Holds:
     """Whether two streams pass each other, and more slowly than one stream of as many people walks."""
     (found,) = counterflow.run(setting)
     one, both = found.more["one_way"], found.more["both_ways"]
     return not found.more["gridlocked"] and both is not None and both < one, found.figure
 
 
-def pushes_travel(setting: Setting) -> Verdict:
+def pushes_travel(setting: Setting) -> Holds:
     """Whether a push goes through a row of people, and the further and faster, the stronger it is."""
     return row.pushes(setting)[:2]
 
 
-LAWS: dict[str, tuple[Callable[[Setting], Verdict], str]] = {
+LAWS: dict[str, tuple[Callable[[Setting], Holds], str]] = {
     "single file": (speed_falls_in_single_file, f"rank correlation of speed and line density at most {_RANK:g}"),
     "corner": (speed_falls_at_a_corner, "the denser, the slower, in three runs; nobody stuck"),
     "door": (wider_doors_pass_more, "the wider, the more pass; nobody stuck"),

@@ -9,9 +9,9 @@ import numpy as np
 from crowd_env import Bodies, Normal
 from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.corridor import RUNS
-from validation.cases.crowds import Crowds, Floats, crowds_at, generator, mean_of
-from validation.cases.ring import annulus, turned
-from validation.cases.standards.walking import WITHIN, along
+from validation.cases.crowds import Crowds, Floats, crowds_at, generator
+from validation.cases.ring import along, annulus, around, turned
+from validation.cases.standards.walking import WITHIN
 
 WIDTHS = (1.0, 1.4, 1.8)  # m
 RADIUS = 6.0  # m, of the middle of the oval, which is a circle
@@ -30,13 +30,8 @@ def speeds(setting: Setting, width: float, densities: Sequence[float]) -> Floats
     crowd = [adults(round(density * place.area), desired_speed=_SPEED) for density in densities]
     drawn = [each.draw(generator(setting, d), place, setting.room) for each in crowd for d in range(setting.draws)]
     crowds = crowds_at(place, drawn, setting, setting.draws)
-    walked, counted = np.zeros(len(crowds.simulation.state.active)), 0.0
-    for before, now in crowds.moments(_UNTIL, along):
-        if before.time >= _FROM - 1e-9:
-            walked += np.einsum("ij,ij->i", now.position - before.position, along(before))
-            counted += now.time - before.time
-    found = [float(walked[crowds.people(e)].mean() / counted) for e in range(crowds.count)]
-    return np.array([mean_of([found[e] for e in crowds.of(k)]) for k in range(len(densities))])
+    found = crowds.speeds(along, around, _FROM, _UNTIL)
+    return np.array(crowds.means(found))
 
 
 def run(setting: Setting) -> list[Row]:

@@ -6,25 +6,13 @@ import numpy as np
 import shapely
 
 from crowd_env import Geometry
-from validation.cases.case import Row, Setting, adults, row
-from validation.cases.crowds import Floats, Moment, crowds_at, generator, mean_of
+from validation.cases.case import RECORDED, Row, Setting, adults, row
+from validation.cases.crowds import Floats, Moment, crowds_at, generator
 
 ENOUGH = 9
 
-# Line density [1/m] (middle of a bin of 0.2 /m) -> 10 %, 50 % and 90 % of the recorded speeds [m/s].
-BANDS = {
-    0.5: (0.480, 0.883, 1.259),
-    0.7: (0.571, 0.962, 1.199),
-    0.9: (0.570, 0.947, 1.145),
-    1.1: (0.441, 0.694, 0.980),
-    1.3: (0.294, 0.559, 0.779),
-    1.5: (0.170, 0.342, 0.651),
-    1.7: (0.091, 0.224, 0.410),
-    1.9: (0.051, 0.193, 0.363),
-    2.1: (0.023, 0.147, 0.354),
-    2.3: (0.007, 0.133, 0.352),
-    2.5: (0.000, 0.125, 0.353),
-}
+# Line density [1/m] -> 10 %, 50 % and 90 % of the recorded speeds [m/s].
+BANDS = {float(density): tuple(speeds) for density, speeds in RECORDED["ring"].items()}
 
 _LENGTH, _WIDTH = 27.0, 0.6  # m, of the lane: bodies cannot overtake
 _RADIUS = _LENGTH / (2.0 * np.pi)
@@ -51,6 +39,17 @@ def onward(moment: Moment) -> Floats:
     return np.asarray(command / np.maximum(np.hypot(*command.T), 1e-9)[:, None])
 
 
+def along(moment: Moment) -> Floats:
+    """Return the unit vectors (P, 2) that lead around a circle."""
+    x, y = moment.position.T
+    return np.column_stack([-y, x]) / np.maximum(np.hypot(x, y), 1e-9)[:, None]
+
+
+def around(before: Moment, now: Moment) -> Floats:
+    """Return how far (P,) [m] people got around a circle."""
+    return np.asarray(np.einsum("ij,ij->i", now.position - before.position, along(before)))
+
+
 def speeds(setting: Setting, densities: tuple[float, ...] = tuple(BANDS)) -> dict[float, float]:
     """Return the mean speed [m/s] along the lane at each line density [1/m]."""
     numbers = [round(density * _LENGTH) for density in densities]
@@ -60,13 +59,8 @@ def speeds(setting: Setting, densities: tuple[float, ...] = tuple(BANDS)) -> dic
         position = _RADIUS * np.column_stack([np.cos(angle), np.sin(angle)])
         drawn += [(adults(n).draw_bodies(generator(setting, d)), position) for d in range(setting.draws)]
     crowds = crowds_at(ring(), drawn, setting, setting.draws)
-    walked, counted = np.zeros(len(crowds.simulation.state.active)), 0.0
-    for before, now in crowds.moments(_UNTIL, onward):
-        if before.time >= _FROM - 1e-9:
-            walked += _RADIUS * turned(before.position, now.position)
-            counted += now.time - before.time
-    found = [float(walked[crowds.people(e)].mean() / counted) for e in range(crowds.count)]
-    return {density: mean_of([found[e] for e in crowds.of(k)]) for k, density in enumerate(densities)}
+    found = crowds.speeds(onward, lambda before, now: _RADIUS * turned(before.position, now.position), _FROM, _UNTIL)
+    return dict(zip(densities, crowds.means(found), strict=True))
 
 
 def turned(before: Floats, now: Floats) -> Floats:

@@ -15,7 +15,7 @@ discs slide past each other where shoulders do not.  People stand by wanting no 
 at the rate 1 / tau = 2 /s of the package's slowest; LEMONS takes 4.5 /s for the first of the pushes and 2 /s for the second.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,7 +25,7 @@ from shapely.geometry import box
 from crowd_env import Geometry, Physics, Simulation, make_bodies, make_scheme, make_state
 from crowd_env.core.behaviors.balance import Balancing, places_of_heads
 from crowd_env.rendering.canvas import new_figure, quiet_axes, save_figure
-from validation.cases.case import Row, Setting, number, row
+from validation.cases.case import RECORDED, Row, Setting, number, row
 from validation.cases.crowds import Floats
 
 
@@ -35,29 +35,16 @@ class Push(NamedTuple):
     place: tuple[float, ...]  # m, along the row
     depth: tuple[float, ...]  # m, half the depth of the body
     mass: tuple[float, ...]  # kg
-    wall: float | None  # m, where a wall is in front of the row
     time: tuple[float, ...]  # s
     force: tuple[float, ...]  # m/s2 at these times, per mass of the pushed person; linear in between
+    wall: float | None = None  # m, where a wall is in front of the row
+
+    def force_at(self, time: float) -> float:
+        """Return the force [N] on the pushed person at a time [s]."""
+        return float(np.interp(time, self.time, self.force) * self.mass[0])
 
 
-PUSHES = {
-    "open": Push(  # Tue_15_m_noW_row2_15_w_s_b_p_n_d
-        (0.0, 0.358, 0.676, 1.007, 1.437),
-        (0.123, 0.153, 0.135, 0.1125, 0.1375),
-        (81.0, 105.0, 78.0, 63.0, 68.0),
-        None,
-        (0.0, 0.05, 0.15, 0.193, 0.242, 0.290, 0.338, 0.386, 0.435, 0.483, 0.531, 0.580, 0.628, 0.676, 0.725),
-        (0.0, 3.3, 5.2, 6.1, 30.7, 36.7, 36.1, 28.4, 29.8, 28.7, 15.3, 12.1, 11.2, 2.0, 0.0),
-    ),
-    "wall": Push(  # Wed_03_m_wiW_row4_14_w_s_b_p_n_u, from 2.3 s on
-        (0.0, 0.279, 0.692, 1.070, 1.448),
-        (0.1365, 0.1125, 0.1235, 0.1375, 0.135),
-        (89.0, 63.0, 86.0, 68.0, 78.0),
-        1.753,
-        (0.0, 0.11, 0.20, 0.23, 0.26, 0.29, 0.32, 0.38, 0.435, 0.465, 0.495, 0.525, 0.555),
-        (0.0, 2.0, 8.3, 12.7, 18.1, 22.4, 22.8, 20.2, 15.4, 11.2, 6.4, 2.1, 0.0),
-    ),
-}
+PUSHES = {name: Push(**recorded) for name, recorded in RECORDED["row"].items()}
 STRENGTHS = (0.25, 0.5, 1.0)  # times the recorded force
 MOVED = 0.05  # m, forward: who moves further has been reached by the push
 
@@ -66,7 +53,7 @@ REACHES = 0.296  # of the recorded force, that reaches the trunk; fitted
 FRONT, FURTHEST, LAST = 2.43, (0.463, 0.502, 0.649, 0.701, 0.533), (0.245, 0.342, 0.439, 0.509, 0.488)
 NEAR_FRONT, NEAR_FURTHEST, NEAR_LAST = 0.3, 0.1, 0.15  # share; m
 
-_EVERY, _UNTIL = 0.01, 3.0  # s
+EVERY, _UNTIL = 0.01, 3.0  # s
 _VARIED = 8  # rows that hardly differ from the recorded one
 _HALF = 2.0  # m, half the width of the floor: side walls are far away
 
@@ -95,15 +82,27 @@ def displacements(
         physics=Physics(setting.scheme, balance=balance),
         walking=setting.manner,
     )
-    stand, force = np.zeros_like(start), np.zeros_like(start)
-    world, steps = np.zeros(len(start), dtype=np.bool_), round(_EVERY / simulation.dt)
-    moved = np.empty((round(_UNTIL / _EVERY), len(rows), people))
-    for k in range(len(moved)):
-        pushed = np.interp((k + 0.5) * _EVERY, push.time, push.force) * push.mass[0]
-        force[::people, 0] = pushed * np.array(rows)
-        simulation.advance(stand, relative=world, external_force=force, n_substeps=steps)
-        moved[k] = (places_of_heads(simulation) - start)[:, 0].reshape(len(rows), people)
+    strong = np.array(rows)
+    moved = np.array([
+        heads.reshape(len(rows), people)
+        for heads in shoved(simulation, people, lambda time: push.force_at(time) * strong, _UNTIL)
+    ])  # fmt: skip
     return np.moveaxis(moved[:, 1:] - moved[:, :1], 0, 1)
+
+
+def shoved(
+    simulation: Simulation, people: int, force_at: Callable[[float], Floats | float], until: float
+) -> Iterator[Floats]:
+    """Yield how far forward (P,) [m] the heads are after every 0.01 s of people who stand in rows of ``people``.
+
+    ``force_at`` says with which force [N] the first of each row is pushed at a time [s].
+    """
+    start, steps = simulation.state.position.copy(), round(EVERY / simulation.dt)
+    stand, force, world = np.zeros_like(start), np.zeros_like(start), np.zeros(len(start), dtype=np.bool_)
+    for k in range(round(until / EVERY)):
+        force[::people, 0] = force_at((k + 0.5) * EVERY)
+        simulation.advance(stand, relative=world, external_force=force, n_substeps=steps)
+        yield (places_of_heads(simulation) - start)[:, 0]
 
 
 def travel(moved: Floats, place: tuple[float, ...]) -> tuple[int, float]:
@@ -118,7 +117,7 @@ def travel(moved: Floats, place: tuple[float, ...]) -> tuple[int, float]:
     reached = int(np.cumprod(beyond.any(axis=0)).sum())
     if reached < 2:
         return reached, float("nan")
-    when = _EVERY * (1.0 + beyond[:, :reached].argmax(axis=0))
+    when = EVERY * (1.0 + beyond[:, :reached].argmax(axis=0))
     apart = when - when.mean()
     # Least squares of times over places: steps of 0.01 s may give two people the same time.
     slowness = float(apart @ np.array(place[:reached])) / float(np.var(place[:reached]) * reached)
@@ -206,7 +205,7 @@ def draw(folder: Path, rows: Sequence[Row]) -> None:
         quiet_axes(axes, "s since the push begins", "m, forward", title=one.scheme)
         heads = np.array(one.more["balance"]["heads"])
         for k, (head, most, last) in enumerate(zip(heads.T, FURTHEST, LAST, strict=True)):
-            (line,) = axes.plot(_EVERY * np.arange(1, 4 * len(head), 4), head, label=f"person {k + 1}")
+            (line,) = axes.plot(EVERY * np.arange(1, 4 * len(head), 4), head, label=f"person {k + 1}")
             color: Any = line.get_color()
             axes.errorbar(_UNTIL + 0.3 + 0.06 * k, most, NEAR_FURTHEST, color=color, marker="_", capsize=2)
             axes.errorbar(_UNTIL + 0.8 + 0.06 * k, last, NEAR_LAST, color=color, marker="_", capsize=2)

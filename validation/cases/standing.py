@@ -17,17 +17,17 @@ import numpy as np
 from shapely.geometry import box
 
 from crowd_env import Geometry, Physics, Simulation, make_bodies, make_scheme, make_state
-from crowd_env.core.behaviors.balance import BALANCES, places_of_heads
+from crowd_env.core.behaviors.balance import BALANCES
 from crowd_env.rendering.canvas import new_figure, quiet_axes, save_figure
 from validation.cases.case import Row, Setting, number, row
 from validation.cases.crowds import Floats
-from validation.cases.figures import COLORS
-from validation.cases.row import PUSHES, REACHES, travel
+from validation.cases.panels import COLORS
+from validation.cases.row import EVERY, PUSHES, REACHES, shoved, travel
 
 STRENGTHS = (0.5, 1.0)  # of the push
 DENSITIES = (2.0, 3.0, 4.0, 5.0, 6.0)  # 1/m2
 _QUEUE, _RADIUS, _MASS = 30, 0.15, 80.0  # people, m, kg
-_EVERY, _UNTIL, _MEAN = 0.01, 10.0, 10  # s, s, and steps of it over which a force at the wall is a mean
+_UNTIL, _MEAN = 10.0, 10  # s, and steps of 0.01 s over which a force at the wall is a mean
 _PLAZA, _DENSE = (12.0, 8.0), 6.0  # m, 1/m2
 _WATCHED, _LOOK, _SHIFT = 120.0, 0.1, 40.0  # s, s, and N a person and direction
 
@@ -57,16 +57,16 @@ def queues(setting: Setting, balance: str, strength: float) -> Queues:
     place += 0.5 * apart[:, None]
     start = np.column_stack([place.ravel(), np.zeros(place.size)])
     simulation = _crowd(setting, np.array([-30.0, -2.0, 0.0, 2.0]), start, many, balance)
-    force, world = np.zeros_like(start), np.zeros(len(start), dtype=np.bool_)
-    steps, count = round(_EVERY / simulation.dt), round(_UNTIL / _EVERY)
-    moved, wall = np.empty((count, many, _QUEUE)), np.empty((count, many))
-    for k in range(count):
-        force[::_QUEUE, 0] = strength * REACHES * np.interp((k + 0.5) * _EVERY, push.time, push.force) * push.mass[0]
-        simulation.advance(np.zeros_like(start), relative=world, external_force=force, n_substeps=steps)
-        moved[k] = (places_of_heads(simulation) - start)[:, 0].reshape(many, _QUEUE)
-        wall[k] = -simulation.results.wall_impulse[:, 0].reshape(many, _QUEUE).sum(axis=1) / _EVERY
-    means = np.stack([np.convolve(one, np.full(_MEAN, 1.0 / _MEAN), "same") for one in wall.T])
-    found = [travel(moved[:, e], tuple(place[e])) for e in range(many)]
+    moved, wall = [], []
+
+    def force_at(time: float) -> Floats | float:
+        return strength * REACHES * np.interp(time, push.time, push.force) * push.mass[0]
+
+    for heads in shoved(simulation, _QUEUE, force_at, _UNTIL):
+        moved.append(heads.reshape(many, _QUEUE))
+        wall.append(-simulation.results.wall_impulse[:, 0].reshape(many, _QUEUE).sum(axis=1) / EVERY)
+    means = np.stack([np.convolve(one, np.full(_MEAN, 1.0 / _MEAN), "same") for one in np.transpose(wall)])
+    found = [travel(np.array(moved)[:, e], tuple(place[e])) for e in range(many)]
     return Queues([reached for reached, _ in found], [speed for _, speed in found], means.max(axis=1).tolist())
 
 

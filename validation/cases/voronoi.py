@@ -1,6 +1,7 @@
 """Density and speed by the Voronoi method (Steffen, Seyfried 2010, doi 10.1016/j.physa.2009.12.015)."""
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from shapely.geometry import Polygon
 from validation.cases.crowds import Bools, Crowds, Floats, Moment, mean_of
 
 REACH = 1.0  # m: nobody takes up more room than a disc of this radius, as in PedPy's evaluations of these recordings
+_LOOKS = 5  # tenths of a second between two looks at a field
 
 
 def cells(position: Floats, floor: Polygon, reach: float = REACH) -> np.ndarray:
@@ -57,15 +59,19 @@ class Look(NamedTuple):
     speed: Floats  # (K,) m/s
 
 
-def look(crowds: Crowds, before: Moment, now: Moment, near: Bools) -> list[Look]:
-    """Return those of ``near`` (P,) who are still there, crowd by crowd, and how fast they were since the moment before."""
-    speed = np.hypot(*(now.position - before.position).T) / (now.time - before.time)
-    near = near & now.active
-    slots = [np.arange(crowds.people(e).start, crowds.people(e).stop) for e in range(crowds.count)]
-    return [
-        Look(e, now.time, now.position[here], speed[here])
-        for e, here in enumerate(people[near[people]] for people in slots)
-    ]
+def looks_at(
+    crowds: Crowds, moments: Iterable[tuple[Moment, Moment]], is_near: Callable[[Floats, Floats], Bools]
+) -> list[Look]:
+    """Return those at (x, y) who are near, crowd by crowd and every half second, and how fast they were in the last tenth."""
+    looks = []
+    for before, now in itertools.islice(moments, None, None, _LOOKS):
+        speed = np.hypot(*(now.position - before.position).T) / (now.time - before.time)
+        near = is_near(*now.position.T) & now.active
+        for e in range(crowds.count):
+            people = crowds.people(e)
+            here = near[people]
+            looks.append(Look(e, now.time, now.position[people][here], speed[people][here]))
+    return looks
 
 
 def samples_between(begin: float, end: float, looks: Sequence[Look], floor: Polygon, field: Polygon) -> Floats:

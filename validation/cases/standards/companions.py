@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from crowd_env import Geometry, Groups, Scenario, Uniform
-from crowd_env.geometry.geometry import box
+from crowd_env import Groups, Scenario, Uniform
 from validation.cases.case import Setting, Verdict, adults
 from validation.cases.crowds import Floats, draw_crowds
+from validation.cases.standards.places import place
 
 SPEEDS = (1.25, 1.25, 1.25, 1.25, 0.5)  # m/s, of those in company
 _OTHERS, _SLOW = 10, 0.5  # people, m/s
@@ -37,16 +37,11 @@ class Given:
 
 def spreads(setting: Setting, companions: int | None) -> list[float]:
     """Return the time [s] from the first of the five to the last, of each draw; infinite if one of them is left inside."""
-    place = Geometry.from_polygon(
-        box(0.0, 0.0, 20.0, 15.0),
-        exits={"door": [(20.0, 7.0), (20.0, 8.0)]},
-        regions={"back": box(0.5, 5.5, 4.5, 9.5), "middle": box(6.0, 4.5, 12.0, 10.5)},
-    )
     five = adults(
         len(SPEEDS), desired_speed=Given(SPEEDS), companions=companions, start_region="back", name="companions"
     )
     others = adults(_OTHERS, desired_speed=Uniform(_SLOW, _SLOW), start_region="middle", name="others")
-    crowds = draw_crowds([Scenario("companions", place, Groups((five, others)), 180.0)], setting)
+    crowds = draw_crowds([Scenario("companions", place("companions"), Groups((five, others)), 180.0)], setting)
     out = crowds.walk(180.0).exit_time.reshape(setting.draws, -1)[:, : len(SPEEDS)]
     return np.nan_to_num(np.ptp(out, axis=1), nan=np.inf).tolist()
 

@@ -1,6 +1,5 @@
 """Tests of small buildings: doors, congestion, assigned exits, an exit that closes, someone slow in a passage."""
 
-import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +9,7 @@ from crowd_env import DoorEvent, Geometry, Groups, Population, Scenario, Uniform
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Setting, Verdict, adults
 from validation.cases.crowds import Ints, Passages, draw_crowds, mean_of, steady_flow
+from validation.cases.standards.places import place
 
 _FAR = 3.0  # m, free space behind an exit at which a flow is measured
 
@@ -23,10 +23,10 @@ def last_out(setting: Setting, scenarios: list[Scenario], limit: float) -> list[
 
 
 def exits_taken(
-    setting: Setting, place: Geometry, people: Population | Groups, limit: float = 120.0, **options: Any
+    setting: Setting, building: Geometry, people: Population | Groups, limit: float = 120.0, **options: Any
 ) -> Ints:
     """Return which exit everyone takes (draws, N); the options are those of `Scenario`."""
-    scenario = Scenario("exits", place, people, limit, **options)
+    scenario = Scenario("exits", building, people, limit, **options)
     return draw_crowds([scenario], setting).walk(limit).exit_index.reshape(setting.draws, -1)
 
 
@@ -57,12 +57,12 @@ def four_doors(setting: Setting) -> Verdict:
     scenarios = []
     for those in (doors, doors[2:]):
         parts = [behind(*door) for door in those]
-        place = Geometry.from_polygon(
+        building = Geometry.from_polygon(
             [box(0.0, 0.0, 30.0, 20.0), *(shape for floor, _ in parts for shape in floor)],
             exits=[line for _, line in parts],
             regions={"inside": box(2.0, 2.0, 28.0, 18.0)},
         )
-        scenarios.append(Scenario("four doors", place, adults(1000, start_region="inside"), 600.0))
+        scenarios.append(Scenario("four doors", building, adults(1000, start_region="inside"), 600.0))
     four, two = last_out(replace(setting, draws=1), scenarios, 600.0)
     figure = f"{four:.0f} s through four doors, {two:.0f} s through two: {two / four:.2f} times as long"
     return Verdict(1.6 <= two / four <= 2.4, figure, {"four": four, "two": two})
@@ -70,35 +70,14 @@ def four_doors(setting: Setting) -> Verdict:
 
 def rooms(setting: Setting) -> Verdict:
     """RiMEA 10, IMO 10, ISO 8, NIST 3.1: the people of twelve rooms take the exits that they are assigned."""
-    y = {"south": (0.0, 5.0), "north": (6.0, 11.0)}
-    edges = {"south": [0.0, 3.0, 6.0, 9.0, 12.0, 15.0, 18.0], "north": [0.0, 3.0, 6.0, 7.8, 9.0, 12.0, 15.0, 18.0]}
-    walls, regions, groups = [], {}, []
-    for side, at in edges.items():
-        low, high = y[side]
-        inner = high if side == "south" else low
-        walls += [[(x, low), (x, high)] for x in at[1:-1]]
-        begin = 0.0
-        for left, right in itertools.pairwise(at):
-            if (side, left) == ("north", 7.8):  # the way to the main exit, 1.2 m wide
-                walls.append([(begin, inner), (left, inner)])
-                begin = right
-                continue
-            middle = 0.5 * (left + right)
-            walls.append([(begin, inner), (middle - 0.45, inner)])
-            begin = middle + 0.45
-            name = f"{side} {left:g}"
-            regions[name] = box(left, low, right, high)
-            people = 1 if right - left < 2.0 else 2
-            groups.append(adults(people, start_region=name, route="main" if left < 11.0 else "second", name=name))
-        walls.append([(begin, inner), (18.0, inner)])
-    place = Geometry.from_polygon(
-        box(0.0, 0.0, 18.0, 11.0),
-        exits={"main": [(7.8, 11.0), (9.0, 11.0)], "second": [(18.0, 5.0), (18.0, 6.0)]},
-        thin_walls=walls,
-        regions=regions,
-    )
-    taken = exits_taken(setting, place, Groups(tuple(groups)))
-    wanted = [place.exit_names.index(str(group.route)) for group in groups for _ in range(group.people)]
+    building = place("rooms")
+    groups = []
+    for name in building.regions:
+        left, _, right, _ = building.regions[name].bounds
+        people, route = 1 if right - left < 2.0 else 2, "main" if left < 11.0 else "second"
+        groups.append(adults(people, start_region=name, route=route, name=name))
+    taken = exits_taken(setting, building, Groups(tuple(groups)))
+    wanted = [building.exit_names.index(str(group.route)) for group in groups for _ in range(group.people)]
     right = float((taken == wanted).mean())
     return Verdict(right == 1.0, f"{100 * right:.0f} % of {len(wanted)} people took their exit", {"share": right})
 
@@ -106,25 +85,19 @@ def rooms(setting: Setting) -> Verdict:
 def near_exit(setting: Setting) -> Verdict:
     """RiMEA 11: 1000 people in one end of a room with two exits; most take the near one, some the other."""
     parts = {name: behind(x, 20.0, 1) for name, x in (("near", 21.0), ("far", 27.0))}
-    place = Geometry.from_polygon(
+    building = Geometry.from_polygon(
         [box(0.0, 0.0, 30.0, 20.0), *(shape for floor, _ in parts.values() for shape in floor)],
         exits={name: line for name, (_, line) in parts.items()},
         regions={"left": box(0.0, 0.0, 20.0, 20.0)},
     )
-    taken = exits_taken(replace(setting, draws=1), place, adults(1000, start_region="left"), 900.0)
-    near, far = (int((taken == place.exit_names.index(name)).sum()) for name in ("near", "far"))
+    taken = exits_taken(replace(setting, draws=1), building, adults(1000, start_region="left"), 900.0)
+    near, far = (int((taken == building.exit_names.index(name)).sum()) for name in ("near", "far"))
     return Verdict(near > far > 0, f"{near} by the near exit, {far} by the other", {"near": near, "far": far})
 
 
 def neck(setting: Setting) -> Verdict:
     """RiMEA 12: a neck of 1 m between two rooms holds people up, the exit of 1 m behind it does not."""
-    floor = [box(0.0, -5.0, 10.0, 5.0), box(9.99, -0.5, 15.01, 0.5), box(15.0, -5.0, 25.0, 5.0)]
-    floor += [box(24.99, -0.5, 25.31, 0.5), box(25.3, -5.0, 25.3 + _FAR, 5.0)]
-    end = 25.3 + _FAR
-    place = Geometry.from_polygon(
-        floor, exits={"end": [(end, -5.0), (end, 5.0)]}, regions={"left": box(0.0, -5.0, 5.0, 5.0)}
-    )
-    scenario = Scenario("neck", place, adults(150, start_region="left"), 300.0)
+    scenario = Scenario("neck", place("neck"), adults(150, start_region="left"), 300.0)
     through, out = flows_past(setting, scenario, 15.0, 25.3)
     figure = f"{through:.2f} /s through the neck, {out:.2f} /s through the exit"
     return Verdict(bool(out <= through + 0.05), figure, {"neck": through, "exit": out})
@@ -132,43 +105,27 @@ def neck(setting: Setting) -> Verdict:
 
 def exit_flow(setting: Setting) -> Verdict:
     """IMO 4, ISO 11, NIST 5.2: 100 people and an exit of 1 m; 1.33 /(m s) is a value of design, which people exceed."""
-    end = 8.3 + _FAR
-    floor = [box(0.0, 0.0, 8.0, 5.0), box(7.99, 2.0, 8.31, 3.0), box(8.3, 0.0, end, 5.0)]
-    place = Geometry.from_polygon(
-        floor, exits={"end": [(end, 0.0), (end, 5.0)]}, regions={"room": box(0.0, 0.0, 8.0, 5.0)}
-    )
-    (flow,) = flows_past(setting, Scenario("exit", place, adults(100, start_region="room"), 240.0), 8.3)
+    scenario = Scenario("exit", place("exit"), adults(100, start_region="room"), 240.0)
+    (flow,) = flows_past(setting, scenario, 8.3)
     return Verdict(None, f"{flow:.2f} /(m s); people in experiments: 1.6 to 2.8", {"flow": flow})
 
 
 def closing_exit(setting: Setting) -> Verdict:
     """ISO 9, NIST 4.1: an exit closes after 1 s, and everyone takes the other."""
-    place = Geometry.from_polygon(
-        box(0.0, 0.0, 15.0, 10.0),
-        exits={"first": [(4.0, 0.0), (5.0, 0.0)], "second": [(12.0, 0.0), (13.0, 0.0)]},
-        doors={"door": "first"},
-        regions={"left": box(0.0, 5.0, 9.0, 10.0)},
-    )
-    closes = (DoorEvent("door", False, at=1.0),)
-    taken = exits_taken(setting, place, adults(20, start_region="left"), door_events=closes)
-    share = float((taken == place.exit_names.index("second")).mean())
+    building, closes = place("two-exits"), (DoorEvent("door", False, at=1.0),)
+    taken = exits_taken(setting, building, adults(20, start_region="left"), door_events=closes)
+    share = float((taken == building.exit_names.index("second")).mean())
     return Verdict(share == 1.0, f"{100 * share:.0f} % left by the exit that stayed open", {"share": share})
 
 
 def slow_person(setting: Setting) -> Verdict:
     """ISO 7, NIST 2.10: someone slow and large in a passage of 1.5 m holds 24 others up."""
-    floor = [box(0.0, 0.0, 6.0, 5.0), box(5.99, 1.75, 16.0, 3.25)]
-    place = Geometry.from_polygon(
-        floor,
-        exits={"end": [(16.0, 1.75), (16.0, 3.25)]},
-        regions={"back": box(0.0, 0.0, 4.0, 5.0), "front": box(4.5, 1.75, 5.9, 3.25)},
-    )
     others = adults(24, start_region="back", name="others")
     times = []
     for speed, radius in ((0.4, 0.35), (1.34, 0.17)):
         special = {"desired_speed": Uniform(speed, speed), "radius": Uniform(radius, radius)}
         people = Groups((others, adults(1, start_region="front", name="one", **special)))
-        crowds = draw_crowds([Scenario("passage", place, people, 120.0)], setting)
+        crowds = draw_crowds([Scenario("passage", place("passage"), people, 120.0)], setting)
         out = crowds.walk(120.0).exit_time.reshape(setting.draws, 25)[:, :24]
         times.append(float(out.max(axis=1).mean()))
     slow, usual = times

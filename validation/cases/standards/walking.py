@@ -9,8 +9,9 @@ from crowd_env import Geometry, LogNormal, Normal, Population, Scenario, SpeedZo
 from crowd_env.geometry.geometry import box
 from crowd_env.routing.fields.fundamental_diagram import weidmann
 from validation.cases.case import Setting, Verdict, adults
-from validation.cases.crowds import Floats, Moment, Passages, crowds_at, draw_crowds, generator, mean_of
-from validation.cases.ring import annulus
+from validation.cases.crowds import Floats, Passages, crowds_at, draw_crowds, generator, mean_of
+from validation.cases.ring import along, annulus, around
+from validation.cases.standards.places import place
 
 _ALL_AT = (1.33, 1.0)  # m/s, of the tests in a corridor of 40 m
 _STAIRS = 10.0  # m
@@ -22,12 +23,12 @@ WITHIN = 0.3  # ... within this share
 
 def corridor(people: Population, length: float = 40.0, zones: tuple[SpeedZone, ...] = ()) -> Scenario:
     """Return a corridor 2 m wide in which everyone starts 0.4 to 0.6 m from one end and leaves at the other."""
-    place = Geometry.from_polygon(
+    ground = Geometry.from_polygon(
         box(0.0, -1.0, length, 1.0),
         exits={"end": [(length, -1.0), (length, 1.0)]},
         regions={"start": box(0.2, -0.5, 0.8, 0.5), "stairs": box(5.0, -1.0, 5.0 + _STAIRS, 1.0)},
     )
-    return Scenario("corridor", place, people.changed(start_region="start"), 120.0, zones=zones)
+    return Scenario("corridor", ground, people.changed(start_region="start"), 120.0, zones=zones)
 
 
 def alone(setting: Setting, scenario: Scenario, first: float, last: float) -> tuple[Floats, Floats, Floats]:
@@ -79,11 +80,12 @@ def response_times(setting: Setting) -> Verdict:
     force acts, people who wait are moved apart a little.
     """
     askew = 0.1 if setting.room > 1.0 else 0.0
-    place = Geometry.from_polygon(box(0.0, 0.0, 8.0, 5.0), exits={"door": [(8.0, 2.0), (8.0, 3.0)]})
     across = np.linspace(0.25 + 0.2 * askew, 4.75 - 0.2 * askew, 10)
     starts = np.column_stack([0.5 + askew * (-1.0) ** np.arange(10), across])
     laws = (Uniform(10.0, 100.0), Normal(55.0, 15.0, 10.0, 100.0), LogNormal(98.1, 0.967, high=300.0, low=5.0))
-    scenarios = [Scenario("response", place, adults(10, response_time=law, starts=starts), 400.0) for law in laws]
+    scenarios = [
+        Scenario("response", place("response"), adults(10, response_time=law, starts=starts), 400.0) for law in laws
+    ]
     crowds = draw_crowds(scenarios, setting)
     bodies = crowds.simulation.bodies
     began = np.full(len(bodies.radius), np.nan)
@@ -99,10 +101,8 @@ def response_times(setting: Setting) -> Verdict:
 def corner(setting: Setting) -> Verdict:
     """RiMEA 6, ISO 4, NIST 2.3, IMO 6: twenty people turn a corner, and nobody goes through a wall."""
     floor = shapely.union(box(0.0, 0.0, 12.0, 2.0), box(10.0, 0.0, 12.0, 12.0))
-    place = Geometry.from_polygon(
-        floor, exits={"end": [(10.0, 12.0), (12.0, 12.0)]}, regions={"start": box(0.0, 0.0, 6.0, 2.0)}
-    )
-    crowds = draw_crowds([Scenario("corner", place, adults(20, start_region="start"), 120.0)], setting)
+    ground = Geometry.from_polygon(floor, exits={"end": "10,12,12,12"}, regions={"start": box(0.0, 0.0, 6.0, 2.0)})
+    crowds = draw_crowds([Scenario("corner", ground, adults(20, start_region="start"), 120.0)], setting)
     outside = 0
     shapely.prepare(floor)
     for _, now in crowds.moments(120.0):
@@ -113,17 +113,13 @@ def corner(setting: Setting) -> Verdict:
 
 def fundamental_diagram(setting: Setting) -> Verdict:
     """RiMEA 4, ISO 13: speed and flow by density, in a ring 2.4 m wide in place of a corridor of 1000 m; judged by Weidmann."""
-    place = annulus(_RADIUS, _WIDTH)
+    ground = annulus(_RADIUS, _WIDTH)
     densities = [density for density in _DENSITIES if density * setting.room**2 <= _DENSITIES[-1]]  # that fit
-    numbers = [round(density * place.area) for density in densities]
+    numbers = [round(density * ground.area) for density in densities]
     people = [adults(n) for n in numbers]
-    drawn = [some.draw(generator(setting, 0), place, setting.room) for some in people]
-    crowds = crowds_at(place, drawn, setting, 1)
-    walked = np.zeros(len(crowds.simulation.state.active))
-    for before, now in crowds.moments(30.0, along):
-        if before.time >= 10.0 - 1e-9:
-            walked += np.einsum("ij,ij->i", now.position - before.position, along(before)) / 20.0
-    speed = np.array([walked[crowds.people(e)].mean() for e in range(crowds.count)])
+    drawn = [some.draw(generator(setting, 0), ground, setting.room) for some in people]
+    crowds = crowds_at(ground, drawn, setting, 1)
+    speed = np.array(crowds.speeds(along, around, 10.0, 30.0))
     flow = speed * np.array(densities)
     best = int(np.argmax(flow))
     expected = _FREE * weidmann(np.array(densities))
@@ -132,9 +128,3 @@ def fundamental_diagram(setting: Setting) -> Verdict:
     figure = ", ".join(f"{d:g} /m2 {v:.2f} ({w:.2f}) m/s" for d, v, w in zip(densities, speed, expected, strict=True))
     figure += f"; most flow, {flow[best]:.2f} /(m s), at {densities[best]:g} /m2"
     return Verdict(passed, figure, {"density": densities, "speed": speed.tolist(), "flow": flow.tolist()})
-
-
-def along(moment: Moment) -> Floats:
-    """Return the unit vectors (P, 2) that lead around the ring."""
-    x, y = moment.position.T
-    return np.column_stack([-y, x]) / np.maximum(np.hypot(x, y), 1e-9)[:, None]

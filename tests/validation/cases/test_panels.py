@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from cases import looped
 
-from validation.cases import corridor, figures, ring
+from validation.cases import corridor, panels, ring
 from validation.cases.case import Setting, row
-from validation.cases.figures import COLORS
+from validation.cases.panels import COLORS
 
 SETTINGS = [Setting(scheme, manner) for scheme in ("dem", "hertz-literal") for manner in ("hurried", "calm")]
 
@@ -23,12 +23,12 @@ def test_the_gate_has_counts_and_gaps(tmp_path, recorded):
         row("gate", one, True, "1 /s; x", "c", "s", passages=passages, recorded=recorded, position=np.zeros((75, 2)))
         for one in SETTINGS
     ]
-    figures.gate(tmp_path, rows)
+    panels.gate(tmp_path, rows)
     assert is_picture(tmp_path / "gate.png") and is_picture(tmp_path / "gate-gaps.png")
 
 
 def test_the_share_of_longer_gaps_falls_from_one_to_none():
-    gap, share = figures.longer(np.array([2.0, 1.0, 4.0, 3.0]))
+    gap, share = panels.longer(np.array([2.0, 1.0, 4.0, 3.0]))
     np.testing.assert_allclose(gap, [0, 1, 2, 3, 4])
     np.testing.assert_allclose(share, [1, 0.75, 0.5, 0.25, 0])
 
@@ -36,7 +36,7 @@ def test_the_share_of_longer_gaps_falls_from_one_to_none():
 @pytest.mark.more
 def test_the_ring_has_speeds_beside_the_band(tmp_path):
     speed = {density: (np.nan if density > 2.0 else 0.5) for density in ring.BANDS}
-    figures.ring(tmp_path, [row("ring", one, True, "", "c", "s", speed=speed, band=ring.BANDS) for one in SETTINGS])
+    panels.ring(tmp_path, [row("ring", one, True, "", "c", "s", speed=speed, band=ring.BANDS) for one in SETTINGS])
     assert is_picture(tmp_path / "ring.png")
 
 
@@ -46,7 +46,7 @@ def test_the_corridor_has_a_fundamental_diagram(tmp_path, diagram):
     runs = [{"density": 0.5, "speed": 1.2}, {"density": np.nan, "speed": np.nan}]
     more = {"runs": runs, "diagram": {0.5: 1.2}, "recorded_diagram": diagram}
     more |= {"recorded": [one._asdict() for one in corridor.RUNS]}
-    figures.corridor(tmp_path, [row("corridor", one, True, "", "c", "s", **more) for one in SETTINGS])
+    panels.corridor(tmp_path, [row("corridor", one, True, "", "c", "s", **more) for one in SETTINGS])
     assert is_picture(tmp_path / "corridor.png")
 
 

@@ -1,0 +1,17 @@
+"""The places of places.toml."""
+
+from pathlib import Path
+
+from crowd_env import Geometry
+from crowd_env.geometry.geometry import box
+from validation.pages import read_toml
+
+_PLACES = read_toml(Path(__file__).with_name("places.toml"))
+
+
+def place(name: str) -> Geometry:
+    """Return a place of the standards' tests."""
+    facts = dict(_PLACES[name])
+    floor = [box(*each) for each in facts.pop("floor")]
+    regions = {region: box(*each) for region, each in facts.pop("regions", {}).items()}
+    return Geometry.from_polygon(floor, regions=regions, **facts)
