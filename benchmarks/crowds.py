@@ -95,7 +95,7 @@ class Crowd(Contender):
         return Sample(*spent, simulated, inside * round(simulated / self.simulation.dt))
 
     def now(self) -> tuple[Bodies, Floats]:
-        """Return those who are inside and where."""
+        """Return the bodies of the people inside and their positions (K, 2) [m]."""
         inside = self.simulation.state.active
         return chosen(self.simulation.bodies, inside), self.simulation.state.position[inside]
 

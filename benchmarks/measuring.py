@@ -11,7 +11,7 @@ from validation.pages import pivoted
 
 
 class Row(NamedTuple):
-    """One figure of one who is measured."""
+    """One figure of one contender."""
 
     who: str
     quantity: str  # with its unit
@@ -83,7 +83,7 @@ NOTHING = Sample(0.0, 0.0, 0.0, 0.0)
 
 
 class Contender(ABC):
-    """One who is measured in turn with others."""
+    """What is measured in turn with others."""
 
     name: str
     whole = 0.0  # s    simulated in a whole run
@@ -145,7 +145,7 @@ class Stopwatch:
 
 
 def grid(rows: Sequence[Row]) -> list[list[str]]:
-    """Return figures as a table, the head first: a line for each who is measured, a column for each quantity."""
+    """Return figures as a table, the head first: a line for each contender, a column for each quantity."""
     shown = [{**row._asdict(), "value": number(row.value)} for row in rows]
     return pivoted(shown, {"": "{who}"}, "{quantity}", "{value}")
 

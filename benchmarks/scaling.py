@@ -3,7 +3,7 @@
 CPU time of a person-step in the jam against the number of people, with the exponent of the whole step that a line through the
 logarithms fits: 1 is a cost that grows as the number of people, 2 as that of their pairs.  And the speed on the clock with more
 threads over that with one, of a batch of rooms and of one crowd; beside it that of as many processes, each with a share of the
-work: what the machine gives when nobody waits for anybody.
+work: what the machine gives without waiting.
 """
 
 import multiprocessing

@@ -31,7 +31,7 @@ _TOUCH = 1e-3  # m    bodies nearer than this touch
 
 
 class Scene(NamedTuple):
-    """One place with its people at the start; nobody overlaps."""
+    """One place with its people at the start, without overlaps."""
 
     place: str
     scenario: Scenario
@@ -116,7 +116,7 @@ def lattice(count: int, side: float, rng: np.random.Generator) -> Floats:
 
 
 def relaxed(geometry: Geometry, bodies: Bodies, position: Floats) -> tuple[Bodies, Floats]:
-    """Let the springs of dem push people apart who stand still; take off bodies what overlap is left, so that they touch."""
+    """Let the springs of dem push standing people apart; shrink bodies by what overlap is left, so that they touch."""
     calm = bodies._replace(relaxation_time=np.full(len(position), 0.05))
     closed = Geometry.from_polygon(geometry.walkable)
     crowd = Simulation(closed, calm, make_state(position), physics=Physics(DEM(), dt=0.004), fields=[None])

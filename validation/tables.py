@@ -1,4 +1,4 @@
-"""What makes the tables of docs/tables/ anew: rows from commands or finished runs, laid out as tables.toml says.
+"""The tables of docs/tables/: rows from commands or finished runs, laid out as tables.toml says.
 
 ``source(LINE)`` is what ``python -m LINE --json`` prints; ``source.read(FILE)`` and ``source.rows(CASE)`` are of the folder
 that --from names.  Verdicts of the table ``lin`` are written by hand, beside what ``crowd-env reproduce`` prints.
@@ -171,6 +171,10 @@ def flows(source: Source) -> Rows:
             yield {**row, "people": people, "speed": speed}
 
 
+def _of_tasks(rows: Callable[[], Rows]) -> Callable[[Source], Rows]:
+    return lambda source: rows()
+
+
 # Table -> the rows that tables.toml lays out; made_by.csv says by which command their figures are measured.
 _ROWS: dict[str, Callable[[Source], Rows]] = {
     "schemes": schemes,
@@ -195,7 +199,7 @@ _ROWS: dict[str, Callable[[Source], Rows]] = {
     "theatre": theatre,
     "clearance": clearance,
     "flows": flows,
-    **{name: lambda source, rows=rows: rows() for name, rows in task_tables.ROWS.items()},
+    **{name: _of_tasks(rows) for name, rows in task_tables.ROWS.items()},
 }
 
 
@@ -213,7 +217,13 @@ MAKERS: dict[str, Callable[[Source], Grid]] = {
 
 
 def make(names: Iterable[str], source: Source) -> None:
-    """Make tables anew; ValueError if one is unknown, a command fails or a finished run is missing: it stays as it was then."""
+    """Write tables; a table that cannot be made stays as it was.
+
+    Raises
+    ------
+    ValueError
+        If a table is unknown, a command fails or a finished run is missing.
+    """
     commands = {name: (command, note) for name, command, note in read_table(MADE_BY)[1:]}
     for name in names:
         write_table(name, MAKERS[known("table", name, MAKERS)](source), *commands[name])

@@ -127,7 +127,7 @@ def read_submissions(folder: Path = SUBMISSIONS) -> dict[str, list[dict[str, Any
 
 
 def _times(content: dict[str, Any], policy: str = "") -> np.ndarray:
-    """Return when the last person of each run was out [s]; nan where somebody was left inside."""
+    """Return when the last person of each run was out [s]; nan where people were left inside."""
     named = (policy or content["policy"]["name"], "task")
     found = next(one for one in content["runs"] if (one["policy"], one["variation"]) == named)
     return np.array(found["last_time"], dtype=np.float64)
@@ -188,7 +188,7 @@ def _lost(row: dict[str, Any]) -> str:
 
 
 def _worse(content: dict[str, Any]) -> str:
-    """Return the variations on which a policy leaves somebody inside in more draws than the rule does."""
+    """Return the variations on which a policy leaves people inside in more draws than the rule does."""
     if content["robustness"] is None:
         return "not tried"
     left = {(row["variation"], row["policy"]): row["unfinished"] for row in content["robustness"]["rows"]}

@@ -15,7 +15,7 @@ _EPISODE = 200  # steps after which a PettingZoo environment is reset, which is 
 
 
 class Stepped:
-    """An environment of so many agents; it is stepped once when it is made."""
+    """An environment of other agents; it is stepped once when it is made."""
 
     whole = 0.0
 
@@ -78,7 +78,7 @@ def _spread(people: int) -> Stepped:
     return _pettingzoo(f"simple_spread, {people} agents", "mpe2", env, 1)
 
 
-# Package -> what makes its environments, beside so many rooms of so many people.
+# Package -> what makes its environments, beside this number of rooms, of people in each.
 BATCHES: dict[str, Callable[[int, int], list[Callable[[], Stepped]]]] = {
     "vmas": lambda rooms, people: [
         partial(_vmas, name, rooms, people) for name in ("navigation", "dispersion", "flocking")

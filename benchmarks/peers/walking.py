@@ -35,10 +35,10 @@ class PeerCrowd(ABC):
 
     @abstractmethod
     def _people(self) -> tuple[np.ndarray, Floats]:
-        """Return the numbers (K,) of those who are inside and where they are (K, 2)."""
+        """Return the numbers (K,) of the people inside and their positions (K, 2) [m]."""
 
     def now(self) -> tuple[Bodies, Floats]:
-        """Return those who are inside and where."""
+        """Return the bodies of the people inside and their positions (K, 2) [m]."""
         numbers, position = self._people()
         inside = np.zeros(self._scene.people, dtype=np.bool_)
         inside[numbers] = True

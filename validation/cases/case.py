@@ -122,7 +122,7 @@ def row(
 
 
 def number(value: float, digits: int = 2) -> str:
-    """Return a number with so many decimals, or a dash if there is none."""
+    """Return a number with ``digits`` decimals, or a dash if it is not finite."""
     return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 

@@ -22,7 +22,7 @@ _PATIENCE, _LIMIT = 30.0, 400.0  # s
 
 
 def exits(setting: Setting) -> list[RunExits]:
-    """Return when people pass the door in each draw; a draw is watched until all have, or until nobody did for 30 s."""
+    """Return when people pass the door in each draw; a draw ends when all have, or after 30 s without a passage."""
     crowds = draw_crowds([door(_DOOR, _PEOPLE)], setting)
     passages = Passages(crowds, 0, _LINE)
     *_, (_, last) = passages.moments(_LIMIT, _PATIENCE)

@@ -108,7 +108,7 @@ def recorded_diagram(folder: Path) -> dict[float, float] | None:
 
 
 def recorded_looks(recorded: Trajectories, frame_rate: float) -> list[Look]:
-    """Return who is in the corridor twice a second, and how fast they are."""
+    """Return the recorded people in the corridor twice a second, and their speeds."""
     looks, half = [], 5
     frame = np.round(recorded.time * frame_rate).astype(int)
     same = np.zeros(len(frame), dtype=bool)

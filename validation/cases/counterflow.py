@@ -15,7 +15,7 @@ _HALF, _SECTION = 2.0, 20.0  # m, half width of the corridor, length of the sect
 _LANE = 0.5  # m, width of a row in which directions are compared
 _WINDOW = (6.0, 14.0)  # m, where: both streams have to be there
 _LEAST = 6  # people of either stream in the window, for order to be measured
-_PATIENCE = 20.0  # s in which nobody leaves the section: gridlock
+_PATIENCE = 20.0  # s without a pedestrian who leaves the section: gridlock
 _SHUFFLES = 100
 
 
@@ -82,7 +82,7 @@ def run(setting: Setting) -> list[Row]:
 
 
 def _eastward(crowds: Crowds, e: int) -> Bools:
-    """Return who of crowd ``e`` walks east: everyone in the one-way scenario, which comes first, else the first stream."""
+    """Return which pedestrians of crowd ``e`` walk east: all of a one-way scenario, which come first, else the first stream."""
     people = crowds.people(e)
     return (np.arange(people.stop - people.start) < _PEOPLE) | (e < crowds.draws)
 

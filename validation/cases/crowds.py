@@ -66,7 +66,7 @@ class Crowds:
         Parameters
         ----------
         command : function of a `Moment` that returns desired velocities (P, 2) in the axes of the world, as multiples of the
-            own desired speed; by default everyone follows the own route.
+            the desired speed of each pedestrian; by default pedestrians follow their routes.
         """
         simulation, state = self.simulation, self.simulation.state
         steps, relative = round(EVERY / simulation.dt), np.zeros(len(state.active), dtype=np.bool_)
@@ -176,12 +176,12 @@ class Passages:
 
     def __init__(self, crowds: Crowds, axis: int, at: float | Floats, sign: int | Ints = 1) -> None:
         self._crowds, self._axis, self._at, self._sign = crowds, axis, at, sign
-        self.time = np.full(len(crowds.simulation.state.active), np.nan)  # (P,) s; nan for those who have not
+        self.time = np.full(len(crowds.simulation.state.active), np.nan)  # (P,) s; nan for people who have not
         self.last = np.zeros(crowds.count)  # s, when somebody last passed, by crowd
         self.stuck: dict[int, float] = {}  # crowd -> s, when it was stopped
 
     def see(self, before: Moment, now: Moment) -> None:
-        """Count who has passed between two moments."""
+        """Note the people who pass between two moments."""
         then, here = (self._sign * (moment.position[:, self._axis] - self._at) for moment in (before, now))
         passed = np.flatnonzero((then < 0.0) & (here >= 0.0) & before.active & np.isnan(self.time))
         if len(passed):
@@ -191,7 +191,7 @@ class Passages:
             self.last[np.searchsorted(start, passed, side="right") - 1] = now.time
 
     def stop_the_stuck(self, now: Moment, patience: float) -> None:
-        """Stop crowds in which somebody has yet to pass and nobody has for ``patience`` seconds."""
+        """Stop crowds in which people have yet to pass and none has for ``patience`` seconds."""
         for e in np.flatnonzero(now.time - self.last > patience):
             people = self._crowds.people(int(e))
             if (now.active[people] & np.isnan(self.time[people])).any():

@@ -23,7 +23,7 @@ PASSED = {10: 8.3, 20: 16.2, 40: 33.1, 60: 51.4, 75: 65.6}  # person -> s, at th
 WITHIN, MOST_VARIED = 0.15, 0.35
 
 # Barriers after the user guide of PedPy, which ships this run as its example: waiting area, funnel, gate.  The waiting area is
-# open at the back; here it is closed there (at y = 6.7 m), which nobody notices who walks to the gate.
+# open at the back; here it is closed there (at y = 6.7 m), behind all who walk to the gate.
 _HALF, _DEPTH = 2.8, 6.7  # m, half width and depth of the waiting area
 _MOUTH, _GATE = 0.4, 0.25  # m, half widths of the funnel's mouth and of the gate
 _THROAT, _LINE, _END = -0.15, -0.5, -1.1  # m, y where the gate begins, is counted and ends
@@ -74,7 +74,7 @@ def push_apart(starts: Floats, radius: float) -> Floats:
 def gate(starts: Floats | None, room: float = 1.0) -> Scenario:
     """Return waiting area, funnel and gate with free space behind; without recorded starts people stand anywhere there.
 
-    Who starts where recorded has ``room`` radii around.
+    Recorded starts are moved apart, so that each pedestrian has ``room`` radii around.
     """
     beyond = rectangle(-_HALF, _END - _BEYOND, _HALF, _END)
     line = [(-_HALF, _END - _BEYOND), (_HALF, _END - _BEYOND)]

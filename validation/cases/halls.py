@@ -70,7 +70,7 @@ class _Outside:
 def empty(hall: Hall, setting: Setting, draw: int = 0, time_limit: float = _TIME_LIMIT) -> dict[str, Any]:
     """Let everyone walk out, until all are out, the door has been blocked for 30 s, or the time is over.
 
-    What is returned holds who was outside of the plan at most at once, by shapely and by the simulation, the largest speed, the
+    The result holds the most people outside of the plan at once, by shapely and by the simulation, the largest speed, the
     deepest overlaps, how many are left; or the sentence with which the run ended early.
     """
     outside, stopped = _Outside(), None
@@ -97,7 +97,7 @@ def empty(hall: Hall, setting: Setting, draw: int = 0, time_limit: float = _TIME
 
 
 def holds(found: dict[str, Any]) -> bool:
-    """Whether nobody was outside, and nobody faster than the bound."""
+    """Whether all stayed inside, and below the largest speed."""
     unstopped = found["outside"] == 0 and found["stopped"] is None
     return bool(unstopped and found["fastest, m/s"] <= MAX_SPEED * (1.0 + 1e-12))
 

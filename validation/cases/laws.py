@@ -30,7 +30,7 @@ def speed_falls_in_single_file(setting: Setting) -> Holds:
 
 
 def speed_falls_at_a_corner(setting: Setting) -> Holds:
-    """Whether people who turn a corner are slower in a crowd, and none gets stuck."""
+    """Whether people who turn a corner are slower in a crowd, and no run gets stuck."""
     runs = (corner.RUNS[0], corner.RUNS[3], corner.RUNS[-1])
     found = corner.measure(setting, runs)
     found.sort(key=lambda one: one["density"])
@@ -40,7 +40,7 @@ def speed_falls_at_a_corner(setting: Setting) -> Holds:
 
 
 def wider_doors_pass_more(setting: Setting) -> Holds:
-    """Whether the flow grows with the width of the door, and nobody gets stuck."""
+    """Whether the flow grows with the width of the door, and no run gets stuck."""
     found = doors.specific_flows(setting, WIDTHS)
     flows = [width * found[f"{width:g}"]["flow"] for width in WIDTHS]
     stuck = sum(one["stuck"] for one in found.values())

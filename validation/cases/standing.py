@@ -2,8 +2,7 @@
 
 Nothing is judged: what comes out is reported.  The push is the recorded one of the case `row` with nothing in front, as much
 of it as reaches the trunk there, or half of that.  A queue of density rho has people 1 / sqrt(rho) apart.  In the plaza
-everyone is pushed by a force of his own, normal and new every half second, as people are who shift their weight; ankles can
-bear it.
+everyone is pushed by a random force, normal and new every half second, as if shifting weight; ankles can bear it.
 
 Gu et al. 2025 (Nature 638:112; figures second-hand, unchecked) report that 5000 people in a plaza of 50 x 20 m sway together
 above about 4 /m2, with a period of about 18 s.

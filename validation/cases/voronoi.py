@@ -10,7 +10,7 @@ from shapely.geometry import Polygon
 
 from validation.cases.crowds import Bools, Crowds, Floats, Moment, mean_of
 
-REACH = 1.0  # m: nobody takes up more room than a disc of this radius, as in PedPy's evaluations of these recordings
+REACH = 1.0  # m: a pedestrian takes up no more room than a disc of this radius, as in PedPy's evaluations of these recordings
 _LOOKS = 5  # tenths of a second between two looks at a field
 
 
@@ -31,7 +31,7 @@ def cells(position: Floats, floor: Polygon, reach: float = REACH) -> np.ndarray:
 def density_and_speed(
     position: Floats, speed: Floats, floor: Polygon, field: Polygon, reach: float = REACH
 ) -> tuple[float, float]:
-    """Return density [1/m2] and mean speed [m/s] in a measurement field; the speed is nan where nobody is near.
+    """Return density [1/m2] and mean speed [m/s] in a measurement field; the speed is nan where no pedestrian is near.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def density_and_speed(
 
 
 class Look(NamedTuple):
-    """Who is near a measurement field at a moment."""
+    """The pedestrians near a measurement field at a moment."""
 
     crowd: int
     time: float  # s
@@ -62,7 +62,10 @@ class Look(NamedTuple):
 def looks_at(
     crowds: Crowds, moments: Iterable[tuple[Moment, Moment]], is_near: Callable[[Floats, Floats], Bools]
 ) -> list[Look]:
-    """Return those at (x, y) who are near, crowd by crowd and every half second, and how fast they were in the last tenth."""
+    """Return the pedestrians near a field every half second, crowd by crowd, with their speeds over the last tenth of a second.
+
+    ``is_near`` says of places x, y (P,) [m] whether they are near.
+    """
     looks = []
     for before, now in itertools.islice(moments, None, None, _LOOKS):
         speed = np.hypot(*(now.position - before.position).T) / (now.time - before.time)

@@ -15,7 +15,7 @@ _FAR = 3.0  # m, free space behind an exit at which a flow is measured
 
 
 def last_out(setting: Setting, scenarios: list[Scenario], limit: float) -> list[float]:
-    """Return the mean time [s] at which the last is out of each scenario; nan if somebody is left inside."""
+    """Return the mean time [s] at which the last is out of each scenario; nan if people are left inside."""
     crowds = draw_crowds(scenarios, setting)
     out = crowds.walk(limit).exit_time
     times = [float(np.max(out[crowds.people(e)])) for e in range(crowds.count)]

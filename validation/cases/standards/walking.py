@@ -75,9 +75,9 @@ def ages(setting: Setting) -> Verdict:
 def response_times(setting: Setting) -> Verdict:
     """RiMEA 5, ISO 1, NIST 1.1, IMO 5: ten people begin to walk when their own response time is over.
 
-    They stand side by side at the back, where nobody who walks can push somebody who waits; people with shoulders, who need
-    room to turn, every other one 0.2 m further back.  Who is faster than half of the own desired speed walks: where a social
-    force acts, people who wait are moved apart a little.
+    They stand side by side at the back, where walking people cannot push waiting ones.  Of people with shoulders, which need
+    room to turn, every other one stands 0.2 m further back.  A pedestrian walks when faster than half of the desired speed:
+    where a social force acts, waiting people are moved apart a little.
     """
     askew = 0.1 if setting.room > 1.0 else 0.0
     across = np.linspace(0.25 + 0.2 * askew, 4.75 - 0.2 * askew, 10)
@@ -99,7 +99,7 @@ def response_times(setting: Setting) -> Verdict:
 
 
 def corner(setting: Setting) -> Verdict:
-    """RiMEA 6, ISO 4, NIST 2.3, IMO 6: twenty people turn a corner, and nobody goes through a wall."""
+    """RiMEA 6, ISO 4, NIST 2.3, IMO 6: twenty people turn a corner, and none goes through a wall."""
     floor = shapely.union(box(0.0, 0.0, 12.0, 2.0), box(10.0, 0.0, 12.0, 12.0))
     ground = Geometry.from_polygon(floor, exits={"end": "10,12,12,12"}, regions={"start": box(0.0, 0.0, 6.0, 2.0)})
     crowds = draw_crowds([Scenario("corner", ground, adults(20, start_region="start"), 120.0)], setting)
