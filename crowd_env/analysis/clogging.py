@@ -58,7 +58,7 @@ class Clogging(NamedTuple):
     """The clogging statistics of one or many runs; nothing in it depends on their order."""
 
     runs: int
-    exits: int  # people who got out
+    exits: int  # pedestrians that got out
     unfinished: int  # runs that were watched until some time with people still inside
     blocked: int  # of these, runs in which nobody had got out for `blocked_after`
     gaps: Gaps  # of all runs, sorted
@@ -110,7 +110,7 @@ class Clogging(NamedTuple):
 
 
 def exits_of_run(exit_time: ArrayLike, until: float = np.nan, exit: ArrayLike | None = None) -> RunExits:
-    """Return a run from the exit times (N,) [s] of its people, in any order; nan for those who did not get out.
+    """Return a run from the exit times (N,) [s] of its people, in any order; nan for a pedestrian left inside.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def exits_of_run(exit_time: ArrayLike, until: float = np.nan, exit: ArrayLike | 
     Raises
     ------
     ValueError
-        If a time is infinite, or watching ended before the last exit, or it is not said when.
+        If a time is infinite, or watching ended before the last exit, or that time is missing.
     """
     time = np.asarray(exit_time, dtype=np.float64).reshape(-1)
     taken = np.zeros(len(time), dtype=np.int64) if exit is None else np.asarray(exit).reshape(-1)
@@ -141,7 +141,7 @@ def exits_of_run(exit_time: ArrayLike, until: float = np.nan, exit: ArrayLike | 
 def exit_gaps(run: RunExits, *, per_exit: bool = False) -> Gaps:
     """Return the gaps between successive exits of a run: of all people, or of those who took the same exit.
 
-    An exit that nobody took yet has no gap, not even an open one.
+    An unused exit has no gap, not even an open one.
     """
     series = _series(run, per_exit)
     closed = [np.diff(times) for times in series]

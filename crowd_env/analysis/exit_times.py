@@ -44,7 +44,7 @@ def read_exits(path: str | Path) -> list[RunExits]:
             of_run.append(time)
             taken.append(row.cells.get("exit") or "")
         elif until_then and until.get(run) == time:
-            pass  # one more of those who were inside then
+            pass  # one more pedestrian left inside then
         elif run in until:
             raise ValueError(f"{table.path}: {what}: run {run!r} has a second row with out = 0; watching ends once")
         else:

@@ -12,8 +12,6 @@ import numpy as np
 
 from crowd_env.analysis.results.plain import plain
 from crowd_env.core.arrays.state import MAX_SPEED, Floats, Ints
-from crowd_env.core.behaviors.headway import Headway
-from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import counted
 from crowd_env.core.files.json_file import json_number
 from crowd_env.core.version import __version__
@@ -22,6 +20,7 @@ from crowd_env.envs.rollout import Episode
 from crowd_env.envs.settings import physics_step
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.settings import Physics
+from crowd_env.scenarios.behavior_words import plain_behaviors
 from crowd_env.scenarios.scenario import Scenario
 
 _HALF, _NEARLY_ALL = 0.5, 0.95  # of the people, for T50 and T95
@@ -65,7 +64,7 @@ def report(
     ``blocked`` lists the runs in which the exits blocked: the number of the run, since when [s], and how many were left.
     ``evacuation_time``, ``t50`` and ``t95`` (so many percent of the people are out) and ``flow`` (per-run least-squares
     slopes) are over the runs in which everyone, so many, or at least three people, got out. ``mean_exit_time`` is the mean
-    over runs of the mean over those who got out. ``exits`` are those of `exits_of`. ``overlap_mm.mean`` is the mean over
+    over runs of the mean over the people out. ``exits`` comes from `exits_of`. ``overlap_mm.mean`` is the mean over
     runs of the mean over all overlapping contacts of a run. ``outside_mm`` is the furthest that any body reached beyond a
     wall. The shares of runs in which people were left inside, and in which the exits blocked, have Wilson's interval.
     """
@@ -74,8 +73,7 @@ def report(
     return {
         "scenario": scenario.name,
         "scheme": chosen.info.name,
-        "manner": Headway.plain_of(scenario.manner_of_run()),
-        "outline": Outline.plain_of(scenario.outline_of_run()),
+        **plain_behaviors(scenario),
         "strategy": scenario.strategy_of_run(strategy),
         "seed": episodes[0].seed - episodes[0].run,
         "dt": physics_step(Physics(chosen, dt), scenario),
@@ -141,14 +139,14 @@ def runs_enough(times: Floats, share: float) -> int | None:
 
 
 def exit_names(scenario: Scenario, exit_index: Ints) -> np.ndarray:
-    """Return the name of the exit that each person (N,) took; "" for those who did not get out."""
+    """Return the name of the exit that each pedestrian (N,) took; "" for one left inside."""
     return np.append(np.array(scenario.geometry.exit_names), "")[exit_index]
 
 
 def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> dict[str, Any]:
     """Return figures of each exit, ready for JSON.
 
-    ``people`` took it in all runs, ``share`` is of those who got out in a run, ``first`` and ``last`` are when it was first
+    ``people`` took it in all runs, ``share`` is of the people out in a run, ``first`` and ``last`` are when it was first
     and last used [s].  ``flow_per_meter`` is its flow over its width [1/(s m)], ``peak_flow_per_meter`` its `peak_flow`; that
     of a zone in the floor is over the width of a door that lets through as many, see `Geometry.clear_widths`, and a handful of
     people have none.
@@ -198,7 +196,7 @@ def named(values: np.ndarray) -> dict[str, Any]:
 
 
 def median_time(times: Floats) -> float | None:
-    """Return by when [s] half of all evacuations (R,) had ended, nan being those that never did; None if more than half."""
+    """Return when [s] half of all evacuations (R,) had ended, nan for one that never did; None if more than half never did."""
     ended = np.where(np.isfinite(times), times, np.inf)
     return json_number(float(np.quantile(ended, 0.5, method="inverted_cdf")))
 

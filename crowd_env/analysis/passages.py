@@ -38,13 +38,13 @@ class Passage(NamedTuple):
     exit: str
     gap: Gap
     is_exit: bool  # it is the exit itself
-    behind: float  # share of those who start with a way to this exit that have to pass here, or where it is narrower
+    behind: float  # share of the people with a way to this exit that pass here, or where it is narrower
     tighter: Gap | None = None  # the narrowest of all, if only a few have to pass there
     few: float = 0.0  # share of these few
 
 
 def narrowest_passages(geometry: Geometry, terrain: Terrain, starts: Floats) -> dict[str, Passage | None]:
-    """Return the narrowest passage to each exit; None if nobody who starts has a way there.
+    """Return the narrowest passage to each exit; None without a way there from any start.
 
     Parameters
     ----------

@@ -10,12 +10,12 @@ from crowd_env.analysis.figures import listed
 from crowd_env.analysis.passages import Gap, Passage, narrowest_passages
 from crowd_env.analysis.terrain import Terrain, survey
 from crowd_env.core.arrays.state import Floats, Ints
-from crowd_env.core.behaviors.outline import room_of
 from crowd_env.core.checks import counted
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import closed_off, stuck_bodies
 from crowd_env.geometry.placement import lattice
 from crowd_env.routing.fields.grid import nearest_nodes
+from crowd_env.scenarios.behavior_words import room_of_run
 from crowd_env.scenarios.groups import People
 from crowd_env.scenarios.scenario import Scenario
 
@@ -36,7 +36,7 @@ class PlanCheck:
     geometry
         Its walls, exits, regions and doors; all doors count as open.
     people
-        Who starts.
+        The population.
     position
         (P, 2) m, one draw of where they start; empty if they do not fit.
     radius
@@ -48,7 +48,7 @@ class PlanCheck:
     widths
         Name of each exit -> its width [m].
     passages
-        Name of each exit -> the narrowest passage on the way there; None if nobody who starts gets there.
+        Name of each exit -> the narrowest passage on the way there; None without a way there from any start.
     unreached
         (polygon, m^2) of the parts from which the smallest body reaches no exit; empty if there is no exit.
     free_area
@@ -98,7 +98,7 @@ def check_plan(
 
     Parameters
     ----------
-    room : people are placed as discs of so many radii.
+    room : radius of the discs as which people are placed, in radii of their bodies.
     seed : draws where people start.
     """
     terrain = survey(geometry)
@@ -139,7 +139,7 @@ def check_plan(
 
 
 def _starts(terrain: Terrain, people: People, geometry: Geometry, position: Floats) -> Floats:
-    """Return (rows, cols) how many people start at each node: those of a region are spread over it evenly."""
+    """Return (rows, cols) how many people start at each node; a group is spread evenly over its region."""
     shape = terrain.clearance.shape
     starts = np.zeros(shape)
     begin = 0
@@ -215,8 +215,14 @@ def spot(gap: Gap) -> str:
 
 def check_place(scenario: Scenario, seed: int = 0) -> PlanCheck:
     """Return what is understood of a scenario."""
-    room = room_of(scenario.outline_of_run())
-    return check_plan(scenario.name, scenario.geometry, scenario.population, title=scenario.title, room=room, seed=seed)
+    return check_plan(
+        scenario.name,
+        scenario.geometry,
+        scenario.population,
+        title=scenario.title,
+        room=room_of_run(scenario),
+        seed=seed,
+    )
 
 
 def plain_check(check: PlanCheck) -> dict[str, Any]:

@@ -4,9 +4,11 @@ Figures are made of matplotlib's objects without ``pyplot``: no backend is chose
 stays open.
 """
 
+import base64
 from collections.abc import Iterable
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,15 +16,9 @@ from numpy.typing import ArrayLike
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.atomic import check_suffix, written
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering.libraries import drawing_library
+from crowd_env.rendering.libraries import Axes, Figure, Line2D, PathPatch, drawing_library
 from crowd_env.rendering.palette import EXIT, FLOOR, INK, OBSTACLE, QUIET, SERIES, WALL, Color
 from crowd_env.rendering.plan import holes_of, shells_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import PathPatch
 
 _DPI = 160
 _LIGHT, _DARK = np.array([142, 203, 205]), np.array([8, 52, 66])  # teal
@@ -30,7 +26,7 @@ _LIGHT, _DARK = np.array([142, 203, 205]), np.array([8, 52, 66])  # teal
 
 def new_figure(
     size: tuple[float, float], *, dpi: float = _DPI, background: Color = FLOOR, constrained: bool = True
-) -> "Figure":
+) -> Figure:
     """Return an empty figure of ``size`` inches that belongs to no window; its axes are spread out if ``constrained``.
 
     Raises
@@ -48,7 +44,7 @@ def new_figure(
     return figure
 
 
-def quiet_axes(axes: "Axes", xlabel: str, ylabel: str, *, title: str = "", grid: bool = False) -> "Axes":
+def quiet_axes(axes: Axes, xlabel: str, ylabel: str, *, title: str = "", grid: bool = False) -> Axes:
     """Return ``axes`` with thin grey lines, so that what is measured stands out."""
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -65,12 +61,12 @@ def quiet_axes(axes: "Axes", xlabel: str, ylabel: str, *, title: str = "", grid:
     return axes
 
 
-def name_panel(axes: "Axes", title: str) -> None:
+def name_panel(axes: Axes, title: str, **style: Any) -> None:
     """Write a title above the upper left corner of ``axes``."""
-    axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11)
+    axes.set_title(title, loc="left", color=hex_of(INK), **{"fontsize": 11, **style})
 
 
-def mark(label: str, **style: Any) -> "Line2D":
+def mark(label: str, **style: Any) -> Line2D:
     """Return an entry of a legend: a line or a marker in a ``style`` of matplotlib that is drawn nowhere else."""
     from matplotlib.lines import Line2D
 
@@ -82,23 +78,35 @@ def literal(name: str) -> str:
     return name.replace("$", r"\$")
 
 
-def save_figure(figure: "Figure", path: str | Path, *, formulas: bool = True) -> Path:
+def save_figure(figure: Figure, path: str | Path, *, formulas: bool = True) -> Path:
     """Write ``figure`` to ``path``, which ends in .png, and return it.
 
     Without ``formulas`` all texts are shown as they are written: a dollar in the name of a file begins no formula.
     """
     path = check_suffix(path, (".png",))
     if not formulas:
-        from matplotlib.text import Text
-
-        for text in figure.findobj(Text):
-            text.set_parse_math(False)
+        _without_formulas(figure)
     with written(path) as part:
         figure.savefig(part, format="png", dpi="figure")
     return path
 
 
-def fill_rings(axes: "Axes", rings: Iterable[Floats], color: Color, layer: float, alpha: float = 1.0) -> "PathPatch":
+def encoded(figure: Figure) -> str:
+    """Return ``figure`` as a PNG in base64, for a page; all texts are shown as they are written."""
+    _without_formulas(figure)
+    picture = BytesIO()
+    figure.savefig(picture, format="png", dpi="figure")
+    return base64.b64encode(picture.getvalue()).decode("ascii")
+
+
+def _without_formulas(figure: Figure) -> None:
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+
+
+def fill_rings(axes: Axes, rings: Iterable[Floats], color: Color, layer: float, alpha: float = 1.0) -> PathPatch:
     """Fill what lies between closed lines (K, 2) [m] on axes in meters, and return the patch."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
@@ -109,23 +117,21 @@ def fill_rings(axes: "Axes", rings: Iterable[Floats], color: Color, layer: float
     return patch
 
 
-def draw_floor(axes: "Axes", geometry: Geometry) -> "PathPatch":
+def draw_floor(axes: Axes, geometry: Geometry) -> PathPatch:
     """Draw the floor of a plan, and grey obstacles where it has holes, on axes in meters; return the floor."""
     shells = shells_of(geometry.walkable)
     fill_rings(axes, shells, OBSTACLE, 0)
     return fill_rings(axes, [*shells, *holes_of(geometry.walkable)], FLOOR, 1)
 
 
-def draw_lines(
-    axes: "Axes", lines: Iterable[Floats], color: Color, width: ArrayLike, layer: float, **style: Any
-) -> None:
+def draw_lines(axes: Axes, lines: Iterable[Floats], color: Color, width: ArrayLike, layer: float, **style: Any) -> None:
     """Draw segments (K, 2, 2) [m], ``width`` () or (K,) [points] wide, on axes in meters."""
     from matplotlib.collections import LineCollection
 
     axes.add_collection(LineCollection(list(lines), colors=hex_of(color), linewidths=width, zorder=layer, **style))
 
 
-def draw_bodies(axes: "Axes", center: Floats, radius: ArrayLike, **style: Any) -> None:
+def draw_bodies(axes: Axes, center: Floats, radius: ArrayLike, **style: Any) -> None:
     """Draw discs at ``center`` (K, 2) [m] of ``radius`` (K,) or () [m] on axes in meters."""
     from matplotlib.collections import EllipseCollection
 
@@ -134,7 +140,7 @@ def draw_bodies(axes: "Axes", center: Floats, radius: ArrayLike, **style: Any) -
     axes.add_collection(EllipseCollection(size, size, np.zeros(len(size)), **where, **style))
 
 
-def draw_geometry(axes: "Axes", geometry: Geometry, *, wall: float, exit: float, margin: float) -> "PathPatch":
+def draw_geometry(axes: Axes, geometry: Geometry, *, wall: float, exit: float, margin: float) -> PathPatch:
     """Draw all of a plan on axes without ticks, and return the floor; people belong on layers 2 and 3.
 
     ``wall`` and ``exit`` are points, ``margin`` is a share of the longer side.

@@ -1,16 +1,13 @@
 """The strip below a film: how many people are inside, growing with the film's clock."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowd_env.recording import Recording
+from crowd_env.rendering.libraries import Image
 from crowd_env.rendering.palette import BACKGROUND, FAINT, INK, QUIET, SERIES, group_color
 from crowd_env.rendering.text import put_text, shortened, text_width
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 
 class EgressStrip:
@@ -22,7 +19,7 @@ class EgressStrip:
     width, margin : px.
     text : px, size of letters.
     end : s, right end of the time axis.
-    speed : seconds of the evacuations in one of the film; said unless it is 1.
+    speed : seconds of the evacuations in one of the film; shown unless it is 1.
     """
 
     def __init__(
@@ -45,7 +42,7 @@ class EgressStrip:
         self.right = width - margin - round(1.2 * text)
         self._axes = self._draw_axes(width, margin, speed)
 
-    def draw(self, time: float) -> "Image":
+    def draw(self, time: float) -> Image:
         """Return the image of the curves from 0 to ``time`` [s]."""
         import PIL.ImageDraw
 
@@ -68,7 +65,7 @@ class EgressStrip:
                 put_text(image, label, (x + 0.9 * self.size, y - 0.4 * self.size), self.size, color, bold=True)
         return image
 
-    def _put_label(self, image: "Image", k: int, title: str, label: str) -> None:
+    def _put_label(self, image: Image, k: int, title: str, label: str) -> None:
         """Name the curve ``k`` above all curves, where none can strike a name out."""
         room = (self.right - self._free) / len(self.recordings)
         end, row, color = self.right - (len(self.recordings) - 1 - k) * room, 0.32 * self.top, SERIES[k % len(SERIES)]
@@ -78,17 +75,17 @@ class EgressStrip:
         put_text(image, name, (end, row), self.size, color, side="right", bold=True)
 
     def _at(self, time: float, count: float) -> tuple[float, float]:
-        """Return where so many people at a time lie on the image [px]."""
+        """Return where a number of people at a time lies on the image [px]."""
         x = self.left + (self.right - self.left) * time / self.end
         return x, self.bottom - (self.bottom - self.top) * count / self.most
 
-    def _dot(self, image: "Image", at: tuple[float, float], color: tuple[int, int, int]) -> None:
+    def _dot(self, image: Image, at: tuple[float, float], color: tuple[int, int, int]) -> None:
         from crowd_env.rendering.discs import put_discs
 
         radius = np.array([max(0.24 * self.size, 2.0)])
         put_discs(image, np.array([at]) + 0.5, radius, np.array([color], dtype=np.uint8), rim=False)
 
-    def _draw_axes(self, width: int, margin: int, speed: float) -> "Image":
+    def _draw_axes(self, width: int, margin: int, speed: float) -> Image:
         import PIL.Image
 
         image = PIL.Image.new("RGB", (width, self.height), BACKGROUND)
@@ -98,9 +95,9 @@ class EgressStrip:
             image.paste(FAINT, (self.left, y, self.right + 1, y + 1))
             put_text(image, str(count), (self.left - 0.6 * self.size, y), self.size, QUIET, side="right")
         self._free = margin
-        for said, color in (("people inside", INK), ("" if speed == 1.0 else f"film: {speed:.3g}× real time", QUIET)):
-            put_text(image, said, (self._free, row), self.size, color)
-            self._free += text_width(said, self.size) + round(self.size) if said else 0
+        about = (("people inside", INK), (f"film: {speed:.3g}× real time", QUIET))
+        for text, color in about[: 1 if speed == 1.0 else 2]:
+            self._free += put_text(image, text, (self._free, row), self.size, color) + round(self.size)
         names = group_names(self.recordings[0]) if len(self.recordings) == 1 else ()
         for name, paint in zip(names, group_color(range(len(names))).tolist(), strict=True):
             wide = text_width(name, self.size) + round(2.2 * self.size)

@@ -1,29 +1,109 @@
-"""People put into a frame as discs, one or several each, from small pictures of discs that are kept."""
+"""Pedestrians put into a frame as discs, one or several each, from small pictures of discs that are kept."""
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from crowd_env.core.arrays.state import Floats
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.behaviors.outline import Outline
-from crowd_env.rendering.palette import darker
+from crowd_env.rendering.libraries import Image
+from crowd_env.rendering.palette import INK, darker
 from crowd_env.rendering.plan import Layout
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 Colors = NDArray[np.uint8]  # (K, 3)
 
 _DOT = 3.0  # px, discs smaller than this are dots without rim and heading
 _RIM, _RIM_WIDTH = 0.075, (0.8, 3.0)  # of the radius, and px
 _WIDE = 2.0  # times as wide are rims that have a color of their own
+_FOOT = 0.05  # m, radius of the dot of a foot
 _SIZES, _PLACES, _TURNS = 8, 4, 48  # steps of a pixel, and of a full turn, in which pictures of discs are kept
 
 
+class Bodies(NamedTuple):
+    """What is seen of N pedestrians from above."""
+
+    position: Floats  # (N, 2)  m
+    radius: Floats  # (N,)  m  of the disc of the same area
+    center: Floats  # (N, K, 2)  m  the discs of each body
+    size: Floats  # (N, K)  m  and their radii
+    facing: Floats  # (N,)  rad  nan of a round body
+    feet: Floats  # (N, F, 2)  m
+
+    def rows(self, chosen: Ints) -> "Bodies":
+        """Return some of the pedestrians."""
+        return Bodies(*(column[chosen] for column in self))
+
+
+def bodies_of(
+    crowd: Any, position: ArrayLike, radius: ArrayLike, *, angle: ArrayLike | None = None, feet: ArrayLike | None = None
+) -> Bodies:
+    """Return the discs that are drawn of N pedestrians: all that painters have to know of the shape of a body.
+
+    Parameters
+    ----------
+    crowd : what holds the shape of bodies: a simulation, a recording or contact forces; None = discs.
+    position, radius, angle : (N, 2), (N,) or () m, (N,) rad.
+    feet : (N, 2 F) m, drawn as dark dots on top of the body.
+    """
+    at = np.asarray(position, dtype=np.float64).reshape(-1, 2)
+    size = np.broadcast_to(np.asarray(radius, dtype=np.float64), (len(at),))
+    dots = np.empty((len(at), 0, 2)) if feet is None else np.asarray(feet, dtype=np.float64).reshape(len(at), -1, 2)
+    shape = Outline.of(getattr(crowd, "outline", None))
+    if shape is None:
+        return Bodies(at, size, at[:, None], size[:, None], np.full(len(at), np.nan), dots)
+    facing = np.zeros(len(at)) if angle is None else np.asarray(angle, dtype=np.float64)
+    return Bodies(at, size, *shape.place_discs(at, size, facing), facing, dots)
+
+
+def unit_discs(crowd: Any) -> list[list[float]] | None:
+    """Return the discs of a body as rows x, y, radius in units of its radius, forwards and to the left; None = round."""
+    shape = Outline.of(crowd.outline)
+    return None if shape is None else np.column_stack(shape.shape[:3]).tolist()
+
+
+def put_bodies(
+    image: Image,
+    layout: Layout,
+    bodies: Bodies,
+    color: Colors,
+    *,
+    rim: Colors | None = None,
+    edge: float | None = None,
+    heading: Floats | None = None,
+) -> None:
+    """Draw pedestrians into ``image``; a body that is not round has a dot where it faces.
+
+    Parameters
+    ----------
+    color, rim : (N, 3) of bodies and of rims, drawn wide; by default rims are a darker tone.
+    edge : px, width of rims; by default it grows with the body.
+    heading : (N,) rad, of ticks on round bodies; nan for none.
+    """
+    round_, scale = np.isnan(bodies.facing), layout.scale
+    if edge is None and round_.all():
+        put_discs(image, layout.pixels(bodies.position), scale * bodies.radius, color, heading, rim=rim)
+    else:
+        radius, count = scale * bodies.radius, bodies.size.shape[1]
+        at, width = layout.pixels(bodies.center.reshape(-1, 2)), scale * bodies.size.ravel()
+        wide = (_WIDE if rim is not None else 1.0) * np.clip(_RIM * radius, *_RIM_WIDTH)
+        edges = np.repeat(wide if edge is None else np.full(len(radius), edge), count)
+        around = np.repeat(darker(color) if rim is None else rim, count, axis=0)
+        large = np.repeat(radius >= _DOT, count)
+        put_discs(image, at[large], width[large], around[large], rim=False)  # all rims lie below all bodies
+        put_discs(image, at, width - np.where(large, edges, 0.0), np.repeat(color, count, axis=0), rim=False)
+        seen = (radius >= _DOT) & ~round_
+        ahead = np.column_stack([np.cos(bodies.facing), np.sin(bodies.facing)])[seen]
+        nose = layout.pixels(bodies.position[seen] + 0.35 * bodies.radius[seen, None] * ahead)
+        put_discs(image, nose, 0.22 * radius[seen], darker(color[seen]), rim=False)
+    feet = layout.pixels(bodies.feet.reshape(-1, 2))
+    ink = np.tile(np.array(INK, dtype=np.uint8), (len(feet), 1))
+    put_discs(image, feet, np.full(len(feet), _FOOT * scale), ink, rim=False)
+
+
 def put_discs(
-    image: "Image",
+    image: Image,
     center: Floats,
     radius: Floats,
     color: Colors,
@@ -59,7 +139,7 @@ def put_discs(
 
 
 @lru_cache(maxsize=30_000)
-def _disc(size: int, line: int, x: int, y: int, turn: int) -> "tuple[int, Image, Image | None]":
+def _disc(size: int, line: int, x: int, y: int, turn: int) -> tuple[int, Image, Image | None]:
     """Return half the width of the picture of a disc [px], what the disc covers, and what its rim and its tick do."""
     import PIL.Image
     import PIL.ImageDraw
@@ -82,35 +162,3 @@ def _disc(size: int, line: int, x: int, y: int, turn: int) -> "tuple[int, Image,
         return mask.reduce(fine)
 
     return half, covered((radius, 255)), covered((radius, 255), (radius - edge, 0)) if edge else None
-
-
-def put_bodies(
-    image: "Image",
-    layout: Layout,
-    outline: Outline,
-    position: Floats,
-    radius: Floats,
-    angle: Floats,
-    color: Colors,
-    rim: Colors | None = None,
-) -> None:
-    """Draw bodies of several discs into ``image``, with a dot where they face.
-
-    Parameters
-    ----------
-    position, radius, angle : (K, 2), (K,) m, (K,) rad.
-    color : (K, 3).
-    rim : (K, 3), colors of rims, drawn wide; default a darker tone.
-    """
-    center, size = outline.place_discs(position, radius, angle)
-    count = size.shape[1]
-    at, width = layout.pixels(center.reshape(-1, 2)), layout.scale * size.ravel()
-    wide = 1.0 if rim is None else _WIDE
-    edge = np.repeat(wide * np.clip(_RIM * layout.scale * radius, *_RIM_WIDTH), count)
-    around = np.repeat(darker(color) if rim is None else rim, count, axis=0)
-    large = np.repeat(layout.scale * radius >= _DOT, count)
-    put_discs(image, at[large], width[large], around[large], rim=False)  # all rims lie below all bodies
-    put_discs(image, at, width - np.where(large, edge, 0.0), np.repeat(color, count, axis=0), rim=False)
-    ahead = position + (0.35 * radius)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-    seen = large[::count]
-    put_discs(image, layout.pixels(ahead[seen]), 0.22 * layout.scale * radius[seen], darker(color[seen]), rim=False)

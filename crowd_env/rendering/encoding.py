@@ -3,17 +3,14 @@
 from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crowd_env.core.files.atomic import check_suffix, written
-from crowd_env.rendering.libraries import drawing_library
+from crowd_env.rendering.libraries import Image, drawing_library
 from crowd_env.rendering.palette import RAMP
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 _QUALITY = 5.5  # of an MP4, 10 is the best: CRF 22, at which flat areas and letters still look as they were drawn
 _FLAT = 32  # colors of a film that are kept as they are
@@ -22,7 +19,7 @@ _FLAT = 32  # colors of a film that are kept as they are
 _APART = 9
 
 
-def write_png(path: str | Path, image: "Image | NDArray[np.uint8]") -> Path:
+def write_png(path: str | Path, image: Image | NDArray[np.uint8]) -> Path:
     """Write ``image`` to ``path``, which ends in .png, and return it."""
     with drawing_library():
         import PIL.Image
@@ -33,7 +30,7 @@ def write_png(path: str | Path, image: "Image | NDArray[np.uint8]") -> Path:
     return path
 
 
-def write_mp4(path: Path, frames: "Iterable[Image]", fps: float) -> Path:
+def write_mp4(path: Path, frames: Iterable[Image], fps: float) -> Path:
     """Write ``frames`` of even width and height as H.264 and return the path."""
     with drawing_library():
         import imageio_ffmpeg
@@ -52,7 +49,7 @@ def write_mp4(path: Path, frames: "Iterable[Image]", fps: float) -> Path:
     return path
 
 
-def write_gif(path: Path, frames: "Iterable[Image]", step: float, sample: "Sequence[Image]") -> Path:
+def write_gif(path: Path, frames: Iterable[Image], step: float, sample: Sequence[Image]) -> Path:
     """Write ``frames``, each shown for ``step`` [s], with one palette made of ``sample``; return the path.
 
     No dithering: flat areas stay flat, so that nothing flickers and little has to be stored.
@@ -61,7 +58,7 @@ def write_gif(path: Path, frames: "Iterable[Image]", step: float, sample: "Seque
         import PIL.Image
     palette = _palette(sample)
 
-    def indexed(frame: "Image") -> "Image":
+    def indexed(frame: Image) -> Image:
         return frame.quantize(palette=palette, dither=PIL.Image.Dither.NONE)
 
     images = map(indexed, frames)
@@ -77,7 +74,7 @@ def write_gif(path: Path, frames: "Iterable[Image]", step: float, sample: "Seque
     return path
 
 
-def _palette(sample: "Sequence[Image]") -> "Image":
+def _palette(sample: Sequence[Image]) -> Image:
     """Return an image with a palette for the images.
 
     The commonest colors and the ramp of pressures are kept as they are; all others, of edges and letters, are merged by

@@ -2,18 +2,15 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, save_figure, series
+from crowd_env.rendering.canvas import hex_of, name_panel, new_figure, quiet_axes, save_figure, series
+from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import INK, QUIET, SERIES, Color
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _SIZE = (6.4, 4.0)  # inch
 _DPI = 150
@@ -42,7 +39,7 @@ def egress_curves(
     Parameters
     ----------
     path : ends in .png.
-    curves : label -> exit times (N,) [s] of each evacuation, simulated or recorded; nan for those who did not get out.
+    curves : label -> exit times (N,) [s] of each evacuation, simulated or recorded; nan for a pedestrian left inside.
     until : label -> s, beyond which it is not known how many are inside.
 
     Raises
@@ -50,6 +47,17 @@ def egress_curves(
     ValueError
         If the suffix is another or a label has no evacuation.
     """
+    return save_figure(egress_figure(curves, title=title, until=until, out=out), path, formulas=False)
+
+
+def egress_figure(
+    curves: Mapping[str, Iterable[ArrayLike]],
+    *,
+    title: str = "",
+    until: Mapping[str, float] | None = None,
+    out: bool = False,
+) -> Figure:
+    """Return the figure of `egress_curves`."""
     runs = {label: _exit_times(label, times) for label, times in curves.items()}
     if not runs:
         raise ValueError("egress curves need at least one label with evacuations")
@@ -69,15 +77,14 @@ def egress_curves(
     axes.set_ylim(0.0, 1.04 * max(len(times) for every in runs.values() for times in every))
     axes.locator_params(axis="y", integer=True)
     _legend(figure)
-    return save_figure(figure, path, formulas=False)
+    return figure
 
 
-def share_bars(path: str | Path, shares: Mapping[str, Mapping[str, Share]], exits: Sequence[str]) -> Path:
-    """Draw which share of the people took which exit, a bar for each label and exit, and return the path.
+def share_figure(shares: Mapping[str, Mapping[str, Share]], exits: Sequence[str]) -> Figure:
+    """Return the share of the people who took each exit, a bar for each label and exit.
 
     Parameters
     ----------
-    path : ends in .png.
     shares : label -> exit -> share in 0..1; exits that a label does not have are left out.
     exits : from top to bottom.
     """
@@ -95,7 +102,7 @@ def share_bars(path: str | Path, shares: Mapping[str, Mapping[str, Share]], exit
     axes.set_ylim(len(exits) - 0.5, -0.5)
     axes.set_xlim(0.0, 100.0)
     _legend(figure)
-    return save_figure(figure, path, formulas=False)
+    return figure
 
 
 def learning_curve(
@@ -180,20 +187,21 @@ def _egress_label(label: str, runs: Sequence[Floats]) -> str:
     return f"{label}: {'; '.join(told)}"
 
 
-def _axes(title: str, xlabel: str, ylabel: str) -> "tuple[Figure, Axes]":
+def _axes(title: str, xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
     figure = new_figure(_SIZE, dpi=_DPI)
     axes = quiet_axes(figure.add_subplot(), xlabel, ylabel, grid=True)
-    axes.set_title(title, loc="left", color=hex_of(INK), fontsize=11.5, fontweight="bold", pad=10)
+    name_panel(axes, title, fontsize=11.5, fontweight="bold", pad=10)
     return figure, axes
 
 
-def _name_at_right(axes: "Axes", labels: Sequence[tuple[float, str, Color]]) -> None:
+def _name_at_right(axes: Axes, labels: Sequence[tuple[float, str, Color]]) -> None:
     """Write each label beside the end of its line, moved apart where two would overlap."""
     low, high = axes.get_ylim()
     gap = 0.055 * (high - low)
     height = -np.inf
     for value, text, color in sorted(labels):
         height = max(value, height + gap)
-        look: dict[str, Any] = {"color": hex_of(color), "fontsize": 9.5, "fontweight": "bold", "va": "center"}
-        where: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
-        axes.annotate(text, (1.0, height), (6, 0), annotation_clip=False, **where, **look)
+        axes.annotate(
+            text, (1.0, height), (6, 0), xycoords=("axes fraction", "data"), textcoords="offset points",
+            annotation_clip=False, color=hex_of(color), fontsize=9.5, fontweight="bold", va="center",
+        )  # fmt: skip

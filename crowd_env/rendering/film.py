@@ -2,27 +2,23 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.files.atomic import check_suffix
 from crowd_env.recording import Recording
 from crowd_env.rendering.curves import EgressStrip, group_names
+from crowd_env.rendering.discs import bodies_of
 from crowd_env.rendering.encoding import write_gif, write_mp4, write_png
 from crowd_env.rendering.frames import Renderer
-from crowd_env.rendering.libraries import drawing_library
+from crowd_env.rendering.libraries import Image, drawing_library
 from crowd_env.rendering.palette import BACKGROUND, FULL_PRESSURE
 from crowd_env.rendering.words import titles as titles_of
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 _PANEL, _WIDEST = 480, 1280  # px, of one evacuation and of a film, if no width is asked for
 _SECONDS = 30.0  # s  that a film lasts at most, if no speed is asked for
 _FPS = 20.0  # 1/s, if no rate is asked for
-# A GIF stores each frame whole where people walk: beyond so many the rate sinks so far.
+# A GIF stores each frame whole where people walk: its rate sinks to this, so that it has about this many frames.
 _GIF_FPS, _GIF_FRAMES = 10.0, 300
 FORMATS = (".gif", ".mp4", ".png")
 
@@ -128,16 +124,21 @@ def write_strip(path: str | Path, recording: Recording, times: Sequence[float], 
         raise ValueError("a strip needs at least one time")
     panel = 2 * (width // (2 * len(times)))
     text = float(np.clip(panel / 22.0, 10.0, 20.0))  # large enough for a strip shown at half its size
-    with drawing_library():
-        import PIL.Image
-    strip: PIL.Image.Image | None = None
+    images = []
     for k, time in enumerate(times):
         renderer = Renderer(recording.geometry, width=panel, text=text, scale_bar=k == len(times) - 1)
-        image = _panel(renderer, recording, time, title=f"{time:.1f} s", clock=False, legend=k == 0)
-        strip = strip or PIL.Image.new("RGB", (panel * len(times), image.height))
-        strip.paste(image, (k * panel, 0))
-    assert strip is not None
-    return write_png(path, strip)
+        images.append(_panel(renderer, recording, time, title=f"{time:.1f} s", clock=False, legend=k == 0))
+    return write_png(path, _side_by_side(images, images[0].height))
+
+
+def _side_by_side(panels: Sequence[Image], height: int) -> Image:
+    """Return an image ``height`` [px] tall with panels of one width beside each other."""
+    with drawing_library():
+        import PIL.Image
+    whole = PIL.Image.new("RGB", (len(panels) * panels[0].width, height), BACKGROUND)
+    for k, panel in enumerate(panels):
+        whole.paste(panel, (k * panel.width, 0))
+    return whole
 
 
 class _Stage:
@@ -148,7 +149,7 @@ class _Stage:
     ) -> None:
         count = len(films)
         width = min(_PANEL * count, _WIDEST) if width is None else width
-        self._panel = panel = 2 * (width // (2 * count))
+        panel = 2 * (width // (2 * count))
         text = float(np.clip(panel / 32.0, 10.0, 18.0))
         same_place = len({recording.walkable for recording in films}) == 1
         self._films, self._titles, self._end, self._speed = films, titles, end, speed
@@ -160,19 +161,15 @@ class _Stage:
         self.strip = EgressStrip(films, titles, width=panel * count, margin=margin, text=text, end=end, speed=speed)
         self._plans = max(renderer.size[1] for renderer in self.renderers)
 
-    def frame(self, time: float) -> "Image":
+    def frame(self, time: float) -> Image:
         """Return the image at ``time`` [s]."""
-        import PIL.Image
-
-        count = len(self.renderers)
-        whole = PIL.Image.new("RGB", (self._panel * count, self._plans + self.strip.height), BACKGROUND)
-        for k, (renderer, recording, title) in enumerate(zip(self.renderers, self._films, self._titles, strict=True)):
-            panel = _panel(renderer, recording, time, title=title, clock=True, legend=k == 0)
-            whole.paste(panel, (k * self._panel, 0))
+        parts = zip(self.renderers, self._films, self._titles, strict=True)
+        panels = [_panel(*part[:2], time, title=part[2], clock=True, legend=k == 0) for k, part in enumerate(parts)]
+        whole = _side_by_side(panels, self._plans + self.strip.height)
         whole.paste(self.strip.draw(time), (0, self._plans))
         return whole
 
-    def frames(self, step: float, hold: float, progress: Callable[[int, int], object] | None) -> "Iterator[Image]":
+    def frames(self, step: float, hold: float, progress: Callable[[int, int], object] | None) -> Iterator[Image]:
         """Yield the images of a film, one every ``step`` [s] of it, and then the last one as long as ``hold`` [s] says."""
         shown = step * self._speed
         count = int(np.ceil(self._end / shown - 1e-9))
@@ -185,21 +182,20 @@ class _Stage:
             yield last
 
 
-def _panel(renderer: Renderer, recording: Recording, time: float, *, title: str, clock: bool, legend: bool) -> "Image":
+def _panel(renderer: Renderer, recording: Recording, time: float, *, title: str, clock: bool, legend: bool) -> Image:
     seen, inside, count = recording.at(time), int(recording.inside(time)), len(recording.radius)
     status = f"{inside} of {count} inside"
     if time >= recording.end:
         status = (
             f"{inside} still inside after {recording.end:.1f} s" if inside else f"all out after {recording.end:.1f} s"
         )
+    radius = recording.radius[seen.person]
     return renderer.draw(
         seen.position,
-        recording.radius[seen.person],
+        radius,
         color_value=seen.pressure / FULL_PRESSURE,
         velocity=seen.velocity,
-        angle=seen.angle,
-        feet=seen.memory.get("feet"),
-        outline=Outline.of(recording.outline),
+        bodies=bodies_of(recording, seen.position, radius, angle=seen.angle, feet=seen.memory.get("feet")),
         group=recording.group[seen.person] if group_names(recording) else None,
         title=title,
         clock=time if clock else None,

@@ -1,7 +1,7 @@
 """The contact forces in a crowd as lines from body to body, as wide as the force is large: chains and arches come to light."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,10 @@ from crowd_env.physics.pressure import ContactForces, contact_forces, mean_conta
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.recording import Recording
 from crowd_env.rendering.canvas import hex_of, mark, new_figure, save_figure
-from crowd_env.rendering.discs import put_bodies, put_discs
-from crowd_env.rendering.libraries import drawing_library
+from crowd_env.rendering.discs import bodies_of, put_bodies
+from crowd_env.rendering.libraries import Figure, Image, drawing_library
 from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, INK, QUIET, RAMP, Color
-from crowd_env.rendering.plan import Layout, draw_plan
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from PIL.Image import Image
+from crowd_env.rendering.plan import Layout, draw_plan, round_length
 
 _DPI = 160
 _BIG = 9.0  # m, of a longer geometry only the surroundings of an exit are shown
@@ -86,7 +82,7 @@ def force_network_figure(
     full_force: float | None = None,
     color: bool = True,
     title: str = "",
-) -> "Figure":
+) -> Figure:
     """Return the figure of `write_force_network`; its one line collection is named "forces"."""
     for name, value in (("around", around), ("full_force", full_force)):
         if value is not None and not value > 0:
@@ -110,8 +106,14 @@ def force_network_figure(
     typical = float(np.median(forces.radius)) if len(forces.radius) else 0.25
     width = 72.0 / _DPI * layout.scale * _WIDEST * 2.0 * typical  # pt, of the line of `full`
     ends = np.stack([layout.pixels(forces.position[forces.i[pressing]]), layout.pixels(forces.at[pressing])], axis=1)
-    look: dict[str, Any] = {"linewidths": width * force / full, "colors": _colors(force / full, color)}
-    lines = LineCollection(list(ends), capstyle="round", label="forces", zorder=3, **look)
+    lines = LineCollection(
+        list(ends),
+        colors=_colors(force / full, color),
+        linewidths=width * force / full,
+        capstyle="round",
+        label="forces",
+        zorder=3,
+    )
     axes.add_collection(lines, autolim=False)
     axes.set_xlim(0, layout.width)
     axes.set_ylim(layout.height, 0)
@@ -123,11 +125,12 @@ def force_network_figure(
     marks = [mark("normal force" if shown else "nobody presses on anybody", linestyle="none")]
     for level in shown:
         (shade,) = _colors(np.array([level / full]), color)
-        style: dict[str, Any] = {"linewidth": width * level / full, "solid_capstyle": "butt"}
-        marks.append(mark(f"{level / of_unit:g} {unit}", color=shade, **style))
-    at: dict[str, Any] = {"loc": "center left", "bbox_to_anchor": (-0.05, 0.5 * _FOOTER / size[1])}
-    style = {"frameon": False, "handlelength": 3.2, "columnspacing": 1.6, "labelcolor": hex_of(QUIET)}
-    figure.legend(handles=marks, ncols=len(marks), fontsize=10, **at, **style)
+        line, named = width * level / full, f"{level / of_unit:g} {unit}"
+        marks.append(mark(named, color=shade, linewidth=line, solid_capstyle="butt"))
+    figure.legend(
+        handles=marks, ncols=len(marks), loc="center left", bbox_to_anchor=(-0.05, 0.5 * _FOOTER / size[1]),
+        fontsize=10, labelcolor=hex_of(QUIET), frameon=False, handlelength=3.2, columnspacing=1.6,
+    )  # fmt: skip
     return figure
 
 
@@ -178,17 +181,12 @@ def _layout(geometry: Geometry, window: tuple[float, float, float, float]) -> La
     return Layout(width, height, scale, origin, max(_WALL * scale, 3.0), 20.0, round(0.04 * width), 0, 0)
 
 
-def _with_people(plan: "Image", forces: ContactForces, layout: Layout) -> "Image":
+def _with_people(plan: Image, forces: ContactForces, layout: Layout) -> Image:
     """Return the image of the geometry with the people drawn lightly."""
-    image, inside = plan.copy(), forces.active
-    if forces.outline is not None and forces.angle is not None:
-        position, radius = forces.position[inside], forces.radius[inside]
-        paint = np.tile(np.array(_PERSON, dtype=np.uint8), (len(radius), 1))
-        put_bodies(image, layout, forces.outline, position, radius, forces.angle[inside], paint)
-        return image
-    center, radius = layout.pixels(forces.position[inside]), layout.scale * forces.radius[inside]
-    for color, smaller in ((_RIM, 0.0), (_PERSON, _RIM_WIDTH)):
-        put_discs(image, center, radius - smaller, np.full((len(radius), 3), color, dtype=np.uint8), rim=False)
+    image, inside = plan.copy(), np.flatnonzero(forces.active)
+    bodies = bodies_of(forces, forces.position, forces.radius, angle=forces.angle).rows(inside)
+    paint, rim = (np.full((len(inside), 3), color, dtype=np.uint8) for color in (_PERSON, _RIM))
+    put_bodies(image, layout, bodies, paint, rim=rim, edge=_RIM_WIDTH)
     return image
 
 
@@ -210,9 +208,9 @@ def _colors(level: Floats, color: bool) -> Floats:
 
 def _round_forces(full: float) -> list[float]:
     """Return three forces of 1, 2 or 5 times a power of ten, the largest at most ``full``."""
-    power = 10.0 ** np.floor(np.log10(full))
-    steps = [step * power * scale for scale in (0.01, 0.1, 1.0) for step in (1.0, 2.0, 5.0)]
-    return [step for step in steps if step <= full * (1.0 + 1e-9)][-3:]
+    largest = round_length(full)
+    middle = round_length(0.99 * largest)
+    return [round_length(0.99 * middle), middle, largest]
 
 
 def forces_of(recording: Recording, at: float | None = None) -> ContactForces:

@@ -1,26 +1,22 @@
 """One moment of an evacuation as an image."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.behaviors.balance import places_of_feet
-from crowd_env.core.behaviors.outline import Outline
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import contact_pressure
-from crowd_env.rendering.discs import put_bodies, put_discs
+from crowd_env.rendering.discs import Bodies, bodies_of, put_bodies
+from crowd_env.rendering.libraries import Image
 from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, group_color, pressure_color
 from crowd_env.rendering.plan import MAT, Layout, draw_plan, exit_places, fit, round_length
 from crowd_env.rendering.text import put_text, shortened, text_width
 
-if TYPE_CHECKING:
-    from PIL.Image import Image
-
-_FOOT = 0.05  # m, radius of the dot of a foot
-_STANDING = 0.1  # m/s, slower than this nobody has a heading
+_STANDING = 0.1  # m/s, slower than this a pedestrian has no heading
 
 
 class Renderer:
@@ -80,16 +76,14 @@ class Renderer:
         active: ArrayLike | None = None,
         color_value: ArrayLike | None = None,
         velocity: ArrayLike | None = None,
-        angle: ArrayLike | None = None,
-        outline: Outline | None = None,
-        feet: ArrayLike | None = None,
+        bodies: Bodies | None = None,
         group: ArrayLike | None = None,
         title: str = "",
         clock: float | None = None,
         inside: int | None = None,
         status: str | None = None,
         legend: bool = True,
-    ) -> "Image":
+    ) -> Image:
         """Return an image of people.
 
         Parameters
@@ -97,9 +91,8 @@ class Renderer:
         position, radius : (N, 2), (N,) m.
         active : (N,), only these are drawn; default everyone.
         color_value : (N,), how hard everyone is pressed: 0 to 1 is up to `FULL_PRESSURE`.  Without it all are calm.
-        velocity : (N, 2) m/s, gives everyone who moves a heading.
-        angle, outline : (N,) rad and the shape of bodies that are no discs; they show where they face.
-        feet : (N, 4) m, places of both feet of people who keep their balance: two dark dots each, on top of the body.
+        velocity : (N, 2) m/s, gives each round body that moves a heading.
+        bodies : what is seen of each body, of `crowd_env.rendering.discs.bodies_of`; default a disc.
         group : (N,), which group everyone belongs to; rims are in its color.
         title : what is seen.
         clock : s.
@@ -113,45 +106,37 @@ class Renderer:
         drawn = np.flatnonzero(shown & np.isfinite(position).all(axis=1))
         value = np.zeros(count) if color_value is None else np.asarray(color_value, dtype=np.float64)
         image = (self._empty if color_value is None or not legend else self._with_legend).copy()
-        size = np.broadcast_to(np.asarray(radius, dtype=np.float64), (count,))[drawn]
-        color = pressure_color(value[drawn])
-        rim = None if group is None else group_color(np.asarray(group)[drawn])
-        if outline is not None:
-            facing = np.zeros(count) if angle is None else np.asarray(angle, dtype=np.float64)
-            put_bodies(image, self.layout, outline, position[drawn], size, facing[drawn], color, rim)
-        else:
-            heading = None if velocity is None else _headings(np.asarray(velocity, dtype=np.float64)[drawn])
-            put_discs(image, self.layout.pixels(position[drawn]), size * self.layout.scale, color, heading, rim=rim)
-        if feet is not None:
-            at = np.asarray(feet, dtype=np.float64).reshape(count, 2, 2)[drawn].reshape(-1, 2)
-            dark = np.tile(np.array(INK, dtype=np.uint8), (len(at), 1))
-            put_discs(image, self.layout.pixels(at), np.full(len(at), _FOOT * self.layout.scale), dark, rim=False)
+        put_bodies(
+            image,
+            self.layout,
+            (bodies or bodies_of(None, position, radius)).rows(drawn),
+            pressure_color(value[drawn]),
+            rim=None if group is None else group_color(np.asarray(group)[drawn]),
+            heading=None if velocity is None else _headings(np.asarray(velocity, dtype=np.float64)[drawn]),
+        )
         left = int(shown.sum()) if inside is None else inside
         self._put_header(image, title, clock, status or f"{left} of {count} inside", finished=left == 0)
         return image
 
-    def _put_header(self, image: "Image", title: str, clock: float | None, status: str, *, finished: bool) -> None:
+    def _put_header(self, image: Image, title: str, clock: float | None, status: str, *, finished: bool) -> None:
         layout = self.layout
         x, end, y, size = float(layout.margin), float(layout.width - layout.margin), 0.5 * layout.header, layout.text
         if clock is not None:
-            text = f"{clock:.1f} s"
-            put_text(image, text, (end, y), size, INK, side="right", bold=True)
-            end -= text_width(text, size, bold=True) + size
+            end -= put_text(image, f"{clock:.1f} s", (end, y), size, INK, side="right", bold=True) + size
         small = 0.86 * size
         if title:
             room = end - x - size - text_width(status, small)
-            text = shortened(title, room, size)
-            put_text(image, text, (x, y), size, INK, bold=True)
-            x += text_width(text, size, bold=True) + 0.8 * size if text else 0.0
+            if text := shortened(title, room, size):
+                x += put_text(image, text, (x, y), size, INK, bold=True) + 0.8 * size
         put_text(image, status, (x, y), small, EXIT if finished else QUIET)
 
 
 def _headings(velocity: Floats) -> Floats:
-    """Return where people walk (N,) [rad] on the image, whose y points down; nan for those who stand."""
+    """Return headings (N,) [rad] on the image, whose y points down; nan for pedestrians that stand."""
     return np.where(np.hypot(*velocity.T) > _STANDING, np.arctan2(-velocity[:, 1], velocity[:, 0]), np.nan)
 
 
-def _put_exit_names(image: "Image", geometry: Geometry, layout: Layout) -> None:
+def _put_exit_names(image: Image, geometry: Geometry, layout: Layout) -> None:
     """Write the names of exits, if there are several, outside of them along the wall."""
     places = exit_places(geometry)
     if len(places) < 2:
@@ -166,14 +151,13 @@ def _put_exit_names(image: "Image", geometry: Geometry, layout: Layout) -> None:
         put_text(image, name, (x, y), size, EXIT, side="center", upward=bool(upward))
 
 
-def _put_legend(image: "Image", layout: Layout) -> None:
+def _put_legend(image: Image, layout: Layout) -> None:
     import PIL.Image
 
     size, y = 0.78 * layout.text, layout.height - 0.5 * layout.footer
     x = float(layout.margin)
     for text in ("contact pressure", "0"):
-        put_text(image, text, (x, y), size, QUIET)
-        x += text_width(text, size) + 0.7 * size
+        x += put_text(image, text, (x, y), size, QUIET) + 0.7 * size
     length, thick = round(0.15 * layout.width), max(round(0.5 * size), 4)
     left, top = round(x), round(y - 0.5 * thick)
     columns = np.rint(np.linspace(0.0, len(RAMP) - 1.0, length)).astype(int)
@@ -181,14 +165,12 @@ def _put_legend(image: "Image", layout: Layout) -> None:
     put_text(image, f"{FULL_PRESSURE:g} N/m", (left + length + 0.7 * size, y), size, QUIET)
 
 
-def _put_scale_bar(image: "Image", layout: Layout) -> None:
+def _put_scale_bar(image: Image, layout: Layout) -> None:
     """Draw a bar of 1, 2 or 5 times a power of ten meters, at most a fifth of the width."""
     meters = round_length(0.2 * layout.width / layout.scale)
     size, y = 0.78 * layout.text, layout.height - 0.5 * layout.footer
-    text = f"{meters:g} m"
     right = layout.width - layout.margin
-    put_text(image, text, (right, y), size, QUIET, side="right")
-    right -= round(text_width(text, size) + 0.6 * size)
+    right -= round(put_text(image, f"{meters:g} m", (right, y), size, QUIET, side="right") + 0.6 * size)
     left, thick, row = right - round(meters * layout.scale), max(round(0.09 * size), 1), round(y)
     tall = round(0.3 * size)
     image.paste(QUIET, (left, row, right, row + thick))
@@ -203,15 +185,15 @@ def draw_env(env: CrowdEnv, renderer: Renderer | None = None, e: int = 0) -> tup
     people, simulation = env.people(e), env.simulation
     radius, state = simulation.bodies.radius[people], simulation.state
     impulse = simulation.results.impulse_magnitude[people]
+    position, angle = state.position[people], state.angle[people]
+    feet = places_of_feet(simulation)[people] if simulation.behaviors["balance"] else None
     frame = renderer.frame(
-        state.position[people],
+        position,
         radius,
         active=state.active[people],
         color_value=contact_pressure(impulse, env.decision_dt, radius) / FULL_PRESSURE,
         velocity=state.velocity[people],
-        angle=state.angle[people],
-        outline=simulation.outline,
-        feet=places_of_feet(simulation)[people] if simulation.behaviors["balance"] else None,
+        bodies=bodies_of(simulation, position, radius, angle=angle, feet=feet),
         clock=float(state.time[e]),
     )
     return frame, renderer

@@ -2,18 +2,15 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering.canvas import draw_geometry, hex_of, new_figure, save_figure
+from crowd_env.rendering.canvas import draw_geometry, hex_of, name_panel, new_figure, save_figure
+from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import FAINT, INK, QUIET, Color, blend
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _COLUMNS = 2
 _WIDTH, _TALLEST = 10.6, 9.0  # inch
@@ -56,7 +53,7 @@ def heat_maps(
     return save_figure(heat_figure(geometry, maps, title=title, note=note), path, formulas=False)
 
 
-def heat_figure(geometry: Geometry, maps: Sequence[HeatMap], *, title: str = "", note: str = "") -> "Figure":
+def heat_figure(geometry: Geometry, maps: Sequence[HeatMap], *, title: str = "", note: str = "") -> Figure:
     """Return the figure of `heat_maps`."""
     rows = -(-len(maps) // _COLUMNS)
     x0, y0, x1, y1 = geometry.bounds
@@ -76,7 +73,7 @@ def heat_figure(geometry: Geometry, maps: Sequence[HeatMap], *, title: str = "",
     return figure
 
 
-def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
+def _draw(axes: Axes, geometry: Geometry, one: HeatMap) -> None:
     from matplotlib.colors import ListedColormap
 
     rows, columns = one.values.shape
@@ -94,7 +91,7 @@ def _draw(axes: "Axes", geometry: Geometry, one: HeatMap) -> None:
         zorder=1.2,
     )
     image.set_clip_path(floor)
-    axes.set_title(one.title, loc="left", color=hex_of(INK), fontsize=10.5, pad=4)
+    name_panel(axes, one.title, fontsize=10.5, pad=4)
     figure = axes.get_figure()
     assert figure is not None
     beyond = "max" if one.values.max(initial=0.0) > full * (1.0 + 1e-9) else "neither"

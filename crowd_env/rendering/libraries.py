@@ -1,10 +1,21 @@
-"""Where the drawing libraries are loaded: on first use, with a sentence that says what to install."""
+"""Where the drawing libraries are loaded: on first use, with a sentence that says what to install; and their types."""
 
 import importlib
 import os
 from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any
 
 from crowd_env.core.libraries import needed_for
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes as Axes
+    from matplotlib.figure import Figure as Figure
+    from matplotlib.lines import Line2D as Line2D
+    from matplotlib.patches import PathPatch as PathPatch
+    from PIL.Image import Image as Image
+    from PIL.ImageFont import FreeTypeFont as FreeTypeFont
+else:  # an annotation loads no library
+    Axes = Figure = FreeTypeFont = Image = Line2D = PathPatch = Any
 
 # Suffix -> what draws such a picture.
 _NEEDED = {".png": ("matplotlib", "PIL"), ".gif": ("PIL",), ".mp4": ("PIL", "imageio_ffmpeg")}

@@ -2,26 +2,24 @@
 
 import textwrap
 from itertools import cycle
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowd_env.analysis.passages import Gap
 from crowd_env.analysis.plan_check import PlanCheck
+from crowd_env.core.checks import counted
 from crowd_env.rendering.canvas import draw_bodies, draw_floor, draw_lines, fill_rings, hex_of, mark
+from crowd_env.rendering.libraries import Axes, Line2D, PathPatch
 from crowd_env.rendering.palette import EXIT, EXIT_MAT, OBSTACLE, SERIES, WALL, Color
 from crowd_env.rendering.plan import exit_areas, exit_places, holes_of, shells_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import PathPatch
+from crowd_env.scenarios.plans.floor_plan import listed
 
 DOOR: Color = (196, 120, 32)
 NARROW: Color = (200, 30, 45)
 EDGE: Color = (240, 238, 233)  # where the center of no body can be
 _GROUPS = (0, 1, 2, 4)  # of SERIES
-# Of regions in which nobody starts; the others have the color of those who start there.
+# Of regions without a start; the others have the color of the group that starts there.
 _REGIONS: tuple[Color, ...] = (
     (74, 92, 160),
     (180, 70, 110),
@@ -30,6 +28,7 @@ _REGIONS: tuple[Color, ...] = (
     (170, 110, 60),
     (90, 80, 120),
 )
+_PASSAGE: dict[str, Any] = {"color": hex_of(NARROW), "linewidth": 1.8, "marker": "o", "markersize": 3.5}
 _MOST_NODES = 3e5  # of the contour of where bodies fit
 _WIDEST = 46  # letters of a line in a legend
 _SEEN = 60.0  # m; in larger plans bodies are drawn larger than they are
@@ -39,13 +38,13 @@ _NAMED = 24  # exits that have their names beside them
 class Layers(NamedTuple):
     """What has been drawn, as entries of a legend."""
 
-    exits: "list[Line2D]"
-    regions: "list[Line2D]"
-    people: "list[Line2D]"
-    others: "list[Line2D]"
+    exits: list[Line2D]
+    regions: list[Line2D]
+    people: list[Line2D]
+    others: list[Line2D]
 
 
-def draw_place(axes: "Axes", check: PlanCheck, *, widths: bool, edge: bool = True, size: float = 8.0) -> Layers:
+def draw_place(axes: Axes, check: PlanCheck, *, widths: bool, edge: bool = True, size: float = 8.0) -> Layers:
     """Draw a place and one crowd on axes, and return what a legend says of it.
 
     Parameters
@@ -80,12 +79,12 @@ def draw_place(axes: "Axes", check: PlanCheck, *, widths: bool, edge: bool = Tru
     return Layers(exits, regions, people, others)
 
 
-def _square(label: str, color: Color, alpha: float = 1.0, edge: Color | None = None) -> "Line2D":
-    style: dict[str, Any] = {"markerfacecolor": (hex_of(color), alpha), "markeredgecolor": hex_of(edge or color)}
-    return mark(label, linestyle="none", marker="s", markersize=9, **style)
+def _square(label: str, color: Color, alpha: float = 1.0, edge: Color | None = None) -> Line2D:
+    fill = (hex_of(color), alpha)
+    return mark(label, linestyle="none", marker="s", markersize=9, mfc=fill, mec=hex_of(edge or color))
 
 
-def _draw_edge(axes: "Axes", check: PlanCheck, floor: "PathPatch") -> bool:
+def _draw_edge(axes: Axes, check: PlanCheck, floor: PathPatch) -> bool:
     """Tint the floor nearer to a wall than the smallest body's radius; return whether that can be seen."""
     terrain, radius = check.terrain, 0.5 * check.body[0]
     step = max(1, int(np.ceil(np.sqrt(terrain.clearance.size / _MOST_NODES))))
@@ -98,7 +97,7 @@ def _draw_edge(axes: "Axes", check: PlanCheck, floor: "PathPatch") -> bool:
     return True
 
 
-def _draw_regions(axes: "Axes", check: PlanCheck) -> "list[Line2D]":
+def _draw_regions(axes: Axes, check: PlanCheck) -> list[Line2D]:
     """Tint and frame each region in its own color, the smaller above the larger, and return their entries."""
     geometry, others = check.geometry, cycle(_REGIONS)
     starts = {part.start_region: _of_group(k) for k, part in reversed(list(enumerate(check.people.parts)))}
@@ -112,7 +111,7 @@ def _draw_regions(axes: "Axes", check: PlanCheck) -> "list[Line2D]":
     return [_square(f"{name}  {geometry.area_of(name):.1f} m²", color, 0.2, color) for name, color in colors.items()]
 
 
-def _draw_unreached(axes: "Axes", check: PlanCheck) -> "Line2D":
+def _draw_unreached(axes: Axes, check: PlanCheck) -> Line2D:
     """Hatch what no exit reaches, and write how large each part is."""
     for part, area in check.unreached:
         patch = fill_rings(axes, [*shells_of(part), *holes_of(part)], (248, 218, 214), 2.6)
@@ -124,15 +123,16 @@ def _draw_unreached(axes: "Axes", check: PlanCheck) -> "Line2D":
 
 
 def _label(
-    axes: "Axes", text: str, at: Any, off: Any, color: Color, size: float, *, turn: float = 0.0, boxed: bool = True
+    axes: Axes, text: str, at: Any, off: Any, color: Color, size: float, *, turn: float = 0.0, boxed: bool = True
 ) -> None:
-    look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": size, "fontweight": "bold", "zorder": 9}
-    where: dict[str, Any] = {"textcoords": "offset points", "annotation_clip": False, "rotation": turn}
-    background = {"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 0.8} if boxed else None
-    axes.annotate(text, at, off, color=hex_of(color), bbox=background, **where, **look)
+    axes.annotate(
+        text, at, off, textcoords="offset points", annotation_clip=False, color=hex_of(color), fontsize=size,
+        fontweight="bold", ha="center", va="center", rotation=turn, zorder=9,
+        bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 0.8} if boxed else None,
+    )  # fmt: skip
 
 
-def _name_exits(axes: "Axes", check: PlanCheck, widths: bool, size: float) -> "list[Line2D]":
+def _name_exits(axes: Axes, check: PlanCheck, widths: bool, size: float) -> list[Line2D]:
     """Write the names of exits outside of them, along the wall, and return their entries."""
     places, entries = exit_places(check.geometry), []
     for k, (name, width) in enumerate(check.widths.items()):
@@ -150,27 +150,27 @@ def _of_group(k: int) -> Color:
     return SERIES[_GROUPS[k % len(_GROUPS)]]
 
 
-def _draw_people(axes: "Axes", check: PlanCheck) -> "list[Line2D]":
+def _draw_people(axes: Axes, check: PlanCheck) -> list[Line2D]:
     entries = []
     x0, y0, x1, y1 = check.bounds
     wide = max(x1 - x0, y1 - y0) > _SEEN
     for k, part in enumerate(check.people.parts):
         here, color = check.group == k, hex_of(_of_group(k))
-        rim: dict[str, Any] = {"edgecolor": color if wide else "white", "linewidth": 1.5 if wide else 0.3}
-        draw_bodies(axes, check.position[here], check.radius[here], facecolor=color, zorder=6, **rim)
-        text = f"{part.people} {'person' if part.people == 1 else 'people'}" + (f", {part.name}" if part.name else "")
-        dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 7, "markeredgecolor": "white"}
-        entries.append(mark(text, color=color, **dot))
+        rim, width = (color, 1.5) if wide else ("white", 0.3)
+        center, radius = check.position[here], check.radius[here]
+        draw_bodies(axes, center, radius, facecolor=color, edgecolor=rim, linewidth=width, zorder=6)
+        text = counted(part.people, "person", "people") + (f", {part.name}" if part.name else "")
+        entries.append(mark(text, color=color, linestyle="none", marker="o", markersize=7, markeredgecolor="white"))
     return entries if len(check.position) else []
 
 
-def draw_passages(axes: "Axes", check: PlanCheck, size: float = 8.0) -> "list[Line2D]":
+def draw_passages(axes: Axes, check: PlanCheck, size: float = 8.0) -> list[Line2D]:
     """Draw the narrowest passage on the way to each exit as a line with its width, and return their entries."""
     found = [passage for passage in check.passages.values() if passage is not None]
     inside: dict[tuple[float, ...], tuple[Gap, list[str]]] = {}
     for passage in found:
         gap = passage.gap
-        axes.plot(*gap.line.T, color=hex_of(NARROW), linewidth=1.8, marker="o", markersize=3.5, zorder=8)
+        axes.plot(*gap.line.T, **_PASSAGE, zorder=8)
         if not passage.is_exit:
             key = tuple(np.round(np.sort(gap.line, axis=0).ravel(), 3).tolist())
             inside.setdefault(key, (gap, []))[1].append(passage.exit)
@@ -180,12 +180,11 @@ def draw_passages(axes: "Axes", check: PlanCheck, size: float = 8.0) -> "list[Li
         along = (b - a) / max(float(np.hypot(*(b - a))), 1e-9)
         off = size * np.array([2.6 * abs(along[1]), 1.2 * abs(along[0])]) * _emptier_side(check, gap)
         _label(axes, f"{gap.width:.2f} m", gap.line.mean(axis=0), off, NARROW, size)
-        texts.append(f"narrowest to {_listed(names)}: {gap.width:.2f} m, {gap.width / check.body[1]:.1f} bodies")
+        texts.append(f"narrowest to {listed(names)}: {gap.width:.2f} m, {gap.width / check.body[1]:.1f} bodies")
     own = [passage.exit for passage in found if passage.is_exit]
     if own:
-        texts.append(f"nothing narrower than the exit itself on the way to {_listed(own)}")
-    style: dict[str, Any] = {"color": hex_of(NARROW), "linewidth": 1.8, "marker": "o", "markersize": 3.5}
-    return [mark(textwrap.fill(text, _WIDEST), **style) for text in texts]
+        texts.append(f"nothing narrower than the exit itself on the way to {listed(own)}")
+    return [mark(textwrap.fill(text, _WIDEST), **_PASSAGE) for text in texts]
 
 
 def _emptier_side(check: PlanCheck, gap: Gap) -> float:
@@ -195,7 +194,3 @@ def _emptier_side(check: PlanCheck, gap: Gap) -> float:
     away = check.position - 0.5 * (a + b)
     near = np.hypot(*away.T) < 1.5 * gap.width
     return 1.0 if float(np.sign(away[near] @ normal).sum()) <= 0 else -1.0
-
-
-def _listed(names: list[str], most: int = 4) -> str:
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")

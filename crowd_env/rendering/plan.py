@@ -2,18 +2,15 @@
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering.libraries import drawing_library
+from crowd_env.rendering.libraries import Image, drawing_library
 from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, OBSTACLE, WALL, Color
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 _WALL_THICKNESS = 0.11  # m, as drawn; walls of the model have none
 _THIN_WALL = 0.04  # m, walls that are touched from both sides
@@ -62,7 +59,7 @@ def fit(geometry: Geometry, width: int, *, text: float | None = None) -> Layout:
     return Layout(width, height, scale, (origin_x, origin_y), wall, text, margin, header, footer)
 
 
-def draw_plan(geometry: Geometry, layout: Layout) -> "Image":
+def draw_plan(geometry: Geometry, layout: Layout) -> Image:
     """Return the image of the empty geometry."""
     with drawing_library():
         import PIL.Image
@@ -84,8 +81,8 @@ def draw_plan(geometry: Geometry, layout: Layout) -> "Image":
     return image
 
 
-def _fill(image: "Image", layout: Layout, shapes: Sequence[Sequence[Floats]], color: Color) -> None:
-    """Fill polygons, each a border (K, 2) [m] and those of its holes; a pixel as far as it is covered.
+def _fill(image: Image, layout: Layout, shapes: Sequence[Sequence[Floats]], color: Color) -> None:
+    """Fill polygons, each a border (K, 2) [m] and the borders of its holes; a pixel as far as it is covered.
 
     What lies in a hole comes later.
     """
@@ -104,7 +101,7 @@ def _fill(image: "Image", layout: Layout, shapes: Sequence[Sequence[Floats]], co
 
 
 def _rings(area: Any) -> list[list[Floats]]:
-    """Return the outer border (K, 2) [m] and those of the holes of each polygon, the largest first."""
+    """Return the outer border (K, 2) [m] and the borders of the holes of each polygon, the largest first."""
     parts = sorted(polygons_of(area), key=lambda part: -float(part.area))
     return [[*shells_of(part), *holes_of(part)] for part in parts]
 
@@ -127,8 +124,8 @@ def holes_of(area: Any) -> list[Floats]:
 
 def round_length(most: float) -> float:
     """Return the largest length of 1, 2 or 5 times a power of ten that is no longer than ``most``: for scale bars."""
-    power = float(10.0 ** np.floor(np.log10(most)))
-    return power * max(step for step in (1, 2, 5) if step * power <= most)
+    power = float(10.0 ** np.floor(np.log10(most) + 1e-9))
+    return power * max(step for step in (1, 2, 5) if step * power <= most * (1.0 + 1e-9))
 
 
 def exit_places(geometry: Geometry) -> dict[str, tuple[Floats, Floats]]:

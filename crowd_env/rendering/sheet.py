@@ -4,17 +4,14 @@ import textwrap
 from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from crowd_env.analysis.plan_check import PlanCheck, body_width
 from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
+from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import BACKGROUND, FAINT, INK, QUIET
 from crowd_env.rendering.place import NARROW, draw_passages, draw_place
 from crowd_env.rendering.plan import round_length
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 NO_EXIT = (
     "No exit is given yet: read two points on the edge off the axes and give them, --exit x1,y1,x2,y2, for each exit."
@@ -28,7 +25,7 @@ _DPI, _SHEET_DPI = 130, 92
 
 
 def draw_sheet(path: str | Path, checks: Sequence[PlanCheck]) -> Path:
-    """Draw plans and return the path: one with axes and all that was found out, or several on a sheet.
+    """Draw plans and return the path: one with axes and all findings, or several on a sheet.
 
     Parameters
     ----------
@@ -39,10 +36,11 @@ def draw_sheet(path: str | Path, checks: Sequence[PlanCheck]) -> Path:
     ValueError
         If the suffix is another.
     """
-    return save_figure(_one(checks[0]) if len(checks) == 1 else _several(checks), path, formulas=False)
+    return save_figure(plan_figure(checks[0]) if len(checks) == 1 else _several(checks), path, formulas=False)
 
 
-def _one(check: PlanCheck) -> "Figure":
+def plan_figure(check: PlanCheck) -> Figure:
+    """Return one plan with axes and all findings."""
     width, height = _size(check, (_LONGEST, _LONGEST))
     rows = 2 * len(check.widths) + len(check.geometry.regions) + len(check.people.parts) + 4
     letters = int(10.5 * (width + _LEGEND))
@@ -69,7 +67,7 @@ def _one(check: PlanCheck) -> "Figure":
     return figure
 
 
-def _several(checks: Sequence[PlanCheck]) -> "Figure":
+def _several(checks: Sequence[PlanCheck]) -> Figure:
     """Draw plans in rows of three, each with its title above and its legend below it."""
     columns = min(_COLUMNS, len(checks))
     rows = [checks[k : k + columns] for k in range(0, len(checks), columns)]
@@ -104,14 +102,16 @@ def _legend() -> dict[str, Any]:
     return {"borderaxespad": 0, "frameon": False, "labelcolor": hex_of(INK), "labelspacing": 0.62, "handlelength": 1.6}
 
 
-def _title(axes: "Axes", check: PlanCheck, lines: Sequence[str], size: float) -> None:
+def _title(axes: Axes, check: PlanCheck, lines: Sequence[str], size: float) -> None:
     axes.set_title("\n".join(lines), loc="left", color=hex_of(QUIET), fontsize=0.8 * size)
-    name: dict[str, Any] = {"xy": (0.0, 1.0), "xycoords": "axes fraction", "textcoords": "offset points"}
-    above = 8 + 1.3 * 0.8 * size * len(lines)
-    axes.annotate(check.name, xytext=(0, above), color=hex_of(INK), fontsize=size, fontweight="bold", **name)
+    above = (0, 8 + 1.3 * 0.8 * size * len(lines))
+    axes.annotate(
+        check.name, (0.0, 1.0), above, xycoords="axes fraction", textcoords="offset points",
+        color=hex_of(INK), fontsize=size, fontweight="bold",
+    )  # fmt: skip
 
 
-def _show(axes: "Axes", check: PlanCheck, share: float) -> None:
+def _show(axes: Axes, check: PlanCheck, share: float) -> None:
     """Show all of a plan, and around it a ``share`` of its width."""
     x0, y0, x1, y1 = check.bounds
     margin = share * (x1 - x0)
@@ -119,7 +119,7 @@ def _show(axes: "Axes", check: PlanCheck, share: float) -> None:
     axes.set_facecolor(hex_of(BACKGROUND))
 
 
-def _ticks(axes: "Axes", width: float, height: float) -> None:
+def _ticks(axes: Axes, width: float, height: float) -> None:
     """Number the axes in full meters and parts of them, also far away from the origin, with a light grid over the floor."""
     from matplotlib.ticker import AutoMinorLocator, MaxNLocator, ScalarFormatter
 
@@ -141,7 +141,7 @@ def _ticks(axes: "Axes", width: float, height: float) -> None:
     axes.set_ylabel("y [m]", color=hex_of(INK), fontsize=9.5)
 
 
-def _scale_bar(axes: "Axes", check: PlanCheck) -> None:
+def _scale_bar(axes: Axes, check: PlanCheck) -> None:
     x0, y0, x1, _ = check.bounds
     span = x1 - x0
     meters, y = round_length(0.25 * span), y0 - 0.05 * span

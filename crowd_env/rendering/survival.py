@@ -2,17 +2,14 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from crowd_env.analysis.clogging import Clogging, survival
-from crowd_env.rendering.canvas import hex_of, literal, new_figure, quiet_axes, save_figure
+from crowd_env.rendering.canvas import hex_of, literal, name_panel, new_figure, quiet_axes, save_figure
+from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import INK, QUIET, SERIES
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _SHORTEST = 0.02  # s, the axis does not begin earlier: gaps of people side by side say nothing of clogs
 
@@ -35,7 +32,7 @@ def survival_curves(path: str | Path, sets: Mapping[str, Clogging], *, title: st
     return save_figure(survival_figure(sets, title=title), path)
 
 
-def survival_figure(sets: Mapping[str, Clogging], *, title: str = "") -> "Figure":
+def survival_figure(sets: Mapping[str, Clogging], *, title: str = "") -> Figure:
     """Return the figure of `survival_curves`."""
     drawn = {label: found for label, found in sets.items() if found.gaps.closed.any()}
     if not drawn:
@@ -58,7 +55,7 @@ def survival_figure(sets: Mapping[str, Clogging], *, title: str = "") -> "Figure
         _draw_one(axes, label, found, right, SERIES[k % len(SERIES)], ink=len(drawn) == 1)
     axes.set_xlim(left, right)
     axes.set_ylim(0.5 / max(len(gaps) for gaps in every), 1.5)
-    axes.set_title(literal(title), loc="left", color=hex_of(INK), fontsize=11)
+    name_panel(axes, literal(title))
     if any(found.tail is not None for found in drawn.values()):
         axes.plot([], [], color=hex_of(QUIET), linewidth=1.2, dashes=(4, 3), label="exponential, same tail")
     if any(_ends_open(found) for found in drawn.values()):
@@ -79,9 +76,7 @@ def _ends_open(found: Clogging) -> bool:
     return bool(found.gaps.open.max(initial=0.0) > found.gaps.closed.max())
 
 
-def _draw_one(
-    axes: "Axes", label: str, found: Clogging, right: float, color: tuple[int, int, int], *, ink: bool
-) -> None:
+def _draw_one(axes: Axes, label: str, found: Clogging, right: float, color: tuple[int, int, int], *, ink: bool) -> None:
     gaps, tail = found.gaps, found.tail
     t, share = survival(gaps)
     shown = f"{literal(label)}: {len(gaps.closed)} gaps" + (f", {len(gaps.open)} open" if len(gaps.open) else "")

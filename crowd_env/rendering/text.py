@@ -3,14 +3,10 @@
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, cast
+from typing import Literal, cast
 
-from crowd_env.rendering.libraries import drawing_library
+from crowd_env.rendering.libraries import FreeTypeFont, Image, drawing_library
 from crowd_env.rendering.palette import Color
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
-    from PIL.ImageFont import FreeTypeFont
 
 _ANCHORS = {"left": "lm", "center": "mm", "right": "rm"}
 
@@ -30,7 +26,7 @@ def shortened(text: str, room: float, size: float) -> str:
 
 
 def put_text(
-    image: "Image",
+    image: Image,
     text: str,
     at: tuple[float, float],
     size: float,
@@ -39,26 +35,27 @@ def put_text(
     side: Literal["left", "center", "right"] = "left",
     bold: bool = False,
     upward: bool = False,
-) -> None:
+) -> int:
     """Write ``text`` into ``image``, centered vertically on ``at`` = (x, y) [px] and horizontally by ``side``.
 
-    ``upward`` turns it by a right angle, so that it is read from below.
+    ``upward`` turns it by a right angle, so that it is read from below.  Returns the width [px] of the text.
     """
     import PIL.Image
     import PIL.ImageDraw
 
-    font = _font(size, bold)
+    font, width = _font(size, bold), text_width(text, size, bold=bold)
     if not upward:
         PIL.ImageDraw.Draw(image).text(at, text, fill=color, font=font, anchor=_ANCHORS[side])
-        return
-    mask = PIL.Image.new("L", (text_width(text, size, bold=bold), sum(font.getmetrics())))
+        return width
+    mask = PIL.Image.new("L", (width, sum(font.getmetrics())))
     PIL.ImageDraw.Draw(mask).text((0.5 * mask.width, 0.5 * mask.height), text, fill=255, font=font, anchor="mm")
     mask = mask.transpose(PIL.Image.Transpose.ROTATE_90)
     image.paste(color, (round(at[0] - 0.5 * mask.width), round(at[1] - 0.5 * mask.height)), mask)
+    return width
 
 
 @lru_cache(maxsize=32)
-def _font(size: float, bold: bool) -> "FreeTypeFont":
+def _font(size: float, bold: bool) -> FreeTypeFont:
     """Return the font that the figures use too; Pillow's own where matplotlib is not installed."""
     with drawing_library():
         import PIL.ImageFont
@@ -68,4 +65,4 @@ def _font(size: float, bold: bool) -> "FreeTypeFont":
         file = Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / name
         if file.exists():
             return PIL.ImageFont.truetype(file, size, layout_engine=PIL.ImageFont.Layout.BASIC)
-    return cast("FreeTypeFont", PIL.ImageFont.load_default(size))
+    return cast(FreeTypeFont, PIL.ImageFont.load_default(size))

@@ -1,33 +1,35 @@
-"""What pages and films say about recordings: a title, what tells them apart, and a table of all facts."""
+"""Texts of pages and films about recordings: a title, what tells them apart, and a table of all facts."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
+from crowd_env.core.checks import counted
 from crowd_env.recording import Recording
+from crowd_env.scenarios.behavior_words import IN_WORDS
 
-# Facts that a title names, in this order, and how.
-_NAMED = {"scheme": "{}", "strategy": "{}", "manner": "{}", "outline": "{}", "seed": "seed {}"}
+# Facts that a title names, in this order.
+_NAMED = ("scheme", "strategy", *IN_WORDS, "seed")
+_UNSAID = {None, "", "none"}.union(*(behavior.unsaid for behavior in IN_WORDS.values()))
 
 
 def _short(name: str, value: Any) -> str:
     """Return a fact in a few words; a table of parameters is only named."""
-    if value in (None, "", "disc", "none"):
-        return ""
-    return _NAMED[name].format(f"{name} of its own" if isinstance(value, Mapping | list) else value)
+    if isinstance(value, Mapping | list):
+        return f"{name} of its own"
+    return "" if value in _UNSAID else f"seed {value}" if name == "seed" else str(value)
 
 
 def _parts(recording: Recording) -> dict[str, str]:
     """Return what a title can say, by the name of the fact."""
     facts = recording.facts
     found = {"scenario": str(facts.get("scenario", "")), **{name: _short(name, facts.get(name)) for name in _NAMED}}
-    count = len(recording.radius)
-    return found | {"people": f"{count} {'person' if count == 1 else 'people'}"}
+    return found | {"people": counted(len(recording.radius), "person", "people")}
 
 
 def told_apart(facts: Sequence[Mapping[str, str]], separator: str) -> list[str]:
-    """Return of each thing those of its facts in which some are unlike the others."""
+    """Return for each thing the facts that are not the same for all."""
     apart = [name for name in facts[0] if len({one[name] for one in facts}) > 1]
     return [separator.join(one[name] for name in apart if one[name]) for one in facts]
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.behaviors.outline import Outline
+from crowd_env.scenarios.behavior_words import IN_WORDS
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 
 
@@ -28,12 +29,7 @@ def with_manner(place: Scenario, manner: str | None, outline: str | None = None)
 
 def run_title(place: Scenario, scheme: str = "", *, people: str = "", runs: str = "") -> str:
     """Return "room-v0: 20 people, hertz, calm, torso, 5 runs": what is given, and how people walk and are shaped."""
-    headway = place.manner_of_run()
-    manner = Headway.plain_of(headway)
-    walk = manner if isinstance(manner, str) else f"time gap {manner['time_gap']:g} s"
     first = f"{place.name}: {people}" if people else place.name
-    outline = place.outline_of_run()
-    shape = Outline.plain_of(outline)
-    body = shape if isinstance(shape, str) else f"{len(shape['discs'])} discs a body"
-    parts = (first, scheme, walk if headway else "", body if outline else "", runs)
-    return ", ".join(part for part in parts if part)
+    behaviors = ((one, one.of(place)) for one in IN_WORDS.values())
+    words = [plain if isinstance(plain, str) else one.brief(plain) for one, plain in behaviors if plain != one.usual]
+    return ", ".join(part for part in (first, scheme, *words, runs) if part)

@@ -1,5 +1,7 @@
 """Bodies of several discs in frames, films and force networks: drawn as they are turned."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import shapely
@@ -12,12 +14,15 @@ from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.physics.hertz import Hertz
 from crowd_env.physics.pressure import contact_forces
 from crowd_env.recording import record
+from crowd_env.rendering.discs import bodies_of
 from crowd_env.rendering.forces import force_network_figure
 from crowd_env.rendering.frames import Renderer, draw_env
 from crowd_env.scenarios import make_scenario
 
 pytestmark = pytest.mark.more
 
+SHOULDERS = SimpleNamespace(outline="torso")
+BODY = [[2, 1.5]], [0.2]
 ROOM = Geometry.from_polygon(box(0, 0, 4, 3))
 
 
@@ -26,7 +31,7 @@ def test_a_frame_shows_the_outline_as_it_is_turned(angle):
     renderer = Renderer(ROOM, width=900)
     body = {"position": [[1.7, 1.4]], "radius": [0.3]}
     empty = renderer.frame(**body, active=[False], inside=1)
-    image = renderer.frame(**body, angle=[angle], outline=TORSO)
+    image = renderer.frame(**body, bodies=bodies_of(SHOULDERS, **body, angle=[angle]))
     drawn = (image != empty).any(axis=-1)
     bodies, state = make_bodies([0.3], [80.0]), make_state([[1.7, 1.4]])
     state.angle[:] = angle
@@ -42,8 +47,10 @@ def test_a_frame_shows_the_outline_as_it_is_turned(angle):
 
 def test_feet_are_dots_where_they_are_and_without_them_nothing_changes():
     renderer = Renderer(ROOM, width=900)
-    plain, seen = (renderer.frame([[2, 1.5]], [0.2], feet=feet) for feet in (None, [[2.1, 1.5, 2.6, 1.4]]))
-    np.testing.assert_array_equal(plain, renderer.frame([[2, 1.5]], [0.2]))
+    plain, seen = (
+        renderer.frame(*BODY, bodies=bodies_of(None, *BODY, feet=feet)) for feet in (None, [[2.1, 1.5, 2.6, 1.4]])
+    )
+    np.testing.assert_array_equal(plain, renderer.frame(*BODY))
     changed = (plain != seen).any(axis=-1)
     for foot in ([2.1, 1.5], [2.6, 1.4]):
         column, row = renderer.layout.pixels(np.array(foot)).astype(int)
@@ -54,11 +61,11 @@ def test_feet_are_dots_where_they_are_and_without_them_nothing_changes():
 
 def test_a_dot_shows_where_a_body_faces_and_discs_are_drawn_as_before():
     renderer = Renderer(ROOM, width=900)
-    ahead, back = (renderer.frame([[2, 1.5]], [0.3], angle=[angle], outline=TORSO) for angle in (0.0, np.pi))
-    column, row = renderer.layout.pixels([2 + 0.35 * 0.3, 1.5]).astype(int)
+    ahead, back = (renderer.frame(*BODY, bodies=bodies_of(SHOULDERS, *BODY, angle=[angle])) for angle in (0.0, np.pi))
+    column, row = renderer.layout.pixels([2 + 0.35 * 0.2, 1.5]).astype(int)
     assert ahead[row, column].sum() < back[row, column].sum()
-    disc = renderer.frame([[2, 1.5]], [0.3], angle=[1.0])
-    np.testing.assert_array_equal(disc, renderer.frame([[2, 1.5]], [0.3]))
+    disc = renderer.frame(*BODY, bodies=bodies_of(None, *BODY, angle=[1.0]))
+    np.testing.assert_array_equal(disc, renderer.frame(*BODY))
 
 
 def test_environments_and_recordings_show_shoulders():
@@ -69,7 +76,9 @@ def test_environments_and_recordings_show_shoulders():
     frame, renderer = draw_env(env)
     state, radius = env.simulation.state, env.simulation.bodies.radius
     shown = {"active": state.active, "color_value": np.zeros(20), "clock": float(state.time[0])}
-    expected = renderer.frame(state.position, radius, angle=state.angle, outline=TORSO, **shown)
+    expected = renderer.frame(
+        state.position, radius, bodies=bodies_of(SHOULDERS, state.position, radius, angle=state.angle), **shown
+    )
     discs = renderer.frame(state.position, radius, velocity=state.velocity, **shown)
     differs = [(frame != other).any(axis=-1).mean() for other in (expected, discs)]
     assert differs[0] < 0.3 * differs[1]

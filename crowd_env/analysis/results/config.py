@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from crowd_env.analysis.results.plain import plain
-from crowd_env.core.behaviors.headway import Headway
-from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.versions import versions_of
 from crowd_env.core.kernels import jit
@@ -18,6 +16,7 @@ from crowd_env.envs.settings import physics_step
 from crowd_env.physics import ContactScheme
 from crowd_env.physics.scheme import DECISION_DT
 from crowd_env.physics.settings import Physics
+from crowd_env.scenarios.behavior_words import plain_behaviors
 from crowd_env.scenarios.scenario import Scenario
 
 # Parts of a config in which two commands may differ and still go on with each other's runs.
@@ -42,7 +41,7 @@ def run_config(
 
     Parameters
     ----------
-    scenario : with manner and outline of the run.
+    scenario : with the behaviors of the run.
     dt : s, physics step; None = the scheme's.
     max_drive : N, of people; of no account to a scheme that does not drive them.
     command : the words of the command line.
@@ -59,8 +58,7 @@ def run_config(
         "population": plain(scenario.population.parts),
         "time_limit": scenario.time_limit,
         "blocked_after": plain(scenario.blocked_after),
-        "manner": Headway.plain_of(scenario.manner_of_run()),
-        "outline": Outline.plain_of(scenario.outline_of_run()),
+        **plain_behaviors(scenario),
         "strategy": strategy,
         "rules": rules,
         "max_drive": plain(max_drive),

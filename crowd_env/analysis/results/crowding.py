@@ -5,15 +5,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.analysis.results.measurements import CELL, INJURY, Grid, Spread, grid_over
+from crowd_env.analysis.results.measurements import INJURY, Grid, Spread, grid_over
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.geometry.geometry import Geometry, nearest_among
 from crowd_env.physics.pressure import contact_pressure
 
 LOAD_SPAN = 1.0  # s  over which what presses on bodies and walls is a mean: loads that last, not impacts
-SAMPLE = 0.5  # s  between two looks at who stands where; forces are looked at every decision
-HELD_UP = 0.5  # of the own desired speed: who is slower since the sample before, after the response time, is held up
+SAMPLE = 0.5  # s  between two samples of positions; forces are sampled every decision
+HELD_UP = 0.5  # of the desired speed: slower since the sample before, after the response time, counts as held up
 # Level of service of walkways by the area a person (Fruin 1971), as densities [1/m2] above which the next one begins.
 SERVICE = {"A, B": 0.0, "C": 1 / 2.32, "D": 1 / 1.39, "E": 1 / 0.93, "F": 1 / 0.46}
 
@@ -28,8 +28,8 @@ class Crowding(NamedTuple):
     injured: float  # s  that people spent beyond `INJURY`, added up
     zone_most: Ints  # (Z,)  most people at once in each region of the plan
     zone_empty: Floats  # (Z,)  s  when it was empty for good; nan if it was not
-    queue: Ints  # (X,)  most people at once who were held up on the way to the exit that they took, by its name
-    wait: Floats  # (X,)  s  that each of them was held up, mean; nan if nobody took it
+    queue: Ints  # (X,)  most people held up at once on the way to the exit that they took, by its name
+    wait: Floats  # (X,)  s  mean time held up; nan of an unused exit
     wall_load: Floats  # (K,)  N/m  largest mean of `LOAD_SPAN` on each of `wall_pieces`, by contact and by social force
     left_out: int  # decisions whose forces are left out
 
@@ -65,7 +65,7 @@ class CrowdingRecorder:
         self._look(env, env.active)
 
     def add(self, env: CrowdEnv, step: Step) -> None:
-        """Look at the forces of a decision and, where a sample is due, at who stands where."""
+        """Sample the forces of a decision and, where one is due, positions."""
         self._decisions += 1
         simulation, inside = env.simulation, env.active | step.truncated
         pressure = contact_pressure(simulation.results.impulse_magnitude, env.decision_dt, simulation.bodies.radius)
@@ -90,7 +90,7 @@ class CrowdingRecorder:
             self._look(env, inside)
 
     def _press_on_bodies(self, env: CrowdEnv, counts: Bools, duration: Floats, ends: Bools) -> None:
-        """Add impulses to those of the span, and its mean to the map for those (P,) for whom it ends."""
+        """Add impulses to the span; add its mean to the map for pedestrians (P,) whose span ends."""
         results = env.simulation.results
         self._impulse += np.where(counts, results.impulse_magnitude, 0.0)
         who = np.flatnonzero((self._impulse > 0.0) & ends)
@@ -101,7 +101,7 @@ class CrowdingRecorder:
         self._impulse[who] = 0.0
 
     def _press_on_walls(self, env: CrowdEnv, counts: Bools, duration: Floats, ends: bool) -> None:
-        """Add what walls give to the people who count to the load of the nearest piece of a wall, until the span ends."""
+        """Add impulses of walls on pedestrians that count to the load of the nearest piece of a wall, until the span ends."""
         simulation = env.simulation
         given = simulation.results.wall_impulse + env.decision_dt * simulation.social_forces_of_walls()
         who = np.flatnonzero(counts & given.any(axis=1))
@@ -115,7 +115,7 @@ class CrowdingRecorder:
             self._load[:] = 0.0
 
     def _look(self, env: CrowdEnv, inside: Bools) -> None:
-        """Take a sample of who is where."""
+        """Sample positions."""
         state, bodies = env.simulation.state, env.simulation.bodies
         duration = self._every * env.decision_dt
         walked = np.hypot(*(state.position - self._position).T)
@@ -183,8 +183,7 @@ def wall_pieces(geometry: Geometry) -> Floats:
 
 def zones_of(geometry: Geometry, grid: Grid) -> Bools:
     """Return which cells (Z, cells) have their middle in each region of a plan."""
-    rows, columns = np.indices(grid.shape)
-    middles = np.asarray(grid.origin) + CELL * (np.stack([columns, rows], axis=-1).reshape(-1, 2) + 0.5)
+    middles = grid.middles()
     return np.array([geometry.contains(middles, name) for name in geometry.regions], dtype=np.bool_).reshape(
         len(geometry.regions), len(middles)
     )

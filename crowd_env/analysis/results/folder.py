@@ -51,7 +51,7 @@ class ResultsFolder(Store):
         return [decode(run, content) for run, content in kept if content is not None]
 
     def end_at(self, runs: int) -> None:
-        """Let the folder be of so many runs: those beyond are kept, and counted if the command asks for more."""
+        """Limit the folder to ``runs``: runs beyond are kept, and counted if the command asks for more."""
         assert self.identity is not None
         self.identity["runs"] = runs
 
@@ -110,7 +110,7 @@ RUNS, EXITS, CURVE = "runs.csv", "exits.csv", "nt.csv"
 # What the folder comes to hold, and what says that it is one of ``crowd-env evaluate``.
 _OWNED = (RUNS, EXITS, CURVE, SUMMARY, KEPT, CROWDING, "nt.png", "recordings", "evaluation.json")
 
-# Columns of runs.csv with their units, after run and seed; those of `EpisodeMetrics` have its names.
+# Columns of runs.csv with their units, after run and seed; figures of `EpisodeMetrics` have its names.
 _RUN_COLUMNS = ("run", "seed", "people", "end", "time_limit", "t95", *EpisodeMetrics._fields)
 _EXIT_COLUMNS = ("run", "time", "exit", "out", "person", "radius", "desired_speed", "group", "until")
 
@@ -143,7 +143,7 @@ def _run(episode: Episode) -> list[object]:
 
 
 def _exits(scenario: Scenario, groups: np.ndarray, episode: Episode) -> list[tuple[object, ...]]:
-    """Return the rows of a run in the order of time; the people who stayed come last, without a time and an exit."""
+    """Return the rows of a run in the order of time; pedestrians left inside come last, without a time and an exit."""
     names = exit_names(scenario, episode.exit_index)
     order = np.argsort(episode.exit_time, kind="stable")  # nan go last
     rows: list[tuple[object, ...]] = []
@@ -173,7 +173,7 @@ class Egress(NamedTuple):
 
 
 def inside(exit_time: Floats, time: Floats) -> np.ndarray:
-    """Return how many people are inside at ``time`` (T,) [s]; ``exit_time`` (N,) [s] is nan for those who did not get out."""
+    """Return how many people are inside at ``time`` (T,) [s]; ``exit_time`` (N,) [s] is nan for a pedestrian left inside."""
     return len(exit_time) - np.searchsorted(np.sort(exit_time), time, side="right")
 
 

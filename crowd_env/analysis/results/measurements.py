@@ -33,6 +33,13 @@ class Grid(NamedTuple):
         rows, columns = self.shape
         return np.asarray(np.clip(row, 0, rows - 1) * columns + np.clip(column, 0, columns - 1))
 
+    def middles(self) -> Floats:
+        """Return the middle (cells, 2) [m] of each cell, row by row."""
+        rows, columns = np.indices(self.shape)
+        return np.asarray(self.origin) + CELL * (np.stack([columns, rows], axis=-1).reshape(-1, 2) + 0.5).astype(
+            np.float64
+        )
+
 
 def grid_over(geometry: Geometry) -> Grid:
     """Return the grid over a plan; everything within `REACH` of someone inside lies on it."""
@@ -54,7 +61,7 @@ class Spread:
         self.felt = offset[cover > 0.3]  # the cell and its four neighbors
 
     def __call__(self, position: Floats, pressure: Floats, crowd: Ints, crowds: int) -> tuple[Floats, Floats]:
-        """Return density [1/m2] and pressure [N/m] of so many crowds (C, cells), of K people in the ``crowd`` (K,) of each."""
+        """Return density [1/m2] and pressure [N/m] of ``crowds`` (C, cells), of K pedestrians, each in its ``crowd`` (K,)."""
         cells, (offset, cover) = self._grid.shape[0] * self._grid.shape[1], self.near
         at = crowd * cells + self._grid.cell_of(position)
         place = at[:, None] + offset
@@ -71,7 +78,7 @@ class Maps(NamedTuple):
 
     density_mean: Floats  # 1/m2
     density_max: Floats  # 1/m2
-    pressure_mean: Floats  # N/m  on the person there; 0 while nobody is there
+    pressure_mean: Floats  # N/m  on the person there; 0 while the cell is empty
     pressure_max: Floats  # N/m
 
 
@@ -83,16 +90,16 @@ class Measured(NamedTuple):
     max_density: Floats  # (R,)  1/m2  people within 1 m of someone, oneself included, over pi m2
     max_pressure: Floats  # (R,)  N/m  contact force on someone over circumference, mean of one decision step
     crushed: Floats  # (R, N)  s  in decision steps whose mean of that exceeds `INJURY`
-    hurry: Floats  # (R,)  largest of anyone's mean speed over the own desired speed, of those who want to walk
+    hurry: Floats  # (R,)  largest mean speed over desired speed, of pedestrians that want to walk
     maps: Maps
     grid: Grid
     simulated: float  # s  of all evacuations together
     computing: float  # s  of processor time to simulate them
-    replanning: float  # s  of that to find the fastest ways anew
+    replanning: float  # s  of that to update the fastest routes
 
 
 class RunMeasurements(NamedTuple):
-    """One evacuation of N people; the fields are those of `Measured`."""
+    """One evacuation of N people; fields as in `Measured`."""
 
     exit_index: Ints  # (N,)
     walked: Floats  # (N,)  m
@@ -110,7 +117,7 @@ class MeasurementRecorder:
         self._spread = Spread(self.grid)
         self._sums, self._most = (np.zeros((2, self.grid.shape[0] * self.grid.shape[1])) for _ in range(2))
         self._samples = 0
-        self._spent = np.zeros(2)  # s  on steps, and the part of it in which the fastest routes are found anew
+        self._spent = np.zeros(2)  # s  on steps, and the part of it that updates the fastest routes
 
     def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Forget the batch before and keep the starting positions of this one."""
@@ -137,7 +144,7 @@ class MeasurementRecorder:
         self._position[:] = state.position
         pressure = contact_pressure(simulation.results.impulse_magnitude, env.decision_dt, simulation.bodies.radius)
         pressure = np.where(was_inside, pressure, 0.0)
-        # A step may stand for many in which nobody moved, see `CrowdEnv.pass_rest`.
+        # A step may stand for many without motion, see `CrowdEnv.pass_rest`.
         steps = np.maximum(np.rint((state.time - self._time) / env.decision_dt), 1.0)
         self._time[:] = state.time
         self._crushed += env.decision_dt * steps[env.env_of_person] * (pressure > INJURY)
@@ -152,7 +159,9 @@ class MeasurementRecorder:
         times = np.where(np.isfinite(state.exit_time[people]), state.exit_time[people], state.time[e])
         wanted = env.simulation.bodies.desired_speed[people]
         speed = walked / np.maximum(wanted * times, 1e-9)
-        hurry = float(np.max(speed, where=wanted >= SLOWEST, initial=0.0))  # whoever is pushed along hurries nowhere
+        hurry = float(
+            np.max(speed, where=wanted >= SLOWEST, initial=0.0)
+        )  # a pedestrian without a desired speed is pushed along
         peaks = float(self._max_density[e]), float(self._max_pressure[e])
         return RunMeasurements(exits, walked, *peaks, self._crushed[people].copy(), hurry)
 

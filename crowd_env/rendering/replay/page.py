@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd_env.core.arrays.state import Floats, Ints
-from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.geometry.parsing import from_wkt
 from crowd_env.recording import Recording
 from crowd_env.rendering import palette
 from crowd_env.rendering.canvas import hex_of
+from crowd_env.rendering.discs import unit_discs
 from crowd_env.rendering.pages import filled
 from crowd_env.rendering.palette import FULL_PRESSURE, Color, blend, darker, pressure_color
 from crowd_env.rendering.plan import holes_of, shells_of
@@ -25,7 +25,7 @@ from crowd_env.rendering.words import fact_rows, outcome, titles
 MOST_ROWS = 5_000_000  # people in frames, and contacts, of one page: about 30 MB
 MOST_RECORDINGS = 2
 FORMAT = 1  # of the packed recordings
-_NEVER = -1.0  # s, as a time when people left who are inside at the end
+_NEVER = -1.0  # s, exit time of a pedestrian left inside
 
 
 class Page(NamedTuple):
@@ -97,36 +97,34 @@ def _packed(recording: Recording, frames: Ints) -> tuple[dict[str, Any], str]:
     """Return what a page says of a recording, and its packed numbers."""
     tracks, contacts = tracks_of(recording, frames), contacts_of(recording, frames)
     plan, origin = plain_plan(recording)
-    columns = [
-        Column("times", tracks.times),
-        Column("first", tracks.first),
-        Column("samples", tracks.samples),
-        Column("until", tracks.until),
-        Column("exit_time", np.nan_to_num(recording.exit_time, nan=_NEVER)),
-        Column("exit_index", recording.exit_index),
-        Column("radius", recording.radius),
-        Column("desired_speed", np.nan_to_num(recording.desired_speed)),
-        Column("group", recording.group),
-        Column("x", tracks.x - origin[0], 1e-3),
-        Column("y", tracks.y - origin[1], 1e-3),
-        Column("speed", tracks.speed, 1e-2),
-        Column("pressure", tracks.pressure, 5.0),
-    ]
+    columns: dict[str, Floats | Ints] = {
+        "times": tracks.times,
+        "first": tracks.first,
+        "samples": tracks.samples,
+        "until": tracks.until,
+        "exit_time": np.nan_to_num(recording.exit_time, nan=_NEVER),
+        "exit_index": recording.exit_index,
+        "radius": recording.radius,
+        "desired_speed": np.nan_to_num(recording.desired_speed),
+        "group": recording.group,
+        "x": tracks.x - origin[0],
+        "y": tracks.y - origin[1],
+        "speed": tracks.speed,
+        "pressure": tracks.pressure,
+    }
     if tracks.angle is not None:
-        columns.append(Column("angle", tracks.angle, 2.0 * np.pi / 1024))
+        columns["angle"] = tracks.angle
     if contacts is not None:
-        columns += [
-            Column("contact_start", contacts.start),
-            Column("contact_i", contacts.i),
-            Column("contact_j", np.maximum(contacts.j, -1)),
-            # Lines between people go from body to body; where a wall is touched must be said.
-            *(
-                Column(f"contact_{axis}", np.where(contacts.j < 0, contacts.point[:, k] - origin[k], 0.0), 1e-2)
-                for k, axis in enumerate("xy")
-            ),
-            Column("contact_force", contacts.force[:, 0], 2.0),
-        ]
-    outline = Outline.of(recording.outline)
+        # Lines between people go from body to body; where a wall is touched must be given.
+        x, y = np.where(contacts.j < 0, (contacts.point - origin).T, 0.0)
+        columns |= {
+            "contact_start": contacts.start,
+            "contact_i": contacts.i,
+            "contact_j": np.maximum(contacts.j, -1),
+            "contact_x": x,
+            "contact_y": y,
+            "contact_force": contacts.force[:, 0],
+        }
     about, text = pack(columns)
     every = len(recording.times)
     note = f"{len(frames)} of {every} frames are shown, to keep this page small."
@@ -136,7 +134,7 @@ def _packed(recording: Recording, frames: Ints) -> tuple[dict[str, Any], str]:
         "frames": len(frames),
         "note": "" if len(frames) == every else note,
         "groups": list(recording.groups),
-        "outline": None if outline is None else np.column_stack(outline.shape[:3]).tolist(),
+        "outline": unit_discs(recording),
         "outcome": outcome(recording),
         "facts": fact_rows(recording),
     }, text
@@ -145,21 +143,22 @@ def _packed(recording: Recording, frames: Ints) -> tuple[dict[str, Any], str]:
 _LARGEST = 2**15 - 1
 
 
-class Column(NamedTuple):
-    """Numbers (L,) to be packed: whole ones as they are, others as float32, or (those of samples) in steps.
+# Columns that go in steps, and what they are rounded to; coarser if 16 bits would not do.  Steps are differences from number to
+# number in 16 bits: of a pedestrian that walks steadily they are small and much alike.
+_STEPS = {
+    **dict.fromkeys(("x", "y"), 1e-3),
+    **dict.fromkeys(("speed", "contact_x", "contact_y"), 1e-2),
+    "pressure": 5.0,
+    "angle": 2.0 * np.pi / 1024,
+    "contact_force": 2.0,
+}
 
-    Steps are differences from number to number in 16 bits: of somebody who walks steadily they are small and much alike.
-    """
 
-    name: str
-    values: Floats | Ints
-    step: float | None = None  # what they are rounded to; coarser if 16 bits would not do
+def pack(columns: Mapping[str, Floats | Ints]) -> tuple[list[dict[str, Any]], str]:
+    """Return what each column (L,) is (name, length, kind, step), and the text of all.
 
-
-def pack(columns: Sequence[Column]) -> tuple[list[dict[str, Any]], str]:
-    """Return what each column is (name, length, kind, step), and the text of all.
-
-    One array lies behind the other, gzip, base64; the browser unpacks both (browser/decode.js).
+    Whole numbers are packed as they are, others as float32 or in steps.  One array lies behind the other, gzip, base64; the
+    browser unpacks both (browser/decode.js).
 
     Raises
     ------
@@ -167,7 +166,8 @@ def pack(columns: Sequence[Column]) -> tuple[list[dict[str, Any]], str]:
         If a number is not finite.
     """
     about, parts = [], []
-    for name, values, step in columns:
+    for name, values in columns.items():
+        step = _STEPS.get(name)
         if not np.isfinite(values).all():
             raise ValueError(f"{name} of a recording has a value that is not finite")
         kind = "steps" if step else "whole" if values.dtype.kind in "iu" else "real"

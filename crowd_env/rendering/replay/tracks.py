@@ -38,8 +38,8 @@ def thinned_frames(recording: Recording, most: int) -> Ints:
 def tracks_of(recording: Recording, frames: Ints) -> Tracks:
     """Return the ways of people at ``frames``; where a person was not seen in between, the way is straight.
 
-    People who did not get out stay to the end where they were seen last: the last frame of a recording may hold only those who
-    got out just before it.  Between frames that are kept, pressures are averaged.
+    Pedestrians left inside stay to the end where they were seen last: the last frame of a recording may hold only the ones
+    that got out just before it.  Between frames that are kept, pressures are averaged.
     """
     people = len(recording.radius)
     order = np.argsort(recording.person, kind="stable")
@@ -88,14 +88,14 @@ def _mean_pressure(
     step = np.diff(recording.times, prepend=recording.times[0] - recording.frame_interval)
     borne = sampled(np.cumsum(pressure * step[recording.frame[order]]))
     mean = np.diff(borne, prepend=0.0) / np.maximum(np.diff(target, prepend=-1.0), 1e-9)
-    own = np.diff(target, prepend=-1.0) <= 0.0  # nothing of a person who was not seen lies between two samples
+    own = np.diff(target, prepend=-1.0) <= 0.0  # an unseen pedestrian has nothing between two samples
     own[start[:-1][np.diff(start) > 0]] = True  # nor before the first one
     mean[own] = sampled(pressure)[own]
     return np.maximum(mean, 0.0)
 
 
 def contacts_of(recording: Recording, frames: Ints) -> FrameContacts | None:
-    """Return the contacts of ``frames`` that push; those that only come near are left out."""
+    """Return the contacts of ``frames`` that push; near misses are left out."""
     contacts = recording.contacts
     if contacts is None:
         return None

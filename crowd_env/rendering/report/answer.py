@@ -8,7 +8,7 @@ import numpy as np
 
 from crowd_env.analysis.figures import FIGURES, column, doubts, interval, named, number, spread
 from crowd_env.core.checks import counted
-from crowd_env.rendering.report.runs import Runs
+from crowd_env.rendering.report.runs import Runs, table
 
 _AIM = 0.02  # of the mean: the interval that is aimed at
 _FEW = 5  # runs or fewer say little of how many are needed
@@ -19,7 +19,7 @@ def answer(runs: Sequence[Runs]) -> dict[str, Any]:
     return {
         "said": [{"name": one.name if len(runs) > 1 else "", "text": _sentence(one)} for one in runs],
         "doubts": [(f"{one.name}: " if len(runs) > 1 else "") + said for one in runs if (said := doubts(one.figures))],
-        "rows": [(label, *(words(one) for one in runs)) for label, words in _ROWS.items()],
+        "rows": table(_ROWS, runs),
         "exits": [{"name": one.name if len(runs) > 1 else "", "rows": _exits(one)} for one in runs],
         "exits_head": (
             "exit",

@@ -15,24 +15,24 @@ from crowd_env.analysis.results.plain import plain
 from crowd_env.envs.settings import physics_step
 from crowd_env.physics import make_scheme
 from crowd_env.physics.settings import Physics
-from crowd_env.rendering.report.runs import Runs, described
+from crowd_env.rendering.report.runs import Runs, described, table
+from crowd_env.scenarios.behavior_words import IN_WORDS
 from crowd_env.scenarios.scenario import Scenario
 
 
 def assumptions(runs: Sequence[Runs]) -> dict[str, Any]:
-    """Return who is evacuated, what was assumed and is not modeled, what the validation map says, and how to repeat it."""
+    """Return the population, what was assumed and is not modeled, what the validation map says, and how to repeat it."""
     again = [["crowd-env", "run", "--config", str(one.folder / CONFIG)] for one in runs]
     first = [one.config.get("command") or ["crowd-env", "run"] for one in runs]
-    people = _different(runs, ("population", "manner", "outline"))
+    people = _different(runs, ("population", *IN_WORDS))
     return {
         "population": [{"names": names, **_population(one)} for names, one in people],
-        "assumed": [(label, *(words(one) for one in runs)) for label, words in _ASSUMED.items()],
+        "assumed": table(_ASSUMED, runs),
         "known": validation_map(),
         "limits": [
-            {"names": names, **limits_of(one)._asdict()}
-            for names, one in _different(runs, ("scheme", "manner", "outline", "dt"))
+            {"names": names, **limits_of(one)._asdict()} for names, one in _different(runs, ("scheme", *IN_WORDS, "dt"))
         ],
-        "made": [(label, *(words(one) for one in runs)) for label, words in _MADE.items()],
+        "made": table(_MADE, runs),
         "again": "\n".join(map(shlex.join, again)),
         "first": "\n".join(map(shlex.join, first)),
     }
@@ -40,15 +40,15 @@ def assumptions(runs: Sequence[Runs]) -> dict[str, Any]:
 
 def _population(one: Runs) -> dict[str, Any]:
     groups = one.config["population"]
-    rows = [(label, *(words(part) for part in groups)) for label, words in _OF_A_GROUP.items()]
-    for label, name in (("how they walk before they touch", "manner"), ("shape of the body", "outline")):
-        rows.append((label, *([described(one.config[name])] * len(groups))))
+    rows = table(_OF_A_GROUP, groups)
+    for name, behavior in IN_WORDS.items():
+        rows.append((behavior.label, *([described(one.config[name])] * len(groups))))
     head = ("", *(part["name"] or f"group {k + 1}" for k, part in enumerate(groups)))
     return {"head": head if len(groups) > 1 else (), "rows": rows}
 
 
 def _different(runs: Sequence[Runs], names: Sequence[str]) -> list[tuple[str, Runs]]:
-    """Return the first of those whose config is alike, with the names of all of them; no name if all are alike."""
+    """Return the first of the folders with equal configs, and their names; no name if all are equal."""
     kinds: dict[str, list[Runs]] = {}
     for one in runs:
         kinds.setdefault(repr([one.config[name] for name in names]), []).append(one)
@@ -140,12 +140,12 @@ _ORDER = ("no", "yes", "reported")
 
 
 class Limits(NamedTuple):
-    """What the validation map says of a contact scheme with people who walk in a manner."""
+    """What the validation map says of a contact scheme and of how people behave."""
 
-    about: str  # the scheme and the manner
+    about: str  # the scheme, and the behaviors that the map tells apart
     summary: str
-    notes: tuple[str, ...]  # in what the runs are others than those of the map
-    rows: tuple[tuple[str, str, str], ...]  # case, outcome, criterion with its source; first those that are not met
+    notes: tuple[str, ...]  # in what the runs differ from the runs of the map
+    rows: tuple[tuple[str, str, str], ...]  # case, outcome, criterion with its source; unmet ones first
 
 
 @cache
@@ -155,9 +155,10 @@ def validation_map() -> Any:
 
 
 def limits_of(runs: Runs) -> Limits:
-    """Return what the validation map says of the scheme and manner of runs."""
-    scheme, manner = runs.config["scheme"]["name"], runs.config["manner"]
-    name = manner if isinstance(manner, str) else "of their own manner"
+    """Return what the validation map says of runs."""
+    scheme = runs.config["scheme"]["name"]
+    values = {name: runs.config[name] for name, behavior in IN_WORDS.items() if behavior.judged}
+    name = ", ".join(value if isinstance(value, str) else f"of their own {name}" for name, value in values.items())
     about = f"{scheme}, {name}"
     cases = [(case, case["results"].get(name, {}).get(scheme, "")) for case in validation_map()["cases"]]
     rows = [(case["case"], outcome, case["criterion"]) for case, outcome in cases if outcome]
@@ -177,14 +178,8 @@ def limits_of(runs: Runs) -> Limits:
 
 
 def _others(config: Mapping[str, Any], scenario: Scenario) -> Iterator[str]:
-    """Return in what a config is another than the runs of the map."""
-    if config["manner"] == "competitive":
-        yield (
-            "Competitive people walk at full speed whatever is in front of them, as in the papers; people who do not press "
-            "keep a distance and leave more slowly (docs/walking.md)."
-        )
-    if config["outline"] != "disc":
-        yield "The rows are of people with the outline of discs; the bodies of these runs are others."
+    """Yield in what a config differs from the runs of the map."""
+    yield from filter(None, (behavior.limit(config[name]) for name, behavior in IN_WORDS.items()))
     scheme = make_scheme(config["scheme"]["name"])
     changed = [key for key, value in plain(scheme).items() if config["scheme"].get(key) != value]
     if changed:

@@ -1,10 +1,8 @@
 """What a report shows: the plan as it was understood, what came out, and what the first folder's figures differ from."""
 
-import base64
 from collections.abc import Callable, Mapping, Sequence
 from itertools import zip_longest
 from math import inf, isfinite
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,37 +11,38 @@ from crowd_env.analysis.figures import exit_names, named, number, time_of_share
 from crowd_env.analysis.plan_check import cells, check_place
 from crowd_env.analysis.results.crowding import SERVICE
 from crowd_env.analysis.results.measurements import INJURY, REACH
+from crowd_env.core.checks import counted
 from crowd_env.envs.rollout import Episode
-from crowd_env.rendering.figures import Share, egress_curves, share_bars
-from crowd_env.rendering.heat import heat_maps
+from crowd_env.rendering.canvas import encoded
+from crowd_env.rendering.figures import Share, egress_figure, share_figure
+from crowd_env.rendering.heat import heat_figure
 from crowd_env.rendering.palette import SERIES
 from crowd_env.rendering.report.answer import answer, share_words, time_words
 from crowd_env.rendering.report.maps import Measured, Worst, Zone, heat_of
-from crowd_env.rendering.report.runs import Runs
-from crowd_env.rendering.sheet import draw_sheet
+from crowd_env.rendering.report.runs import Runs, table
+from crowd_env.rendering.sheet import plan_figure
 
 
-def figures(runs: Sequence[Runs], measured: Sequence[Measured], folder: Path) -> dict[str, Any]:
-    """Return the tables and pictures (as base64) of a report; pictures are drawn in ``folder`` on their way."""
-    path = folder / "picture.png"
+def figures(runs: Sequence[Runs], measured: Sequence[Measured]) -> dict[str, Any]:
+    """Return the tables and pictures (in base64) of a report."""
     names = [one.name for one in runs]
     found: dict[str, Any] = {
         "names": names,
         "head": ("", *names) if len(runs) > 1 else (),
-        "places": _places(runs, path),
+        "places": _places(runs),
         "answer": answer(runs),
-        "more": [(label, *(words(one) for one in runs)) for label, words in _ROWS.items()],
-        "curves": _curves(runs, path),
-        "exits": _exits(runs, path),
+        "more": table(_ROWS, runs),
+        "curves": _curves(runs),
+        "exits": _exits(runs),
         "gaps": _gaps(runs),
         "maps": [],
-        "pressed": [(label, *(words(one) for one in measured)) for label, words in _PRESSED.items()],
+        "pressed": table(_PRESSED, measured),
         "reach": f"{REACH:g}",
         "injury": f"{INJURY:g}",
     }
     of_name = {one.name: one for one in runs}
     for one in measured:
-        heat_maps(path, of_name[one.name].scenario.geometry, heat_of(one, measured), title=one.name)
+        picture = heat_figure(of_name[one.name].scenario.geometry, heat_of(one, measured), title=one.name)
         places = zip_longest(one.densest, one.hardest, one.loaded)
         rows = [
             (k + 1, _spot(dense, "people/m²"), _spot(hard, "kN/m", 1e-3), _spot(load, "kN/m", 1e-3))
@@ -54,7 +53,7 @@ def figures(runs: Sequence[Runs], measured: Sequence[Measured], folder: Path) ->
             {
                 "name": one.name,
                 "runs": one.runs,
-                "png": _taken(path),
+                "png": encoded(picture),
                 "rows": rows,
                 "service": [service, _AREAS],
                 "service_head": ("level", *one.service),
@@ -78,11 +77,7 @@ def _zone(zone: Zone) -> tuple[str, ...]:
     return (zone.name, *people, number(zone.empty["mean"], digits=1))
 
 
-def _taken(path: Path) -> str:
-    return base64.b64encode(path.read_bytes()).decode("ascii")
-
-
-def _places(runs: Sequence[Runs], path: Path) -> list[dict[str, Any]]:
+def _places(runs: Sequence[Runs]) -> list[dict[str, Any]]:
     """Return each plan that differs from the others, as it was understood."""
     parts = []
     of_plan: dict[str, list[Runs]] = {}
@@ -92,9 +87,8 @@ def _places(runs: Sequence[Runs], path: Path) -> list[dict[str, Any]]:
         scenario = group[0].scenario
         check = check_place(scenario, group[0].episodes[0].seed)
         rows = [(label, cell) for label, cell in cells(check).items() if label != "check"]
-        draw_sheet(path, [check])
         names = "; ".join(one.name for one in group) if len(of_plan) > 1 else ""
-        place = {"names": names, "name": scenario.name, "png": _taken(path)}
+        place = {"names": names, "name": scenario.name, "png": encoded(plan_figure(check))}
         parts.append({**place, "rows": rows, "remarks": check.remarks})
     return parts
 
@@ -106,9 +100,9 @@ def _spot(place: Worst | None, unit: str, scale: float = 1.0) -> str:
     return f"{scale * place.value:.1f} {unit} {at}"
 
 
-def _curves(runs: Sequence[Runs], path: Path) -> str:
+def _curves(runs: Sequence[Runs]) -> str:
     curves = {one.name: [episode.exit_time for episode in one.episodes] for one in runs}
-    return _taken(egress_curves(path, curves, until={one.name: _known(one) for one in runs}))
+    return encoded(egress_figure(curves, until={one.name: _known(one) for one in runs}))
 
 
 def _known(runs: Runs) -> float:
@@ -117,7 +111,7 @@ def _known(runs: Runs) -> float:
     return min((one.end for one in cut), default=inf)
 
 
-def _exits(runs: Sequence[Runs], path: Path) -> dict[str, Any] | None:
+def _exits(runs: Sequence[Runs]) -> dict[str, Any] | None:
     """Return the shares of the exits; None if there is one."""
     names = list(dict.fromkeys(name for one in runs for name in one.figures["exits"]))
     if len(names) < 2:
@@ -125,19 +119,19 @@ def _exits(runs: Sequence[Runs], path: Path) -> dict[str, Any] | None:
     shares = {one.name: {name: _share(found["share"]) for name, found in one.figures["exits"].items()} for one in runs}
     rows = [(name, *(share_words(one.figures["exits"].get(name)) for one in runs)) for name in names]
     shown = {
-        "png": _taken(share_bars(path, shares, names)),
+        "png": encoded(share_figure(shares, names)),
         "rows": rows,
         "head": ("exit", *(one.name for one in runs)),
     }
-    return {**shown, "over_time": [{"name": one.name, "png": _over_time(one, path)} for one in runs]}
+    return {**shown, "over_time": [{"name": one.name, "png": _over_time(one)} for one in runs]}
 
 
-def _over_time(one: Runs, path: Path) -> str:
-    """Return the picture of how many are out by each exit, of at most so many as there are colors."""
+def _over_time(one: Runs) -> str:
+    """Return the picture of how many are out by each exit, for as many exits as there are colors."""
     taken = [(exit_names(one.scenario, episode.exit_index), episode.exit_time) for episode in one.episodes]
     busiest = sorted(one.figures["exits"], key=lambda name: -one.figures["exits"][name]["people"])[: len(SERIES)]
     curves = {name: [times[names == name] for names, times in taken] for name in busiest}
-    return _taken(egress_curves(path, curves, until=dict.fromkeys(busiest, _known(one)), out=True))
+    return encoded(egress_figure(curves, until=dict.fromkeys(busiest, _known(one)), out=True))
 
 
 def _share(figure: Mapping[str, Any]) -> Share:
@@ -162,7 +156,7 @@ def _gap(figure: Mapping[str, Any]) -> str:
         return "–"
     low, high = figure["ci95"]
     interval = "no interval" if low is None else f"{low:+.2f} to {high:+.2f}"
-    return f"{figure['mean']:+.2f} s ({interval}), {figure['pairs']} {'pair' if figure['pairs'] == 1 else 'pairs'}"
+    return f"{figure['mean']:+.2f} s ({interval}), {counted(figure['pairs'], 'pair', 'pairs')}"
 
 
 _ROWS: dict[str, Callable[[Runs], str]] = {
@@ -208,7 +202,7 @@ def _minus(one: Runs, first: Runs) -> dict[str, Any]:
 
 
 def _same_people(one: Episode, other: Episode) -> bool:
-    """Whether the bodies and desired speeds of all who got out in both runs are the same."""
+    """Whether pedestrians that got out in both runs have the same bodies and desired speeds."""
     both = np.isfinite(one.exit_time) & np.isfinite(other.exit_time)
     bodies = ((one.radius, other.radius), (one.desired_speed, other.desired_speed))
     return all(np.array_equal(a[both], b[both]) for a, b in bodies)

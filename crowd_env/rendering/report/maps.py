@@ -59,18 +59,14 @@ class Measured(NamedTuple):
     def as_json(self) -> dict[str, Any]:
         """Return what there is besides maps, ready for JSON."""
         places = {"density": self.densest, "pressure": self.hardest, "wall_load": self.loaded}
-        worst = {name: [place._asdict() for place in worst] for name, worst in places.items()}
-        facts = {
+        return {
+            "name": self.name,
+            "runs": self.runs,
+            "worst_places": {name: [place._asdict() for place in worst] for name, worst in places.items()},
             "service": self.service,
             "impact": self.impact,
             "person_seconds_beyond_injury": self.injured,
             "left_out": self.left_out,
-        }
-        return {
-            "name": self.name,
-            "runs": self.runs,
-            "worst_places": worst,
-            **facts,
             "zones": [zone._asdict() for zone in self.zones],
         }
 
@@ -84,7 +80,6 @@ def measure(runs: Runs) -> Measured | None:
     density, pressure = (np.max([getattr(one, name) for one in found], axis=0).astype(np.float64) for name in _UNITS)
     spent = np.sum([one.service for one in found], axis=0)
     service = dict(zip(SERVICE, (spent / max(spent.sum(), 1e-9)).tolist(), strict=True))
-    injured, left_out = float(np.mean([one.injured for one in found])), sum(one.left_out for one in found)
     zones = [
         Zone(
             name,
@@ -105,21 +100,19 @@ def measure(runs: Runs) -> Measured | None:
         loaded=_most_loaded(geometry, np.max([one.wall_load for one in found], axis=0)),
         service=service,
         impact=max(one.impact for one in found),
-        injured=injured,
-        left_out=left_out,
+        injured=float(np.mean([one.injured for one in found])),
+        left_out=sum(one.left_out for one in found),
         zones=zones,
     )
 
 
 def heat_of(found: Measured, every: Sequence[Measured]) -> list[HeatMap]:
     """Return the maps to draw: densities with the colors of all that they are compared with, pressures from 0 to `INJURY`."""
-    maps = []
-    densest = max(float(one.density.max()) for one in every) or None
-    for name, unit in _UNITS.items():
-        full = densest if name == "density" else INJURY
-        said = f"largest {name} of any run"
-        maps.append(HeatMap(said, getattr(found, name), found.grid.origin, CELL, unit, name, full))
-    return maps
+    full = {"density": max(float(one.density.max()) for one in every) or None, "pressure": INJURY}
+    return [
+        HeatMap(f"largest {name} of any run", getattr(found, name), found.grid.origin, CELL, unit, name, full[name])
+        for name, unit in _UNITS.items()
+    ]
 
 
 def _worst(geometry: Geometry, grid: Grid, values: Floats) -> list[Worst]:
@@ -127,8 +120,7 @@ def _worst(geometry: Geometry, grid: Grid, values: Floats) -> list[Worst]:
 
     Places with less than a quarter of the largest value are left out.
     """
-    rows, columns = np.indices(grid.shape)
-    points = np.asarray(grid.origin) + CELL * (np.stack([columns, rows], axis=-1).reshape(-1, 2) + 0.5)
+    points = grid.middles()
     inside = np.where(geometry.contains(points).reshape(grid.shape), values, 0.0)
     reach = round(_APART / CELL)
     around = inside
@@ -140,7 +132,7 @@ def _worst(geometry: Geometry, grid: Grid, values: Floats) -> list[Worst]:
 
 
 def _most_loaded(geometry: Geometry, load: Floats) -> list[Worst]:
-    """Return the pieces of walls that bear most, the largest first; of those near each other one."""
+    """Return the pieces of walls that bear most, the largest first; one of several near each other."""
     return _largest(
         geometry, wall_pieces(geometry).mean(axis=1), np.where(load >= _LEAST * load.max(initial=0.0), load, 0.0)
     )

@@ -4,12 +4,8 @@ Nothing that a scenario, a file or a command is called becomes markup.
 """
 
 import datetime
-import shutil
-import time
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory, gettempdir
 
 from crowd_env.analysis.figures import HIGHEST_FLOW, PEAK
 from crowd_env.core.files.atomic import check_suffix, write_text
@@ -18,9 +14,6 @@ from crowd_env.rendering.report.assumptions import assumptions
 from crowd_env.rendering.report.figures import figures
 from crowd_env.rendering.report.maps import Measured
 from crowd_env.rendering.report.runs import Runs, remarks_on
-
-_DRAWN = "crowd-env-report-"  # a folder for pictures on their way into the page
-_LEFT = 86_400.0  # s
 
 
 def write_report(
@@ -45,9 +38,6 @@ def write_report(
         If a drawing library is not installed; the message says how to install it.
     """
     path = check_suffix(path, (".html",))
-    _remove_left_pictures()
-    with TemporaryDirectory(prefix=_DRAWN) as folder:
-        shown = figures(runs, measured, Path(folder))
     text = filled(
         "crowd_env.rendering.report",
         "page_parts",
@@ -57,20 +47,11 @@ def write_report(
         peak=f"{PEAK:g}",
         highest_flow=f"{HIGHEST_FLOW:g}",
         remarks=remarks_on(runs),
-        **shown,
+        **figures(runs, measured),
         **assumptions(runs),
     )
     write_text(path, text)
     return path
-
-
-def _remove_left_pictures() -> None:
-    """Remove folders of a day and more ago in which a command that was killed drew, and nothing else."""
-    for folder in Path(gettempdir()).glob(f"{_DRAWN}*"):
-        with suppress(OSError):  # that of another user, or gone meanwhile
-            others = {*folder.iterdir()} - {*folder.glob("*picture*.png")}
-            if not others and time.time() - folder.stat().st_mtime > _LEFT:
-                shutil.rmtree(folder)
 
 
 def _asked(runs: Sequence[Runs]) -> str:

@@ -2,19 +2,21 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from crowd_env.analysis.figures import listed, report
 from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
-from crowd_env.core.behaviors.outline import room_of
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.version import __version__
 from crowd_env.envs.rollout import Episode
 from crowd_env.physics import ContactScheme
 from crowd_env.rendering.words import told_apart
+from crowd_env.scenarios.behavior_words import IN_WORDS, room_of_run
 from crowd_env.scenarios.scenario import Scenario
+
+T = TypeVar("T")
 
 # Returns the place and the contact scheme that the arguments of a config name, and more.
 PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme, Any, Any]]
@@ -30,12 +32,12 @@ class Runs(NamedTuple):
     scheme: ContactScheme
     episodes: list[Episode]
     figures: dict[str, Any]  # of `crowd_env.analysis.figures.report`
-    crowding: list[Crowding]  # of those of the runs that it was collected of
+    crowding: list[Crowding]  # of the runs that have it
 
     @property
     def draw(self) -> str:
         """A text that is equal for folders whose runs of one seed begin with the same people in the same places."""
-        return fingerprint(self.scenario.geometry, self.scenario.population, room_of(self.scenario.outline_of_run()))
+        return fingerprint(self.scenario.geometry, self.scenario.population, room_of_run(self.scenario))
 
 
 def load_runs(folders: Sequence[Path], place_of: PlaceOf) -> list[Runs]:
@@ -129,11 +131,16 @@ def _told(runs: Runs) -> dict[str, str]:
     return {
         **{name: described(config[name]) for name in ("scenario", "strategy")},
         "scheme": str(config["scheme"]["name"]),
-        **{name: described(config[name]) for name in ("manner", "outline")},
+        **{name: described(config[name]) for name in IN_WORDS},
         "rules": "with rules" if config["rules"] else "without rules",
         "people": f"{runs.figures['people']} people",
         "seed": f"seed {config['seed']}",
     }
+
+
+def table(rows: Mapping[str, Callable[[T], str]], columns: Sequence[T]) -> list[tuple[str, ...]]:
+    """Return the rows of a table, label -> what writes a cell, with a column for each of ``columns``."""
+    return [(label, *map(words, columns)) for label, words in rows.items()]
 
 
 def described(value: Any) -> str:

@@ -10,7 +10,7 @@ from cases import looped
 from reported_pages import Parsed, command
 
 from crowd_env.cli.report import place_of
-from crowd_env.rendering import figures
+from crowd_env.rendering.report import figures
 from crowd_env.rendering.report.figures import differences
 from crowd_env.rendering.report.runs import load_runs
 
@@ -61,13 +61,14 @@ def test_a_curve_ends_where_the_time_limit_ended_a_run(
     folders: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[np.ndarray] = []
-    saved = figures.save_figure
+    made = figures.egress_figure
 
-    def keep(figure, path, **options):
+    def keep(curves, **options):
+        figure = made(curves, **options)
         drawn.extend(line.get_xdata() for axes in figure.axes for line in axes.lines if len(line.get_xdata()) > 4)
-        return saved(figure, path, **options)
+        return figure
 
-    monkeypatch.setattr(figures, "save_figure", keep)
+    monkeypatch.setattr(figures, "egress_figure", keep)
     code, _, _ = command("report", folders / "whole", folders / "cut", "-o", tmp_path / "report.html", "--no-maps")
     whole, cut, *of_exits = drawn
     assert code == 0 and cut.max() == pytest.approx(4.0) and whole.max() > 5.0
