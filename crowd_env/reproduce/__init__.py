@@ -27,7 +27,7 @@ FIGURES: dict[str, Figure[Any]] = {name: one for paper in PAPERS.values() for na
 
 
 def find(name: str) -> dict[str, list[str]]:
-    """Return what a name stands for, one table or figure, those of one paper, or all: names of figures by paper.
+    """Return the figures, by paper, that a name stands for: a table or figure, a paper, or all.
 
     Raises
     ------

@@ -22,7 +22,7 @@ from crowd_env.scenarios.scenario import Scenario
 
 Key = TypeVar("Key")
 
-_MANY = 50  # people; so many are simulated one run at a time, so that little is lost when a command is killed
+_MANY = 50  # people; larger crowds are simulated one run at a time, so that a killed command loses little
 
 
 class Interrupted(Exception):

@@ -111,7 +111,7 @@ class Paper(Generic[AnySettings]):
     cpu_time: float  # s, of all figures together
 
     def settings_of(self, name: str, given: Mapping[str, Any]) -> AnySettings:
-        """Return the settings of a figure, made of those ``given`` that matter to it.
+        """Return the settings of a figure, from the ``given`` options that matter to it.
 
         Raises
         ------

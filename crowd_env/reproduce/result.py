@@ -18,7 +18,7 @@ class Row:
 
     quantity: str  # unique within a result
     paper: str | None  # as printed, so that its digits can be counted; None where the paper prints none
-    here: float | None  # None where it does not exist: not simulated, or nobody got out
+    here: float | None  # None where it does not exist: not simulated, or without an exit
     unit: str  # "1" for pure numbers
     n: int  # runs, exits, draws or steps behind it
     reading: str  # estimator and reading of the paper
@@ -108,7 +108,7 @@ class Result:
     raw: Mapping[str, RawTable]  # end of the file name -> numbers
     draw: Callable[[], Any]  # makes the figure, of matplotlib
     remarks: Sequence[str] = ()  # what is and is not reproduced, in words
-    options: Mapping[str, object] = field(default_factory=dict)  # those that differ from the defaults
+    options: Mapping[str, object] = field(default_factory=dict)  # only values that differ from the defaults
     unit: str = ""  # that the title names, of most rows
     film: Callable[[Path], Path] | None = None  # writes a film, a GIF
 
@@ -122,7 +122,7 @@ class Result:
         }
 
     def save(self, folder: Path) -> list[Path]:
-        """Write the rows as CSV and all that is said as JSON, and the numbers behind them as CSV; return the paths."""
+        """Write the rows as CSV, rows and remarks as JSON, and the numbers behind them as CSV; return the paths."""
         header = ("quantity", "paper", "here", "unit", "n", "reading", "closed_form", "sd", "ci95_low", "ci95_high")
         rows = [(*astuple(row)[:8], *(row.ci95 or (None, None))) for row in self.rows]
         paths = [write_csv(folder / f"{self.name}.csv", header, rows)]

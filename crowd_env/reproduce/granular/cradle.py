@@ -6,12 +6,11 @@ restitution e: the last ball leaves at v ((1 + e) / 2)^(n - 1).  Where they touc
 * springs (dem, hertz) pass a wave on that disperses a little; Hertz's law less than a linear one;
 * nsm1 has no restitution: all go on together, at v / n;
 * nsm2 dissipates only where bodies approach, at the first ball of the row; what is at rest stays together.  The row acts as
-  one body of mass (n - 1) m, and the ball that came is thrown back:  u = (1 + e') v / n, e' the restitution of those two.
+  one body of mass (n - 1) m, and the ball that came is thrown back:  u = (1 + e') v / n, e' the restitution of these two.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,12 +18,10 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme, Hertz
 from crowd_env.rendering.canvas import draw_bodies, name_panel, new_figure
+from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.granular.grains import DIAMETER, MASS, RADIUS, passive
 from crowd_env.reproduce.granular.settings import GranularSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TITLE = "Newton's cradle under every scheme"
 
@@ -81,7 +78,7 @@ def after(law: Law, balls: int, gap: float) -> tuple[Floats, Floats]:
     """Return positions along the row (n,) [m] and velocities (n,) [m/s] of the balls when all collisions are over."""
     position, velocity = np.zeros((balls, 2)), np.zeros((balls, 2))
     position[:, 0] = np.arange(balls) * (DIAMETER + gap)
-    position[0, 0], velocity[0, 0] = DIAMETER + gap - DIAMETER - AWAY, SPEED
+    position[0, 0], velocity[0, 0] = gap - AWAY, SPEED
     room = Geometry.from_polygon(box(-10.0, -1.0, 10.0 + 2.0 * balls, 1.0))
     simulation = passive(room, np.full(balls, RADIUS), position, law.scheme, law.dt, velocity)
     simulation.advance(n_substeps=round(_AFTER * max(1.0, balls / 5) / law.dt))
@@ -95,13 +92,14 @@ def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
     rows = []
     for law in LAWS:
         for how in GAPS:
-            u = found[law.name, how][1] / SPEED
-            expected = law.last(n, how)
-            rows.append(Row(f"{law.name}, {how}: last ball", None, u[-1], "1", n, "velocity over v", expected=expected))
-            rows.append(Row(f"{law.name}, {how}: first", None, u[0], "1", n, "velocity over v"))
+            what, u, expected = f"{law.name}, {how}", found[law.name, how][1] / SPEED, law.last(n, how)
             kept = 1.0 if law.e == 1.0 else expected if law.e == 0.0 else None
-            rows.append(Row(f"{law.name}, {how}: energy", None, float(u @ u), "1", n, "share kept", expected=kept))
-        rows[-1] = Row(**{**vars(rows[-1]), "closes": True})
+            rows += [
+                Row(f"{what}: last ball", None, u[-1], "1", n, "velocity over v", expected=expected),
+                Row(f"{what}: first", None, u[0], "1", n, "velocity over v"),
+                Row(f"{what}: energy", None, float(u @ u), "1", n, "share kept", expected=kept),
+            ]
+        rows[-1] = replace(rows[-1], closes=True)
     lines = [(*key, k, x, u) for key, (xs, us) in found.items() for k, (x, u) in enumerate(zip(xs, us, strict=True))]
     table = RawTable(("law", "balls_are", "ball", "x_m", "u_m_s"), lines)
     remarks = [
@@ -111,7 +109,7 @@ def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
     return Result("cradle", TITLE, rows, {"balls": table}, lambda: draw(n, found), remarks, settings.changed(), "1")
 
 
-def draw(balls: int, found: Mapping[tuple[str, str], tuple[Floats, Floats]]) -> "Figure":
+def draw(balls: int, found: Mapping[tuple[str, str], tuple[Floats, Floats]]) -> Figure:
     """Return a row of balls for every law, with their velocities."""
     figure = new_figure((10.4, 0.62 * len(LAWS) + 0.9))
     for axes, how in zip(figure.subplots(1, 2, sharey=True), GAPS, strict=True):

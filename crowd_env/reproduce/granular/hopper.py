@@ -1,20 +1,17 @@
 """A hopper that arches: how often a narrow outlet jams, with friction and without."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowd_env.envs.metrics import share_interval
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.rendering.canvas import name_panel, new_figure, quiet_axes, series
+from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.granular.grains import sand
 from crowd_env.reproduce.granular.settings import GranularSettings
 from crowd_env.reproduce.granular.silo import JAMMED, discharge, draw_silo
 from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TITLE = "Arches in a hopper, with friction and without"
 
@@ -48,7 +45,7 @@ def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
     return Result("hopper", TITLE, rows, {"fillings": table}, lambda: draw(shares, arch), remarks, settings.changed())
 
 
-def draw(shares: Mapping[str, list[float]], arch: tuple[Simulation, int, str] | None) -> "Figure":
+def draw(shares: Mapping[str, list[float]], arch: tuple[Simulation, int, str] | None) -> Figure:
     """Return an arch with its forces, and the share of fillings that jam against the outlet."""
     figure = new_figure((9.6, 4.4))
     picture, axes = figure.subplots(1, 2)

@@ -8,7 +8,7 @@ q = C (D / d - k)^n.  After Mankoc et al. 2007 (arXiv 0707.4550) it does not dep
 """
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from crowd_env.envs.metrics import t_quantile
 from crowd_env.physics import ContactScheme
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.rendering.canvas import draw_bodies, draw_lines, name_panel, new_figure, quiet_axes, series
+from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import SERIES, WALL
 from crowd_env.reproduce.granular.grains import (
     DIAMETER,
@@ -31,10 +32,6 @@ from crowd_env.reproduce.granular.grains import (
 )
 from crowd_env.reproduce.granular.settings import GranularSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TITLE = "Discharge of a silo against the width of its outlet"
 
@@ -103,7 +100,7 @@ def discharge(
 
 
 def flows(exit_time: Floats, first: int, last: int) -> Floats:
-    """Return the flow [1/s] of each filling between its exits ``first`` and ``last``; nan if so many did not come."""
+    """Return the flow [1/s] of each filling between its exits ``first`` and ``last``; nan if fewer came."""
     return (last - first) / (exit_time[:, last] - exit_time[:, first])
 
 
@@ -140,53 +137,41 @@ def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
     seeds = range(settings.seed, settings.seed + settings.runs)
     first, last = (round(share * settings.grains) for share in (_SKIP, _SKIP + _COUNT))
     middle, unit = (first + last) // 2, np.sqrt(settings.gravity / DIAMETER)
-    rows, lines, points, shown = [], [], {}, None
+    fillings = len(WIDTHS) * len(seeds)
+    rows, lines, points = [], [], {}
+    shown: list[Simulation] = []
     for name, (scheme, dt) in models(settings).items():
-        jams, ratios = 0, []
-        wide, found = [], []
+        jams, ratios, found = 0, [], []
         for width in WIDTHS:
             done = discharge(scheme, dt, seeds, settings.grains, _SILO, width, settings.gravity, count=last + 1)
-            shown = shown or done.simulation
+            shown.append(done.simulation)
             flow = flows(done.exit_time, first, last) / unit
             jams += sum(done.jammed)
             ratios += (flows(done.exit_time, middle, last) / flows(done.exit_time, first, middle)).tolist()
             lines += [(name, width, seed, q, jam) for seed, q, jam in zip(seeds, flow, done.jammed, strict=True)]
-            wide += [width] * int(np.isfinite(flow).sum())
-            found += flow[np.isfinite(flow)].tolist()
-        points[name] = np.array(wide), np.array(found)
-        fit, n = beverloo(*points[name]), len(found)
+            found += [(width, q) for q in flow if np.isfinite(q)]
+        wide, flow = np.reshape(found, (-1, 2)).T
+        points[name] = wide, flow
+        fit, n, late = beverloo(wide, flow), len(found), float(np.nanmean(ratios))
         reading = "least squares of logarithms, k free"
         rows += [
             Row(f"{name}: exponent", None, fit.exponent, "1", n, reading, expected=1.5, ci95=fit.ci95),
             Row(f"{name}: exponent, k = 1", None, fit.at_one, "1", n, "k = 1: what lets one grain pass", expected=1.5),
             Row(f"{name}: k", None, fit.offset, "1", n, "with the exponent 3/2"),
             Row(f"{name}: C", None, fit.factor, "1", n, "with the exponent 3/2, grains in sqrt(g/d)"),
-            Row(
-                f"{name}: late over early", None, float(np.nanmean(ratios)), "1", n, "flow of two halves", expected=1.0
-            ),
-            Row(
-                f"{name}: jams",
-                None,
-                jams,
-                "runs",
-                len(WIDTHS) * len(seeds),
-                f"{JAMMED:g} s without a grain",
-                closes=True,
-            ),
+            Row(f"{name}: late over early", None, late, "1", n, "flow of two halves", expected=1.0),
+            Row(f"{name}: jams", None, jams, "runs", fillings, f"{JAMMED:g} s without a grain", closes=True),
         ]
     table = RawTable(("grains", "outlet_over_d", "seed", "flow_over_sqrt_g_d", "jammed"), lines)
     remarks = [
         f"{settings.draws_are} fillings of {settings.grains} grains, {_SILO:g} d wide; the flow is that of the exits {first} "
         f"to {last}. The paper has no silo: 3/2 is Beverloo's law in two dimensions.",
     ]
-    assert shown is not None
-    last_seen = shown
-    return Result(
-        "silo", TITLE, rows, {"flows": table}, lambda: draw(points, last_seen), remarks, settings.changed(), "1"
-    )
+    raw = {"flows": table}
+    return Result("silo", TITLE, rows, raw, lambda: draw(points, shown[0]), remarks, settings.changed(), "1")
 
 
-def draw(points: Mapping[str, tuple[Floats, Floats]], simulation: Simulation) -> "Figure":
+def draw(points: Mapping[str, tuple[Floats, Floats]], simulation: Simulation) -> Figure:
     """Return a silo with its narrowest outlet, and flows to the power 2/3, which Beverloo's law makes a line."""
     figure = new_figure((10.4, 4.8))
     picture, axes = figure.subplots(1, 2, width_ratios=(0.8, 1.0))
@@ -203,7 +188,7 @@ def draw(points: Mapping[str, tuple[Floats, Floats]], simulation: Simulation) ->
     return figure
 
 
-def draw_silo(axes: "Axes", simulation: Simulation, e: int) -> None:
+def draw_silo(axes: Axes, simulation: Simulation, e: int) -> None:
     """Draw the silo of environment ``e``, its grains, and the forces between them as lines."""
     place, bodies, state = simulation.geometries[0], simulation.bodies, simulation.state
     people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
@@ -213,9 +198,8 @@ def draw_silo(axes: "Axes", simulation: Simulation, e: int) -> None:
     axes.set_axis_off()
     standing, _ = place.walls_when()
     draw_lines(axes, standing, WALL, 2.0, 4.0)
-    draw_bodies(
-        axes, position[inside], radius[inside], facecolor="#d5ecec", edgecolor="#8ecbcd", linewidth=0.5, zorder=2
-    )
+    look = {"facecolor": "#d5ecec", "edgecolor": "#8ecbcd", "linewidth": 0.5, "zorder": 2}
+    draw_bodies(axes, position[inside], radius[inside], **look)
     touching = simulation.contacts(e)
     start = position[touching.i]
     ends = start - radius[touching.i, None] * touching.normal

@@ -6,7 +6,8 @@ the wall beside a disc takes the sum of the thrusts N sin(theta) of its two neig
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,12 +15,10 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme
 from crowd_env.rendering.canvas import draw_bodies, draw_geometry, name_panel, new_figure, quiet_axes, series
+from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.granular.grains import DIAMETER, MASS, RADIUS, passive, sand, weight
 from crowd_env.reproduce.granular.settings import GranularSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TITLE = "A stack of discs at rest in a shaft"
 
@@ -42,7 +41,7 @@ class Stack(NamedTuple):
     wall: Floats  # (n,)   N     mean force of the wall beside a disc
     drift: float  # m     largest distance of a disc from where it began
     speed: float  # m/s   largest at the end
-    energy: float  # largest change of all energy, that of dem's springs too, over the first energy of height
+    energy: float | None  # of dem: largest change of all energy, that of springs too, over the first energy of height
 
 
 def shaft(n: int, width: float) -> tuple[Geometry, Floats]:
@@ -86,7 +85,7 @@ def rest(scheme: ContactScheme, dt: float, n: int, width: float, gravity: float,
         vertical += np.bincount(upper, force[~beside, 1], n)
         wall += np.bincount(touching.i[beside], force[beside, 0], n)
     speed = float(np.hypot(*state.velocity.T).max())
-    change = float(np.ptp(energy)) / energy[0] if energy else 0.0
+    change = float(np.ptp(energy)) / energy[0] if energy else None
     return Stack(state.position.copy(), vertical / (steps - late), wall / (steps - late), drift, speed, change)
 
 
@@ -98,22 +97,18 @@ def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
             stack = found[name, how] = rest(scheme, dt, n, width * DIAMETER, settings.gravity)
             above, beside = closed_form(n, width * DIAMETER, settings.gravity)
             what, steps = f"{name}, {how}", round(_DURATION / dt)
-            weights = stack.vertical[0] / above[-1]
-            rows.append(Row(f"{what}: floor", None, weights, "1", steps, "force over one weight", expected=float(n)))
-            worst = float(np.abs(stack.vertical / above - 1.0).max())
-            rows.append(
-                Row(f"{what}: worst force between discs", None, worst, "1", steps, "off the weight above, share")
-            )
-            if beside.any():
-                off = float(np.abs(stack.wall - beside).max() / beside.max())
-                rows.append(
-                    Row(f"{what}: worst force of a wall", None, off, "1", steps, "off that of rigid discs, share")
-                )
-            rows.append(Row(f"{what}: displacement [mm]", None, 1e3 * stack.drift, "1", steps, "largest, of any disc"))
-            rows.append(Row(f"{what}: speed at the end", None, stack.speed, "m/s", 1, f"after {_DURATION:g} s"))
-            if name == "dem":
-                rows.append(Row(f"{what}: energy", None, stack.energy, "1", steps, "largest change, share"))
-        rows[-1] = Row(**{**vars(rows[-1]), "closes": True})
+            weights, worst = stack.vertical[0] / above[-1], float(np.abs(stack.vertical / above - 1.0).max())
+            off = float(np.abs(stack.wall - beside).max() / beside.max()) if beside.any() else None
+            every = [
+                Row(f"{what}: floor", None, weights, "1", steps, "force over one weight", expected=float(n)),
+                Row(f"{what}: worst force between discs", None, worst, "1", steps, "off the weight above, share"),
+                Row(f"{what}: worst force of a wall", None, off, "1", steps, "off that of rigid discs, share"),
+                Row(f"{what}: displacement [mm]", None, 1e3 * stack.drift, "1", steps, "largest, of any disc"),
+                Row(f"{what}: speed at the end", None, stack.speed, "m/s", 1, f"after {_DURATION:g} s"),
+                Row(f"{what}: energy", None, stack.energy, "1", steps, "largest change, share"),
+            ]
+            rows += [row for row in every if row.here is not None]
+        rows[-1] = replace(rows[-1], closes=True)
     lines = [
         (*key, k, *stack.position[k], stack.vertical[k], stack.wall[k])
         for key, stack in found.items()
@@ -125,18 +120,11 @@ def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
         "compared. hertz sags by its overlaps; in the leaning shaft it then leans more than rigid discs do, walls bear more, "
         "and it still rocks. nsm1 and nsm2 are rigid; under nsm2 discs fall for one step before they bear each other.",
     ]
-    return Result(
-        "stack",
-        TITLE,
-        rows,
-        {"discs": RawTable(header, lines)},
-        lambda: draw(n, settings, found),
-        remarks,
-        settings.changed(),
-    )
+    raw = {"discs": RawTable(header, lines)}
+    return Result("stack", TITLE, rows, raw, lambda: draw(n, settings, found), remarks, settings.changed())
 
 
-def draw(n: int, settings: GranularSettings, found: Mapping[tuple[str, str], Stack]) -> "Figure":
+def draw(n: int, settings: GranularSettings, found: Mapping[tuple[str, str], Stack]) -> Figure:
     """Return the leaning stack at its end, and the forces of both beside the closed forms."""
     figure = new_figure((9.6, 4.8))
     picture, *curves = figure.subplots(1, 3, width_ratios=(0.4, 1.0, 1.0))

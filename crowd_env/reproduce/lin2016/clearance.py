@@ -3,20 +3,17 @@
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowd_env.rendering.canvas import hex_of, mark, new_figure, quiet_axes, series, shade
+from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.lin2016.sample import Sample, Samples, clearance_rows, result
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.result import Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 SPEEDS = (0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0)  # m/s
 PAPER_BLOCKED = 1.8  # m/s, "1.8 m/s or higher could lead to the totally blockage of the exit"
@@ -36,7 +33,7 @@ class Clearance(NamedTuple):
 
     number: int
     points: Mapping[Any, Point]
-    draw: "Callable[[Samples], Figure]"
+    draw: Callable[[Samples], Figure]
     printed_mean: tuple[float, float, str] | None = None  # from speed, to speed [m/s], s
 
     def cases(self, settings: LinSettings) -> dict[Any, Case]:
@@ -65,7 +62,7 @@ def _by_strength() -> Clearance:
     printed = {200.0: ("170", ""), 300.0: ("120", ""), 400.0: barely, 500.0: barely}  # A [N] -> s
     points = {a: Point(f"A = {a:g} N", (100, 1.0, a), *words) for a, words in printed.items()}
 
-    def draw(found: Samples) -> "Figure":
+    def draw(found: Samples) -> Figure:
         curves = [Curve(points[a].of, series(k), draws, points[a].paper) for k, (a, draws) in enumerate(found.items())]
         return leaving_curves(100, {"100 people who want 1 m/s, by the strength A of the social force": curves})
 
@@ -79,7 +76,7 @@ def _by_rotation() -> Clearance:
         points[speed, True] = Point(f"{speed:g} m/s, rotation", (100, speed, 300.0, True))
         points[speed, False] = Point(f"{speed:g} m/s, no rotation", (100, speed, 300.0, False), remark=remark)
 
-    def draw(found: Samples) -> "Figure":
+    def draw(found: Samples) -> Figure:
         kinds = ((True, "with rotation"), (False, "without"))
         panels = {}
         for letter, speed in zip("ab", remarks, strict=True):
@@ -126,13 +123,13 @@ class Curve(NamedTuple):
 
     @property
     def middle(self) -> int:
-        """The draw in the middle of all draws, by the time of the last exit; those that blocked come last."""
+        """The draw in the middle of all draws, by the time of the last exit; blocked ones come last."""
         pairs = zip(self.sample.blocked_since, self.sample.exits, strict=True)
         ends = [(since is not None, max(exits, default=0.0)) for since, exits in pairs]
         return sorted(range(len(ends)), key=ends.__getitem__)[(len(ends) - 1) // 2]
 
 
-def leaving_curves(people: int, panels: Mapping[str, Sequence[Curve]]) -> "Figure":
+def leaving_curves(people: int, panels: Mapping[str, Sequence[Curve]]) -> Figure:
     """Return how many are out against time (Figures 4 and 5), a panel a title, all draws light, one of them strong."""
     figure = new_figure((6.8 if len(panels) == 1 else 11.0, 4.9))
     for axes, (title, curves) in zip(figure.subplots(1, len(panels), squeeze=False).flat, panels.items(), strict=True):
@@ -143,7 +140,7 @@ def leaving_curves(people: int, panels: Mapping[str, Sequence[Curve]]) -> "Figur
 
 def clearance_times(
     people: int, found: Samples, paper: Mapping[float, str], paper_mean: tuple[float, float, str] | None
-) -> "Figure":
+) -> Figure:
     """Return one leaving process a speed, and every clearance time against the speed (Figures 7 and 8).
 
     Parameters
@@ -181,7 +178,7 @@ def clearance_times(
     return figure
 
 
-def _leaving(axes: "Axes", people: int, curves: Sequence[Curve], *, every: bool) -> None:
+def _leaving(axes: Axes, people: int, curves: Sequence[Curve], *, every: bool) -> None:
     """Draw curves: of each the middle draw strongly, and if ``every`` the others lightly; a cross where a draw blocked."""
     for curve in curves:
         draws, middle = curve.sample, curve.middle
@@ -204,7 +201,7 @@ def _leaving(axes: "Axes", people: int, curves: Sequence[Curve], *, every: bool)
     axes.legend(handles=marks, fontsize=9.5, loc="lower right", edgecolor="none").set_zorder(8)
 
 
-def _blocked_band(axes: "Axes", found: Samples, top: float) -> None:
+def _blocked_band(axes: Axes, found: Samples, top: float) -> None:
     """End the upright axis with a band above ``top`` that counts the blocked draws."""
     style: dict[str, Any] = {"va": "center", "color": BLOCKED, "fontsize": 8.5, "zorder": 7}
     axes.axhspan(top, 1.1 * top, color=_BAND, lw=0.0, zorder=0)

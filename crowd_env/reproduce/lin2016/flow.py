@@ -1,22 +1,20 @@
 """The flow through the exit: Figure 9 of Lin, Ma, Lo in windows of time, and Figure 10 its mean against the desired speed."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.metrics import share_interval
 from crowd_env.rendering.canvas import hex_of, name_panel, new_figure, quiet_axes, series
+from crowd_env.rendering.libraries import Figure
 from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.lin2016.clearance import BLOCKED, SPEEDS
 from crowd_env.reproduce.lin2016.sample import Sample, Samples, raw_runs, result
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 # ----------------------------------------------------------------------------------------------------------- Figure 9
 
@@ -95,10 +93,10 @@ def _shown(draws: Sample) -> list[Floats]:
     ]
 
 
-def window_flows(flows: Mapping[tuple[int, float], Sequence[Floats]], found: Samples) -> "Figure":
+def window_flows(flows: Mapping[tuple[int, float], Sequence[Floats]], found: Samples) -> Figure:
     """Return the flow in windows of time, a column a crowd and a row a speed.
 
-    ``flows`` are those of every draw in each window [1/s], by number of people and desired speed [m/s].
+    ``flows`` [1/s] are of every draw in each window, by number of people and desired speed [m/s].
     """
     crowds, speeds = sorted({people for people, _ in flows}), list(_RANGES)
     figure = new_figure((10.6, 1.5 + 1.42 * len(speeds)))
@@ -188,7 +186,7 @@ def _state_rows(found: Samples) -> list[Row]:
     ]
 
 
-def mean_flows(found: Samples) -> "Figure":
+def mean_flows(found: Samples) -> Figure:
     """Return the mean flow of every draw against the desired speed, and what blocked."""
     figure = new_figure((8.4, 6.2))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3.2, 1.0])

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,13 +9,11 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.canvas import draw_bodies, draw_geometry, draw_lines, hex_of, name_panel, new_figure
+from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.lin2016.sample import TITLES, Samples, foot
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PEOPLE, SPEED = 200, 1.0  # m/s, Table 1
 _RIM = (79, 111, 136)
@@ -67,14 +64,14 @@ def reproduce(settings: LinSettings, found: Samples) -> Result:
     readings = settings.readings().partition("; ")[2]
     remarks = [f"Draw {episode.seed} at {SPEED:g} m/s, the speed of Table 1. {readings}"]
 
-    def draw() -> "Figure":
+    def draw() -> Figure:
         figure = draw_rooms(moments, shown.case.place.geometry)
         return foot(figure, f"{SPEED:g} m/s, draw {episode.seed}; {readings}")
 
     return Result("lin-fig6", TITLES[6], rows, {"positions": raw}, draw, remarks, settings.changed(), "people")
 
 
-def draw_rooms(moments: Mapping[float, Floats], geometry: Geometry) -> "Figure":
+def draw_rooms(moments: Mapping[float, Floats], geometry: Geometry) -> Figure:
     """Return the room at four moments [s], two by two; of each person (K, 4) x, y and radius [m] and angle [rad]."""
     figure = new_figure((8.6, 9.0))
     for letter, axes, (time, people) in zip("abcd", figure.subplots(2, 2).flat, moments.items(), strict=True):

@@ -15,7 +15,7 @@ from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 
-# A run is blocked, as in the paper, when nobody has got out for 2 minutes.
+# As in the paper, a run is blocked after 2 minutes without an exit.
 BLOCKED = "a run is blocked when nobody has got out for 2 minutes; medians are over the runs that cleared"
 
 
@@ -45,7 +45,7 @@ class Sample:
 
     @property
     def blocked_since(self) -> list[float | None]:
-        """When the last person got out before the exit blocked [s], 0 if nobody did; None of draws that did not block."""
+        """Time of the last exit before a draw blocked [s], 0 without an exit; None of draws that did not block."""
         since = [one.metrics.blocked_since for one in self.episodes]
         return [None if np.isnan(time) else time for time in since]
 

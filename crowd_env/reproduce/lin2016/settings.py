@@ -70,7 +70,7 @@ class LinSettings(Settings):
         )
 
     def case(self, people: int, speed: float, strength: float = 300.0, rotation: bool | None = None) -> Case:
-        """Return all draws of so many ``people`` who want to walk at ``speed`` [m/s]."""
+        """Return all draws of ``people`` with the desired ``speed`` [m/s]."""
         scheme = self.scheme(strength, rotation)
         place = make_scenario(
             "lin-room-v0", people=people, desired_speed=speed, exit_depth=self.exit_depth, target=self.target,

@@ -6,7 +6,7 @@ A company walks 45 m through an open corridor of 8 m.  It is looked at after 15 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,14 +16,12 @@ from crowd_env.core.checks import COUNT, NOT_NEGATIVE
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.rendering.canvas import new_figure, quiet_axes, series
+from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.paper import Settings, option
 from crowd_env.reproduce.result import RawTable, Result, Row
 from crowd_env.scenarios.distributions import Uniform
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TITLE = "Figures 2 and 4: walking speed, spacing and shape of companies by their size"
 SIZES = (1, 2, 3, 4, 5)
@@ -87,7 +85,7 @@ def walk(size: int, settings: MoussaidSettings) -> Walk:
 
 
 def lag(shape: Floats) -> Floats:
-    """Return how far (E,) [m] those in the middle walk behind those at the two ends."""
+    """Return how far (E,) [m] the middle of a company walks behind its two ends."""
     return np.asarray(shape[:, [0, -1], 0].mean(axis=1) - shape[:, 1:-1, 0].mean(axis=1))
 
 
@@ -128,7 +126,7 @@ def _row(quantity: str, values: Floats, unit: str, reading: str, paper: str | No
     return Row(quantity, paper, float(values.mean()), unit, len(values), reading, sd=sd)
 
 
-def _draw(walks: Mapping[int, Walk]) -> "Figure":
+def _draw(walks: Mapping[int, Walk]) -> Figure:
     """Draw two to five people from above, walking upwards, and speed and spacing by size."""
     figure = new_figure((9.6, 5.6))
     for column, n in enumerate(SIZES[1:]):

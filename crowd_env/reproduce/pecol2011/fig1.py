@@ -1,8 +1,8 @@
-"""Figure 1: two identical pedestrians who run into each other, for several relaxation times."""
+"""Figure 1: two identical pedestrians run into each other, for several relaxation times."""
 
 from collections.abc import Mapping, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,13 +12,10 @@ from crowd_env.physics import DEM, NSM2, ContactScheme
 from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, series, shade
+from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import INK
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TITLE = "Figure 1: two pedestrians meet head-on, for several relaxation times"
 
@@ -48,7 +45,7 @@ class Meeting(NamedTuple):
 
 
 def recoil_distance(speed: float, desired: float, tau: float) -> float:
-    """Return how far back [m] someone goes who is thrown back at ``speed`` and wants to walk on at ``desired`` speed.
+    """Return how far back [m] a pedestrian goes that is thrown back at ``speed`` and has the ``desired`` speed.
 
     From eq 11: u(t) = v_d - (v_d + v) exp(-t/tau), at rest after tau ln(1 + v/v_d).
     """
@@ -128,7 +125,7 @@ def _sideways(tau: float, meeting: Meeting) -> list[Row]:
     return [Row(f"shift to the side, tau = {tau:g} s", None, float(shift), "m", 1, reading, expected=expected)]
 
 
-def draw(meetings: Sequence[Meeting], recoils: Sequence[Sequence[float | None]]) -> "Figure":
+def draw(meetings: Sequence[Meeting], recoils: Sequence[Sequence[float | None]]) -> Figure:
     """Return a drawing of the meetings, one a tau, beside their recoils [m], each under both schemes."""
     taus = np.linspace(0.0, 1.15 * TAUS[-1], 50)
     figure = new_figure((10.4, 4.4))
@@ -146,7 +143,7 @@ def draw(meetings: Sequence[Meeting], recoils: Sequence[Sequence[float | None]])
     return figure
 
 
-def _draw_ways(axes: "Axes", trajectories: Sequence[Floats]) -> None:
+def _draw_ways(axes: Axes, trajectories: Sequence[Floats]) -> None:
     """Draw for each tau the positions (T, 2, 2) [m] of both from their first touch on, which is the same for all."""
     from matplotlib.patches import Circle
 

@@ -3,18 +3,15 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowd_env.physics import DEM, NSM1, NSM2, ContactScheme
 from crowd_env.rendering.canvas import mark, name_panel, new_figure
+from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.pecol2011.particle import MASS, MASS_READING, RADIUS, STEP, VELOCITY, Instant, instants
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TITLE = "Figure 2: a particle against a wall under the three schemes"
 
@@ -154,8 +151,8 @@ def _finer() -> list[Row]:
     return late + overlap
 
 
-def draw(traces: Sequence[Sequence[Instant]]) -> "Figure":
-    """Return the disc that runs into the wall x = 0, in four panels; ``traces`` are those of the cases."""
+def draw(traces: Sequence[Sequence[Instant]]) -> Figure:
+    """Return the disc that runs into the wall x = 0, in four panels; ``traces`` belong to `CASES`."""
     from matplotlib.patches import Circle
 
     figure = new_figure((9.6, 8.4))

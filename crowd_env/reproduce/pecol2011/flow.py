@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Floats
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.envs.metrics import flow_slope, summarise
 
 
@@ -43,40 +43,37 @@ def pooled_line(exit_times: Floats, before: float = np.inf) -> tuple[float, floa
 
     Every exit is a point (its time, how many of its run are out by then); only exits earlier than ``before`` [s] count.
     """
-    sums = _sums(exit_times, before)
-    slope, start = _line(sums.sum(axis=0))
-    return float(slope), float(start), int(sums[:, 0].sum())
+    time, count, _ = _exits(exit_times, before)
+    slope, start = _line(time, count)
+    return slope, start, len(time)
 
 
-def _sums(exit_times: Floats, before: float) -> Floats:
-    """Return (R, 5): number, sums of t, c, t t and t c over the exits of each run."""
+def _exits(exit_times: Floats, before: float) -> tuple[Floats, Floats, Ints]:
+    """Return for each exit (K,) its time [s], how many of its run are out by then, and its run."""
     ordered = np.sort(exit_times, axis=1)
-    used = ordered < before  # false for nan
-    t = np.where(used, ordered, 0.0)
-    c = np.where(used, np.arange(1.0, ordered.shape[1] + 1.0), 0.0)
-    return np.stack([used.sum(axis=1), t.sum(axis=1), c.sum(axis=1), (t * t).sum(axis=1), (t * c).sum(axis=1)], axis=1)
+    run, earlier = np.nonzero(ordered < before)  # false for nan
+    return ordered[run, earlier], 1.0 + earlier.astype(np.float64), run.astype(np.int64)
 
 
-def _line(sums: Floats) -> tuple[Floats, Floats]:
-    n, t, c, tt, tc = np.moveaxis(sums, -1, 0)
-    spread = n * tt - t * t
-    enough = (n >= 3) & (spread > 1e-12)
-    slope = np.where(enough, n * tc - t * c, np.nan) / np.where(enough, spread, 1.0)
-    return slope, (c - slope * t) / np.maximum(n, 1)
+def _line(time: Floats, count: Floats) -> tuple[float, float]:
+    """Return slope and start of the line of least squares; nan for fewer than three exits, or all at one time."""
+    if len(time) < 3 or np.ptp(time) < 1e-6:
+        return np.nan, np.nan
+    slope, start = np.polyfit(time, count, 1)
+    return float(slope), float(start)
 
 
 def _pooled(exit_times: Floats, before: float = np.inf) -> Estimate:
-    sums = _sums(exit_times, before)
-    runs, exits = len(sums), int(sums[:, 0].sum())
-    slope = float(_line(sums.sum(axis=0))[0])
+    time, count, run = _exits(exit_times, before)
+    slope, runs = _line(time, count)[0], len(exit_times)
     if not np.isfinite(slope):
-        return Estimate(None, exits)
+        return Estimate(None, len(time))
     if runs < 2:
-        return Estimate(slope, exits)
+        return Estimate(slope, len(time))
     # The jackknife (Tukey 1958), each run left out once: it also corrects what few runs shift the slope by.
-    without = _line(sums.sum(axis=0) - sums)[0]
+    without = np.array([_line(time[run != k], count[run != k])[0] for k in range(runs)])
     known = bool(np.isfinite(without).all())
-    return Estimate(slope, exits, ci95=summarise(runs * slope - (runs - 1) * without).ci95 if known else None)
+    return Estimate(slope, len(time), ci95=summarise(runs * slope - (runs - 1) * without).ci95 if known else None)
 
 
 def mean_of_runs(values: Floats) -> Estimate:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,13 +11,11 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.metrics import share_interval
 from crowd_env.envs.rollout import Episode
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, series
+from crowd_env.rendering.libraries import Figure
 from crowd_env.rendering.palette import INK, QUIET
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, Estimate, pooled_line, run_slopes
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 # How the paper's values are marked.
 PAPER_MARK: dict[str, Any] = {"marker": "D", "ls": "", "mfc": "white", "mec": "black", "mew": 1.5, "ms": 7}
@@ -32,7 +30,7 @@ class Evacuations:
 
     Attributes
     ----------
-    exit_times : (R, N) s, in the order of leaving; nan for those still inside at the time limit.
+    exit_times : (R, N) s, in the order of leaving; nan for a pedestrian inside at the time limit.
     """
 
     def __init__(self, scheme: str, episodes: Sequence[Episode]) -> None:
@@ -51,7 +49,7 @@ class Evacuations:
 
 
 def flow_rows(done: Evacuations) -> list[Row]:
-    """Return the rows of one scheme: every estimator, and who did not get out."""
+    """Return the rows of one scheme: every estimator, and how many were left inside."""
     rows = []
     for name, estimator in ESTIMATORS.items():
         value, n, sd, ci95 = done.estimates[name]
@@ -110,25 +108,25 @@ def fig3(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Resu
     title = f"{scheme.upper()}, door {100 * settings.door_width:g} cm, {len(one.exit_times)} runs of {settings.people}"
     printed, raw = f"paper {PRINTED[scheme]}", {"exit-times": raw_times(done)}
 
-    def draw() -> "Figure":
+    def draw() -> Figure:
         return exits_against_time(one.exit_times, slope, start, title, printed)
 
     return Result("fig3", f"{FIG3} ({scheme})", flow_rows(one), raw, draw, remarks, settings.changed(), "1/s")
 
 
-def exits_against_time(exit_times: Floats, slope: float, start: float, title: str, printed: str) -> "Figure":
+def exits_against_time(exit_times: Floats, slope: float, start: float, title: str, printed: str) -> Figure:
     """Return how many are out against time, every run light, and one regression line (Figure 3).
 
     Parameters
     ----------
-    exit_times : (R, N) s, nan for those still inside.
+    exit_times : (R, N) s, nan for a pedestrian still inside.
     slope, start : of the line, 1/s and people at t = 0; nan draws none.
     printed : what the paper says to it.
     """
     figure = new_figure((6.6, 4.6))
     axes = quiet_axes(figure.add_subplot(), "time [s]", "pedestrians out", title=title)
     people, known = exit_times.shape[1], exit_times[np.isfinite(exit_times)]
-    # By then nearly all who got out were out: one stray at the time limit must not squeeze the rest.
+    # By then nearly all are out: one stray at the time limit must not squeeze the rest.
     end = 1.04 * float(min(known.max(), 2.0 * np.percentile(known, 99.0))) if len(known) else 1.0
     for k, times in enumerate(np.sort(exit_times, axis=1)):
         out = np.append(times[np.isfinite(times)], end)  # people inside at the end stay
@@ -189,7 +187,7 @@ def order_share(done: Mapping[str, Evacuations], order: tuple[str, ...]) -> tupl
     return float((np.diff(slopes, axis=0) < 0).all(axis=0).mean()), slopes.shape[1]
 
 
-def flows(done: Mapping[str, Evacuations], title: str) -> "Figure":
+def flows(done: Mapping[str, Evacuations], title: str) -> Figure:
     """Return the flow of every run under every scheme, its mean, and the paper's value (Table 5)."""
     figure = new_figure((7.6, 5.0))
     axes = quiet_axes(figure.add_subplot(), "", "flow through the door [persons/s]", title=title, grid=True)

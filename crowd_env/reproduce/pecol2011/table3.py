@@ -1,20 +1,17 @@
 """Table 3: the velocity of a particle after a contact with DEM, as a function of the time step."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.physics import DEM
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, series
+from crowd_env.rendering.libraries import Figure
 from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.pecol2011.particle import MASS, MASS_READING, VELOCITY, particle
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TITLE = "Table 3: velocity after contact as a function of the time step, DEM"
 
@@ -58,7 +55,7 @@ def reproduce(settings: PecolSettings, runs: Mapping[str, object]) -> Result:
         raw.append((step, repr(u), VELOCITY[1], abs(u - 2.0), ""))
     table = RawTable(("h_s", "u_x", "u_y", "error", "printed"), raw)
 
-    def draw() -> "Figure":
+    def draw() -> Figure:
         figure = new_figure((6.4, 4.2))
         axes = quiet_axes(figure.add_subplot(), "time step $h$ [s]", r"$|u_x - 2|$ after the contact [m/s]", grid=True)
         theirs = np.array([abs(float(text) - 2.0) for text in PRINTED.values()])

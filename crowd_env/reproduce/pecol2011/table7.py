@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from crowd_env.rendering.canvas import (
     quiet_axes,
     series,
 )
+from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import INK, QUIET
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.pecol2011 import theatre
@@ -28,10 +29,6 @@ from crowd_env.reproduce.pecol2011.theatre import IMPLIED, PRINTED, ROUTES, Egre
 from crowd_env.reproduce.result import Result
 from crowd_env.routing.fields.grid import nearest_nodes
 from crowd_env.scenarios.scenario import Scenario
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _EXERCISE: dict[str, Any] = {"color": "black", "marker": "D", "ls": "", "ms": 7}
 _RUN = "#b4b9bf"  # the curve of one of many
@@ -75,7 +72,7 @@ def table7(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Re
     return Result("table7", TABLE7, rows, theatre.raw_times(done), draw, theatre.remarks(settings), {}, "s")
 
 
-def theatre_table(scenario: Scenario, done: Mapping[str, Egress]) -> "Figure":
+def theatre_table(scenario: Scenario, done: Mapping[str, Egress]) -> Figure:
     """Return the theatre, whose population has recorded starts, and below it the times of Table 7 beside the paper's.
 
     ``done`` are the evacuations under two conditions, by their labels.
@@ -87,7 +84,7 @@ def theatre_table(scenario: Scenario, done: Mapping[str, Egress]) -> "Figure":
     return figure
 
 
-def _plan(axes: "Axes", scenario: Scenario) -> None:
+def _plan(axes: Axes, scenario: Scenario) -> None:
     geometry, people = scenario.geometry, scenario.population.parts[0]
     draw_geometry(axes, geometry, wall=1.6, exit=3.0, margin=0.03)
     assert people.starts is not None
@@ -107,7 +104,7 @@ def _plan(axes: "Axes", scenario: Scenario) -> None:
     name_panel(axes, f"Synthetic theatre: {said}")
 
 
-def _times(axes: "Axes", done: Mapping[str, Egress]) -> None:
+def _times(axes: Axes, done: Mapping[str, Egress]) -> None:
     quiet_axes(axes, "", "time [s]", grid=True)
     rng = np.random.default_rng(0)  # for the offsets of the points sideways
     at = np.arange(len(PRINTED))
@@ -138,7 +135,7 @@ _NOT_PRINTED = (
 
 
 def fig6_cases(settings: PecolSettings) -> dict[str, Case]:
-    """Return the draws with the control rules, which are those of Table 7."""
+    """Return the draws with the control rules, the same as for Table 7."""
     return {"yes": theatre.case(settings, True)}
 
 
@@ -154,7 +151,7 @@ def fig6(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Resu
     return Result("fig6", FIG6, rows, theatre.raw_times({"yes": done}), lambda: egress_panels(done), said, {}, "s")
 
 
-def egress_panels(done: Egress) -> "Figure":
+def egress_panels(done: Egress) -> Figure:
     """Return how many are out against time, every run light, their mean bold and dotted (Figure 6): all, and by route."""
     figure = new_figure((12.6, 4.9))
     runs, people = done.time.shape
@@ -179,7 +176,7 @@ def egress_panels(done: Egress) -> "Figure":
     return figure
 
 
-def _egress(axes: "Axes", runs: Floats, end: float) -> None:
+def _egress(axes: Axes, runs: Floats, end: float) -> None:
     grid = np.linspace(0.0, end, 500)
     counts = np.zeros((len(runs), len(grid)))
     for k, times in enumerate(runs):
@@ -190,7 +187,7 @@ def _egress(axes: "Axes", runs: Floats, end: float) -> None:
     axes.plot(grid, counts.mean(axis=0), color="black", lw=2.4, ls=(0, (1, 1)), zorder=4)
 
 
-def _printed(axes: "Axes", name: str, people: tuple[int, int]) -> None:
+def _printed(axes: Axes, name: str, people: tuple[int, int]) -> None:
     """Mark what the paper prints of the exercise, black, and of its simulation: the last person, and the mean time."""
     fills, colors = ("black", "white"), ("black", hex_of(QUIET))
     printed = zip(PRINTED[f"last, {name}"], PRINTED[f"mean, {name}"], people, fills, colors, strict=True)

@@ -80,14 +80,14 @@ class Egress:
 
     Attributes
     ----------
-    time : (R, N) s, when each got out; nan for those still inside at the time limit.
+    time : (R, N) s, when each got out; nan for a pedestrian inside at the time limit.
     route : (R, N), row of `ROUTES` by which; -1.
     ruled : (R, 3) s, how long each rule was on.
     turned : (R,), how many people a rule turned away, if only for a moment.
     """
 
     def __init__(self, episodes: Sequence[Episode]) -> None:
-        # Index -1, of people who did not get out, takes the last entry.
+        # Index -1, of a pedestrian left inside, takes the last entry.
         row = np.array([*(ROUTES.index(name) for name in theatre().geometry.exit_names), -1], dtype=np.int64)
         self.seeds = [episode.seed for episode in episodes]
         self.time: Floats = np.stack([episode.exit_time for episode in episodes])
@@ -97,7 +97,7 @@ class Egress:
         self.turned: Floats = np.array([turned for _, turned in kept], dtype=np.float64)
 
     def by(self, route: str) -> Floats:
-        """Return the exit times (R, N) [s] of those who took a route; nan for all others."""
+        """Return the exit times (R, N) [s] of the pedestrians on a route; nan for all others."""
         return np.where(self.route == ROUTES.index(route), self.time, np.nan)
 
     @cached_property
