@@ -39,7 +39,7 @@ def read_dxf(path: Path, meters: float | None) -> Drawing:
 
     Parameters
     ----------
-    meters : how many meters a unit of the drawing is, if the user has said it; what the drawing says of it is only told.
+    meters : how many meters a unit of the drawing is, as the user gave it; the unit in the drawing is then only reported.
 
     Raises
     ------
@@ -190,7 +190,7 @@ def _taken_for(drawing: Drawing, walkable: Sequence[Any], layers: Iterable[_Laye
     try:
         bounds = (box.extmin.x, box.extmin.y, box.extmax.x, box.extmax.y)
         return judge_unit(bounds, widest, drawing.unit, drawing.meters)[0]
-    except ValueError:  # said where the whole plan is judged
+    except ValueError:  # reported where the whole plan is judged
         return 1.0
 
 

@@ -23,7 +23,7 @@ from crowd_env.scenarios.plans.vadere import is_vadere, read_vadere
 from crowd_env.scenarios.plans.wkt import read_jupedsim_sqlite, read_wkt
 
 Reader = Callable[[Path, float | None], Drawing]
-"""Takes a file, and how many meters a unit of it is if the user has said it."""
+"""Takes a file, and how many meters a unit of it is as the user gave it."""
 
 # What is asked of the content of a JSON file -> what reads it.
 _IN_JSON = ((is_vadere, read_vadere), (is_geojson, read_geojson))

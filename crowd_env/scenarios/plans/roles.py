@@ -27,7 +27,7 @@ def role_of_layer(layer: str) -> tuple[str, str] | None:
 
 
 def role_of_word(word: str) -> str | None:
-    """Return the role that a word of a feature says: those of layers, or region; None = it says none."""
+    """Return the role that a word of a feature names: a role of a layer, or region; None = no role."""
     of_layer = role_of_layer(word)
     if of_layer is not None and not of_layer[1]:
         return of_layer[0]

@@ -11,12 +11,12 @@ from crowd_env.core.checks import counted
 from crowd_env.geometry.parsing import Area, flat_parts, place, read_area
 from crowd_env.scenarios.plans.floor_plan import listed
 
-_THIN = 0.01  # m; what is narrower than this nobody walks on
+_THIN = 0.01  # m; narrower parts are not walkable
 _WALL = 0.02  # m; the thickness of an obstacle that is drawn as a line
 _NOTHING = 1e-6  # m^2; an obstacle smaller than this is none
 _SAME = 1e-9  # share of the area
 _MANY = 5_000  # corners; more of them are drawn finer than people can tell ...
-_AWAY = 0.005  # m; ... and those that lie nearer than this to the line of their neighbors are left out
+_AWAY = 0.005  # m; ... and corners nearer than this to the line of their neighbors are left out
 _MOST = 20_000  # corners; the ways out take seconds to find for every ten thousand, and more in large plans
 
 
@@ -83,7 +83,7 @@ def _simplified(shape: BaseGeometry) -> BaseGeometry:
 
 
 def without_obstacles(walkable: Area, obstacles: Sequence[BaseGeometry], notes: list[str]) -> Area:
-    """Return ``walkable`` [m] without the obstacles; those that lie elsewhere are noted.
+    """Return ``walkable`` [m] without the obstacles; obstacles elsewhere are noted.
 
     Raises
     ------

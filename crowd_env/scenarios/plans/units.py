@@ -1,4 +1,4 @@
-"""In which unit the coordinates of a plan are: what is said decides, what the file says is believed only if it can be."""
+"""The unit of the coordinates of a plan: the user's decides, the file's counts only if it is plausible."""
 
 from crowd_env.core.checks import known
 
@@ -27,7 +27,7 @@ def unit_in_meters(unit: str | None) -> float:
 def judge_unit(
     bounds: tuple[float, float, float, float], widest: float, said: str | None = None, meters: float | None = None
 ) -> tuple[float, str]:
-    """Return how many meters a unit of a drawing is, where the user has not said it, and a note about it ("" = none).
+    """Return how many meters a unit of a drawing is, where the user gave none, and a note about it ("" = none).
 
     It is the meter, if a building can be so large.  Drawings often name the unit of a template, and are drawn in another, so
     what the file says counts only if it cannot be meters and can be that.  Feet, yards and decimeters are in no template: they
@@ -37,7 +37,7 @@ def judge_unit(
     ----------
     bounds : min x, min y, max x, max y of the plan, in units of the drawing.
     widest : length of the longest exit that is a line, in units of the drawing; 0 without one.
-    said : the unit that the file says it is in, if it says one.
+    said : the unit that the file names, if any.
     meters : how many meters that is, if it is known.
 
     Raises

@@ -20,7 +20,7 @@ def is_vadere(content: Any) -> bool:
 
 
 def read_vadere(content: Mapping[str, Any]) -> Drawing:
-    """Read the topography of a scenario, releases 1 to 4; targets that nobody leaves by are regions."""
+    """Read the topography of a scenario, releases 1 to 4; targets that are no way out are regions."""
     places = content["scenario"]["topography"]
     try:
         drawing = Drawing(unit="m", meters=1.0)
@@ -60,7 +60,7 @@ def _add_bounds(drawing: Drawing, attributes: Mapping[str, Any]) -> None:
 
 
 def _plain(thing: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what is said of a thing, of itself or in a table of its attributes."""
+    """Return the attributes of a thing, which stand in it or in a table of their own."""
     return {"id": "?", **thing.get("attributes", {}), **thing}
 
 
