@@ -10,7 +10,8 @@ from crowd_env import CrowdEnv, EpisodeMetrics, Physics, Scenario, make_scenario
 from crowd_env.analysis.figures import column, figures_of, median_time, named
 from crowd_env.analysis.results.measurements import Measured, MeasurementRecorder
 from crowd_env.core.arrays.state import Bools, Floats
-from crowd_env.core.behaviors.headway import Manner
+from crowd_env.core.behaviors.headway import Headway, Manner
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.executors import Executor, Serial, WorkerDied
 from crowd_env.core.files.json_file import json_number
 from crowd_env.envs.rollout import BatchDone, Driver, RunBatch, make_batches, simulate_batch
@@ -286,7 +287,7 @@ _warm: set[tuple[str, bool, bool]] = set()  # schemes whose kernels this process
 
 def _warm_up(cell: Cell) -> None:
     """Load the kernels, once in a process, so that compiling them is not counted as computing."""
-    headway, outline = cell.scenario.manner_of_run(cell.manner), cell.scenario.outline_of_run()
+    headway, outline = cell.scenario.behavior(Headway, cell.manner), cell.scenario.behavior(Outline)
     key = (make_scheme(cell.scheme).info.name, headway is None, outline is None)
     if key in _warm:
         return

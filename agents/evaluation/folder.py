@@ -48,7 +48,7 @@ def settings_of(
     held = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     for name in ("name", "title", "reference"):
         del held[name]
-    headway, outline = scenario.manner_of_run(), scenario.outline_of_run()
+    headway, outline = scenario.behavior(Headway), scenario.behavior(Outline)
     held |= {"manner": headway, "outline": outline}
     facts: dict[str, Any] = {} if task is None else {"task": task.identity()}
     facts |= {"scenario": scenario.name, "manner": Headway.plain_of(headway), "outline": Outline.plain_of(outline)}

@@ -134,7 +134,7 @@ def plain_place(place: Scenario) -> dict[str, Any]:
 
 def place_digest(place: Scenario) -> str:
     """Return a hash of a scenario and of the manner of its people."""
-    return fingerprint(plain_place(place), _plain(place.manner_of_run()))
+    return fingerprint(plain_place(place), _plain(place.behavior(Headway)))
 
 
 def _plain(value: Any) -> Any:

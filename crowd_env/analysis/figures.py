@@ -20,7 +20,6 @@ from crowd_env.envs.rollout import Episode
 from crowd_env.envs.settings import physics_step
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.settings import Physics
-from crowd_env.scenarios.behavior_words import plain_behaviors
 from crowd_env.scenarios.scenario import Scenario
 
 _HALF, _NEARLY_ALL = 0.5, 0.95  # of the people, for T50 and T95
@@ -73,7 +72,7 @@ def report(
     return {
         "scenario": scenario.name,
         "scheme": chosen.info.name,
-        **plain_behaviors(scenario),
+        **scenario.plain_behaviors(),
         "strategy": scenario.strategy_of_run(strategy),
         "seed": episodes[0].seed - episodes[0].run,
         "dt": physics_step(Physics(chosen, dt), scenario),

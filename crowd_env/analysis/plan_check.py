@@ -15,7 +15,6 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import closed_off, stuck_bodies
 from crowd_env.geometry.placement import lattice
 from crowd_env.routing.fields.grid import nearest_nodes
-from crowd_env.scenarios.behavior_words import room_of_run
 from crowd_env.scenarios.groups import People
 from crowd_env.scenarios.scenario import Scenario
 
@@ -220,7 +219,7 @@ def check_place(scenario: Scenario, seed: int = 0) -> PlanCheck:
         scenario.geometry,
         scenario.population,
         title=scenario.title,
-        room=room_of_run(scenario),
+        room=scenario.room,
         seed=seed,
     )
 

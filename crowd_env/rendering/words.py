@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.core.behaviors import IN_WORDS
 from crowd_env.core.checks import counted
 from crowd_env.recording import Recording
-from crowd_env.scenarios.behavior_words import IN_WORDS
 
 # Facts that a title names, in this order.
 _NAMED = ("scheme", "strategy", *IN_WORDS, "seed")

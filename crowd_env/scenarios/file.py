@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.core.behaviors.outline import room_of
 from crowd_env.core.checks import POSITIVE, at, check_keys, number, table
 from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.geometry import Geometry
@@ -142,7 +141,7 @@ def _population(given: Mapping[str, Any], key: str, folder: Path) -> Population:
 def _require_ways(scenario: Scenario) -> None:
     """Raise ValueError if a route leads nowhere, or people do not fit; recorded starts have to suit the largest bodies."""
     scenario.route_set().when(frozenset(scenario.closed_doors))
-    room = room_of(scenario.outline_of_run())
+    room = scenario.room
     for part in scenario.population.parts:
         if part.starts is not None:
             check_starts(scenario.geometry, part.starts, np.full(len(part.starts), room * part.radius.high))

@@ -2,14 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints
-from crowd_env.core.behaviors import BEHAVIORS
+from crowd_env.core.behaviors import BEHAVIORS, IN_WORDS
 from crowd_env.core.behaviors.balance import Balancing
-from crowd_env.core.behaviors.headway import Headway, Manner
+from crowd_env.core.behaviors.behavior import Behavior
+from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.behaviors.outline import BodyShape, Outline, room_of
 from crowd_env.core.behaviors.pulls import Pulls
 from crowd_env.core.checks import POSITIVE, Range, check_fields, flag, shown
@@ -23,6 +24,8 @@ from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios.companies import same_route
 from crowd_env.scenarios.groups import Groups, People, as_people
 from crowd_env.scenarios.population import Population, require_names, require_room
+
+Kind = TypeVar("Kind", bound=Behavior)
 
 # What callers can set of every place: people, and fields of the scenario.
 COMMON = ("people", "population", "time_limit", "blocked_after", "target")
@@ -115,28 +118,27 @@ class Scenario:
                 raise ValueError(
                     f"scenario {self.name!r}: attraction at ({one.x:g}, {one.y:g}) is outside the walkable area"
                 )
-        require_room(self.geometry, self.population.parts, room_of(Outline.of(self.outline)))
+        require_room(self.geometry, self.population.parts, self.room)
         self.strategy_of_run()
 
-    def manner_of_run(self, manner: Manner | None = None) -> Headway | None:
-        """Return how people walk in a run of this ``manner``; None = as the scenario says.
+    def behavior(self, kind: type[Kind], given: Any = None) -> Kind | None:
+        """Return a behavior of people in a run of the ``given`` one; None = as the scenario says.
 
         Raises
         ------
         ValueError
-            If the manner is unknown.
+            If it is unknown.
         """
-        return Headway.of(self.manner if manner is None else manner)
+        return kind.of(getattr(self, kind.NAME) if given is None else given)
 
-    def outline_of_run(self, outline: BodyShape | None = None) -> Outline | None:
-        """Return what shape bodies have in a run of this ``outline``; None = as the scenario says.
+    def plain_behaviors(self) -> dict[str, Any]:
+        """Return name -> plain form of each behavior that is spoken of, see `Behavior.WORDS`."""
+        return {name: BEHAVIORS[name].plain_of(self.behavior(BEHAVIORS[name])) for name in IN_WORDS}
 
-        Raises
-        ------
-        ValueError
-            If the outline is unknown.
-        """
-        return Outline.of(self.outline if outline is None else outline)
+    @property
+    def room(self) -> float:
+        """The radius within which a body can turn freely, as a multiple of its nominal radius."""
+        return room_of(self.behavior(Outline))
 
     def strategy_of_run(self, strategy: str | None = None) -> str:
         """Return how people choose their way in a run of this ``strategy``; None = as the scenario says.

@@ -3,9 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
+from crowd_env.core.behaviors import IN_WORDS
 from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.behaviors.outline import Outline
-from crowd_env.scenarios.behavior_words import IN_WORDS
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 
 
@@ -30,6 +30,6 @@ def with_manner(place: Scenario, manner: str | None, outline: str | None = None)
 def run_title(place: Scenario, scheme: str = "", *, people: str = "", runs: str = "") -> str:
     """Return "room-v0: 20 people, hertz, calm, torso, 5 runs": what is given, and how people walk and are shaped."""
     first = f"{place.name}: {people}" if people else place.name
-    behaviors = ((one, one.of(place)) for one in IN_WORDS.values())
+    behaviors = ((IN_WORDS[name], plain) for name, plain in place.plain_behaviors().items())
     words = [plain if isinstance(plain, str) else one.brief(plain) for one, plain in behaviors if plain != one.usual]
     return ", ".join(part for part in (first, scheme, *words, runs) if part)

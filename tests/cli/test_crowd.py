@@ -55,7 +55,7 @@ def test_a_file_says_how_people_walk_unless_the_command_does(place):
     assert make_scenario(path).outline == Outline(((0, 0.1, 0.1), (0, -0.1, 0.1)), turning_time=0.3)
     assert run_title(make_scenario(path), "hertz") == "place, hertz, time gap 0.7 s, 2 discs a body"
     assert run_title(with_manner(make_scenario(path), "hurried", "disc"), "dem") == "place, dem, hurried"
-    assert make_scenario(place('"torso"')).outline_of_run() == OUTLINES["torso"]
+    assert make_scenario(place('"torso"')).behavior(Outline) == OUTLINES["torso"]
 
 
 def test_what_is_set_reaches_the_people_the_physics_and_the_routing():

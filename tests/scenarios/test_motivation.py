@@ -97,11 +97,11 @@ def test_a_scenario_says_how_people_walk_unless_the_run_does():
     def place(manner):
         return Scenario("hall", ROOM, Population(5), 60.0, manner=manner)
 
-    assert place(None).manner_of_run() is None and place("competitive").manner_of_run() is None
-    assert place("calm").manner_of_run() == MANNERS["calm"] != MANNERS["hurried"]
-    assert place("calm").manner_of_run("hurried") == MANNERS["hurried"]
-    assert place("calm").manner_of_run("competitive") is None
-    assert place({"time_gap": 0.7}).manner == Headway(time_gap=0.7) == place(Headway(time_gap=0.7)).manner_of_run()
+    assert place(None).behavior(Headway) is None and place("competitive").behavior(Headway) is None
+    assert place("calm").behavior(Headway) == MANNERS["calm"] != MANNERS["hurried"]
+    assert place("calm").behavior(Headway, "hurried") == MANNERS["hurried"]
+    assert place("calm").behavior(Headway, "competitive") is None
+    assert place({"time_gap": 0.7}).manner == Headway(time_gap=0.7) == place(Headway(time_gap=0.7)).behavior(Headway)
     refuses(lambda: place("slow"), ("unknown manner 'slow'", *MANNERS))
     refuses(lambda: place({"time_gap": -1}), ("time_gap", "> 0"))
     refuses(lambda: place({"gap": 1}), ("unknown key 'gap'", "time_gap"))

@@ -16,7 +16,6 @@ from crowd_env.envs.settings import physics_step
 from crowd_env.physics import ContactScheme
 from crowd_env.physics.scheme import DECISION_DT
 from crowd_env.physics.settings import Physics
-from crowd_env.scenarios.behavior_words import plain_behaviors
 from crowd_env.scenarios.scenario import Scenario
 
 # Parts of a config in which two commands may differ and still go on with each other's runs.
@@ -58,7 +57,7 @@ def run_config(
         "population": plain(scenario.population.parts),
         "time_limit": scenario.time_limit,
         "blocked_after": plain(scenario.blocked_after),
-        **plain_behaviors(scenario),
+        **scenario.plain_behaviors(),
         "strategy": strategy,
         "rules": rules,
         "max_drive": plain(max_drive),

@@ -25,6 +25,7 @@ from crowd_env.cli.agents.lists_of_names import ListsOfNames
 from crowd_env.cli.agents.options import People, Place, Policies, changes
 from crowd_env.cli.options import AsJson, CrowdName, Exits, Unit, of_output, of_people, of_physics, of_runs
 from crowd_env.cli.place import read_place
+from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import Range, number, whole
 from crowd_env.core.console import friendly_errors, progress_bar, say
 from crowd_env.core.executors import Executor, Processes, Serial, make_executor
@@ -128,7 +129,7 @@ def main(
         if learned is not None:
             learned = number("--set learned", learned, Range(0.0, 1.0, above=True))
         for scheme in schemes:
-            check_behaviors({"outline": where.outline_of_run()}, scheme)
+            check_behaviors({"outline": where.behavior(Outline)}, scheme)
         entries = make_entries(policies, where, task, learned_share=learned)
         if "rules" in policies and not where.rules:
             say(f"note: {where.name} has no control rules; rules is shortest there")

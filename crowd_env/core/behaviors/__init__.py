@@ -1,7 +1,7 @@
 """Optional behaviors of pedestrians, each declared in a file of its own, and the one table of them."""
 
 from crowd_env.core.behaviors.balance import Balance
-from crowd_env.core.behaviors.behavior import Behavior
+from crowd_env.core.behaviors.behavior import Behavior, Words
 from crowd_env.core.behaviors.drive import DriveLimit
 from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.behaviors.outline import Outline
@@ -9,3 +9,5 @@ from crowd_env.core.behaviors.pulls import Pulls
 
 # Name, of a field of scenarios and settings -> behavior.
 BEHAVIORS: dict[str, type[Behavior]] = {one.NAME: one for one in (Headway, Outline, DriveLimit, Balance, Pulls)}
+# Of those that are spoken of: what titles, tables and reports write.
+IN_WORDS: dict[str, Words] = {name: one.WORDS for name, one in BEHAVIORS.items() if one.WORDS is not None}

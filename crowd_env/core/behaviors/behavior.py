@@ -5,15 +5,27 @@ go through `BEHAVIORS`, or through what `Walking.others` adds, and name no behav
 """
 
 from collections import namedtuple
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from typing_extensions import Self
 
 from crowd_env.core.arrays.state import Bodies, Floats
 from crowd_env.core.checks import from_choice, plain_choice
+
+
+class Words(NamedTuple):
+    """What titles, tables and reports write of a behavior; its plain form is the name of a preset, or a table of parameters."""
+
+    label: str  # of its row in a report
+    usual: str  # preset that the title of a run leaves out
+    unsaid: frozenset[str] = frozenset()  # presets that the title of a recording leaves out
+    brief: Callable[[Any], str] = str  # a table of parameters in a few words
+    judged: bool = False  # whether the validation map has rows for each preset
+    limits: Mapping[str, str] = {}  # preset -> what a report has to say of validity
+    limit: str = ""  # and of all other forms
 
 
 @dataclass(frozen=True)
@@ -32,6 +44,7 @@ class Behavior:
     USES : scratch arrays that it needs, by the last word of their annotation.
     RECORDED : what recordings hold, of the arrays of the memory with one row a pedestrian; see `rows`.
     PER_PLACE : whether each place of a batch may have its own.
+    WORDS : what titles, tables and reports write of it; None = nothing.
     YIELDS : whether the one of a scenario is left out, without a word, under a scheme that cannot have it.
     """
 
@@ -44,6 +57,7 @@ class Behavior:
     USES: ClassVar[tuple[str, ...]] = ()
     RECORDED: ClassVar[tuple[str, ...]] = ()
     PER_PLACE: ClassVar[bool] = False
+    WORDS: ClassVar[Words | None] = None
     YIELDS: ClassVar[bool] = False
     # Kernel that changes what people want: (i, time [s], vx, vy [m/s], batch) -> (vx, vy); see `Walking.others`.
     desire: ClassVar[Any] = None

@@ -39,7 +39,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.behaviors.behavior import Behavior
+from crowd_env.core.behaviors.behavior import Behavior, Words
 from crowd_env.core.checks import NotNegative, Positive, Range, Share, check_fields
 
 
@@ -111,6 +111,16 @@ class Headway(Behavior):
     ABOUT = "how people walk before they touch, unless the run says otherwise"
     MEMORY = Patience
     USES = ("walking",)
+    WORDS = Words(
+        label="how they walk before they touch",
+        usual="competitive",
+        brief=lambda table: f"time gap {table['time_gap']:g} s",
+        judged=True,
+        limits={
+            "competitive": "Competitive people walk at full speed whatever is in front of them, as in the papers; people who do "
+            "not press keep a distance and leave more slowly (docs/walking.md)."
+        },
+    )
 
     def __post_init__(self) -> None:
         check_fields("headway", self)

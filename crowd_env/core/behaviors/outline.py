@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.behaviors.behavior import Behavior
+from crowd_env.core.behaviors.behavior import Behavior, Words
 from crowd_env.core.checks import POSITIVE, Range, array, check_fields, plain_choice, require_all
 
 MOST_DISCS = 16
@@ -128,6 +128,14 @@ class Outline(Behavior):
     NEEDS = "turns_bodies"
     LACKS = "does not turn bodies, so it cannot have {behavior}"
     USES = ("discs",)
+    WORDS = Words(
+        label="shape of the body",
+        usual="disc",
+        unsaid=frozenset({"disc"}),
+        brief=lambda table: f"{len(table['discs'])} discs a body",
+        limits={"disc": ""},
+        limit="The rows are of people with the outline of discs; the bodies of these runs are others.",
+    )
 
     def __post_init__(self) -> None:
         values = np.asarray(array("outline: discs", _rows(self.discs), (None, 3)), dtype=np.float64)

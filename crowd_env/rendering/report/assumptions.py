@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 from crowd_env.analysis.results.folder import CONFIG
 from crowd_env.analysis.results.plain import plain
+from crowd_env.core.behaviors import IN_WORDS
 from crowd_env.envs.settings import physics_step
 from crowd_env.physics import make_scheme
 from crowd_env.physics.settings import Physics
 from crowd_env.rendering.report.runs import Runs, described, table
-from crowd_env.scenarios.behavior_words import IN_WORDS
 from crowd_env.scenarios.scenario import Scenario
 
 
@@ -179,7 +179,11 @@ def limits_of(runs: Runs) -> Limits:
 
 def _others(config: Mapping[str, Any], scenario: Scenario) -> Iterator[str]:
     """Yield in what a config differs from the runs of the map."""
-    yield from filter(None, (behavior.limit(config[name]) for name, behavior in IN_WORDS.items()))
+    for name, behavior in IN_WORDS.items():
+        plain_form = config[name]
+        limit = behavior.limits.get(plain_form, behavior.limit) if isinstance(plain_form, str) else behavior.limit
+        if limit:
+            yield limit
     scheme = make_scheme(config["scheme"]["name"])
     changed = [key for key, value in plain(scheme).items() if config["scheme"].get(key) != value]
     if changed:

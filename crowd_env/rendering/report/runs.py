@@ -7,13 +7,13 @@ from typing import Any, NamedTuple, TypeVar
 from crowd_env.analysis.figures import listed, report
 from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
+from crowd_env.core.behaviors import IN_WORDS
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.version import __version__
 from crowd_env.envs.rollout import Episode
 from crowd_env.physics import ContactScheme
 from crowd_env.rendering.words import told_apart
-from crowd_env.scenarios.behavior_words import IN_WORDS, room_of_run
 from crowd_env.scenarios.scenario import Scenario
 
 T = TypeVar("T")
@@ -37,7 +37,7 @@ class Runs(NamedTuple):
     @property
     def draw(self) -> str:
         """A text that is equal for folders whose runs of one seed begin with the same people in the same places."""
-        return fingerprint(self.scenario.geometry, self.scenario.population, room_of_run(self.scenario))
+        return fingerprint(self.scenario.geometry, self.scenario.population, self.scenario.room)
 
 
 def load_runs(folders: Sequence[Path], place_of: PlaceOf) -> list[Runs]:
