@@ -10,21 +10,16 @@ OUT = "out"  # name of the route that everyone knows: all exits
 
 @dataclass(frozen=True)
 class Route:
-    """A way out that people may take or be sent on.
-
-    Parameters
-    ----------
-    name : name by which rules, groups and controllers refer to the route.
-    exits : names of the exits that the route may lead to, the best of which is taken; all exits by default.
-    via : name of the region that the route leads to first; none by default.
-    strategy : "shortest", "fastest" or "comfortable": what counts on the route, see
-        `crowd_env.routing.strategies.STRATEGIES`.
-    """
+    """A way out that people may take or be sent on."""
 
     name: str
+    """name by which rules, groups and controllers refer to the route."""
     exits: tuple[str, ...] = ()
+    """names of the exits that the route may lead to, the best of which is taken; all exits by default."""
     via: str | None = None
+    """name of the region that the route leads to first; none by default."""
     strategy: str = "shortest"
+    """what counts on the route: "shortest", "fastest" or "comfortable"."""
 
     def __post_init__(self) -> None:
         check_fields(f"route {shown(self.name)}", self)
@@ -39,23 +34,20 @@ class ControlRule:
 
     People on a "fastest" route are not turned away: their route weighs the crowd already, and both together would send them
     to and fro.
-
-    Parameters
-    ----------
-    region : name of the region in which people are counted.
-    at_least : number of people in the region that switches the rule on.
-    route : name of the route or exit that people elsewhere take while the rule is on.
-    below : the rule switches off when fewer people than this are in the region; by default ``at_least``.
-    hold : s, the shortest time for which the rule stays on.
-    commits : whether people who have been sent another way keep to it after the rule has switched off.
     """
 
     region: str
+    """name of the region in which people are counted."""
     at_least: int
+    """number of people in the region that switches the rule on."""
     route: str
+    """name of the route or exit that people elsewhere take while the rule is on."""
     below: int | None = None
+    """the rule switches off when fewer people than this are in the region; by default ``at_least``."""
     hold: float = 0.0
+    """s, the shortest time for which the rule stays on."""
     commits: bool = False
+    """whether people who have been sent another way keep to it after the rule has switched off."""
 
     def __post_init__(self) -> None:
         check_fields(f"control rule on {shown(self.region)}", self, below=NOT_NEGATIVE, hold=NOT_NEGATIVE)
@@ -67,24 +59,20 @@ class ControlRule:
 
 @dataclass(frozen=True)
 class DoorEvent:
-    """A door opens or closes, once an episode: at a time, or when enough people are somewhere or have left.
-
-    Parameters
-    ----------
-    door : name of the door.
-    opens : true opens the door, false closes it.
-    at : s, the time of the event; give either this or ``at_least``.
-    at_least : number of people in ``region``, or of those who have left by ``exit``, at which the event happens.
-    region : name of the region in which people are counted, for ``at_least``.
-    exit : name of the exit at which people who leave are counted, for ``at_least``.
-    """
+    """A door opens or closes, once an episode: at a time, or when enough people are somewhere or have left."""
 
     door: str
+    """name of the door."""
     opens: bool
+    """true opens the door, false closes it."""
     at: float | None = None
+    """s, the time of the event; give either this or ``at_least``."""
     at_least: int | None = None
+    """number of people in ``region``, or of those who have left by ``exit``, at which the event happens."""
     region: str | None = None
+    """name of the region in which people are counted, for ``at_least``."""
     exit: str | None = None
+    """name of the exit at which people who leave are counted, for ``at_least``."""
 
     def __post_init__(self) -> None:
         check_fields(f"event of door {shown(self.door)}", self, at=NOT_NEGATIVE)

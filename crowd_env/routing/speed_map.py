@@ -14,18 +14,14 @@ _NOT_GIVEN = float("nan")
 
 @dataclass(frozen=True)
 class SpeedZone:
-    """A region where people walk at another speed, such as stairs; give ``speed``, ``factor`` or both.
-
-    Parameters
-    ----------
-    region : name of the region.
-    speed : m/s, the desired speed of everyone in the region; by default everyone keeps the own one.
-    factor : number > 0, at most 10, by which the desired speed in the region is multiplied; 1 by default.
-    """
+    """A region where people walk at another speed, such as stairs; give ``speed``, ``factor`` or both."""
 
     region: str
+    """name of the region."""
     speed: float | None = None
+    """m/s, the desired speed of everyone in the region; by default everyone keeps the own one."""
     factor: float = _NOT_GIVEN
+    """number > 0, at most 10, by which the desired speed in the region is multiplied; 1 by default."""
 
     def __post_init__(self) -> None:
         if self.factor is _NOT_GIVEN:  # a factor of 1 that is given may be one of several that are tried
@@ -38,18 +34,14 @@ class SpeedZone:
 
 @dataclass(frozen=True)
 class Comfort:
-    """What the most comfortable way costs, in meters of plain floor.
-
-    Parameters
-    ----------
-    stairs : number of meters that a meter in a slow zone costs in addition, be it stairs or other slow ground.
-    turn : number of meters that passing a corner costs, if it juts into the way.
-    reach : m, the distance from a corner over which its cost is spread, which also keeps the way off the corner.
-    """
+    """What the most comfortable way costs, in meters of plain floor."""
 
     stairs: float = 3.0
+    """number of meters that a meter in a slow zone costs in addition, be it stairs or other slow ground."""
     turn: float = 1.0
+    """number of meters that passing a corner costs, if it juts into the way."""
     reach: float = 0.6
+    """m, the distance from a corner over which its cost is spread, which also keeps the way off the corner."""
 
     def __post_init__(self) -> None:
         check_fields("comfort", self, stairs=NOT_NEGATIVE, turn=NOT_NEGATIVE, reach=POSITIVE)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from crowd_env.core.checks import at, check_fields, from_table, known, number, r
 _LEAST_SHARE = 0.01  # of what is drawn has to lie within the bounds: what lies outside is drawn again
 
 
+@runtime_checkable
 class Distribution(Protocol):
     """Something to draw a body parameter from; ``low`` and ``high`` bound every draw."""
 
@@ -34,16 +35,12 @@ class Distribution(Protocol):
 
 @dataclass(frozen=True)
 class Uniform:
-    """Uniform distribution on [low, high]; equal bounds give a constant.
-
-    Parameters
-    ----------
-    low : the smallest possible value.
-    high : the largest possible value.
-    """
+    """Uniform distribution on [low, high]; equal bounds give a constant."""
 
     low: float
+    """the smallest possible value."""
     high: float
+    """the largest possible value."""
 
     def __post_init__(self) -> None:
         check_fields("uniform distribution", self)
@@ -57,20 +54,16 @@ class Uniform:
 
 @dataclass(frozen=True)
 class Normal:
-    """Normal distribution; values outside [low, high] are drawn again.
-
-    Parameters
-    ----------
-    mean : the mean before values outside the bounds are drawn again.
-    sd : the standard deviation before values outside the bounds are drawn again.
-    low : the smallest possible value.
-    high : the largest possible value.
-    """
+    """Normal distribution; values outside [low, high] are drawn again."""
 
     mean: float
+    """the mean before values outside the bounds are drawn again."""
     sd: float
+    """the standard deviation before values outside the bounds are drawn again."""
     low: float
+    """the smallest possible value."""
     high: float
+    """the largest possible value."""
 
     def __post_init__(self) -> None:
         check_fields("normal distribution", self)
@@ -89,21 +82,17 @@ class Normal:
 
 @dataclass(frozen=True)
 class LogNormal:
-    """Log-normal distribution, the usual one for response times; values outside [low, high] are drawn again.
-
-    Parameters
-    ----------
-    median : the median before values outside the bounds are drawn again.
-    sigma : the standard deviation of the logarithm: about two thirds of all values lie between ``median / exp(sigma)`` and
-        ``median * exp(sigma)``.
-    high : the largest possible value.
-    low : the smallest possible value.
-    """
+    """Log-normal distribution, the usual one for response times; values outside [low, high] are drawn again."""
 
     median: float
+    """the median before values outside the bounds are drawn again."""
     sigma: float
+    """the standard deviation of the logarithm: about two thirds of all values lie between ``median / exp(sigma)`` and ``median
+    * exp(sigma)``."""
     high: float
+    """the largest possible value."""
     low: float = 0.0
+    """the smallest possible value."""
 
     def __post_init__(self) -> None:
         check_fields("log-normal distribution", self)
@@ -165,7 +154,7 @@ def as_distribution(what: str, value: Any) -> Distribution:
         law = LAWS[known("distribution", value.get("distribution"), LAWS, f"{what}: ")]
         with at(what):
             return from_table(what, law, {key: one for key, one in value.items() if key != "distribution"})
-    if isinstance(value, type) or not all(hasattr(value, part) for part in ("low", "high", "sample")):
+    if isinstance(value, type) or not isinstance(value, Distribution):
         refuse(
             what, value, "a number, a pair (low, high), a distribution such as Uniform(low, high), or a table of one"
         )

@@ -7,13 +7,13 @@ ignored.  A place that takes options of its own is a function that returns a `Sc
 import json
 import sys
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from crowd_env.core.checks import POSITIVE, at, check_keys, number, table
+from crowd_env.core.checks import POSITIVE, at, check_keys, from_table, number, table
 from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.groups import Groups, People
@@ -29,7 +29,49 @@ else:
 SUFFIXES = (".toml", ".json")
 CORNERS = 32  # of a circle
 KEYS = ("$schema", *(field.name for field in fields(Scenario)), "groups")
-PLAN = ("walkable", "obstacles", "thin_walls", "exits", "regions", "doors", "jamb_radius")
+
+Line: TypeAlias = list[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle."""
+
+    box: tuple[float, float, float, float]
+    """[low x, low y, high x, high y] in m."""
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A circle."""
+
+    circle: tuple[float, float, float]
+    """[x, y, radius] in m; it has 32 corners."""
+
+
+AreaOrLine: TypeAlias = str | Line | Box | Circle
+Areas: TypeAlias = AreaOrLine | list[AreaOrLine]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The plan: walls, exits, regions and doors."""
+
+    walkable: Areas
+    """where people can be: an area, or a list of areas that are united."""
+    exits: dict[str, AreaOrLine]
+    """name = line on the edge of the walkable area, or area that people walk into."""
+    obstacles: list[AreaOrLine] = field(default_factory=list)
+    """areas that are cut out of the walkable area."""
+    thin_walls: list[str | Line] = field(default_factory=list)
+    """walls without thickness."""
+    regions: dict[str, Areas] = field(default_factory=dict)
+    """name = area or list of areas, for starts, rules and zones."""
+    doors: dict[str, str | Line] = field(default_factory=dict)
+    """name = line across a passage, or the name of an exit that can be closed."""
+    jamb_radius: float = 0.0
+    """m, radius of all corners that jut into the walkable area; 0 = sharp."""
+
 
 
 def read_scenario(path: Path) -> Scenario:
@@ -71,12 +113,8 @@ def _read(path: Path) -> Mapping[str, Any]:
 
 
 def _geometry(content: Any) -> Geometry:
-    check_keys("geometry", table("geometry", content, "keys and values"), PLAN)
-    for key in ("walkable", "exits"):
-        if key not in content:
-            raise ValueError(f"geometry: key {key!r} is missing")
-    plan: dict[str, Any] = {}
-    for key, value in content.items():
+    plan = vars(from_table("geometry", Plan, table("geometry", content, "keys and values")))
+    for key, value in plan.items():
         named = key in ("exits", "regions", "doors") and isinstance(value, Mapping)
         plan[key] = {name: _shape(f"{key}.{name}", one) for name, one in value.items()} if named else _shape(key, value)
     with at("geometry"):

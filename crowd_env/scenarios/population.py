@@ -58,24 +58,6 @@ class Population:
     A distribution may be given as in a scenario file: a number, a pair (low, high), or a table such as
     ``{"distribution": "normal", "mean": 0.22, "sd": 0.01, "low": 0.2, "high": 0.25}``.
 
-    Parameters
-    ----------
-    people : number of people.
-    radius : m, the radius of a body; uniform from 0.15 to 0.19 by default.
-    mass : kg, the mass of a person; uniform from 60 to 100 by default.
-    desired_speed : m/s, the speed at which a person wants to walk; normal, 1.34 ± 0.26 within 0.8 to 1.9, by default.
-    relaxation_time : s, the time in which a person gets to the desired speed; uniform from 0.1 to 0.5 by default.
-    response_time : s, the time until a person begins to walk; 0 by default.
-    time_gap : s, the time gap that a person keeps to the people in front; by default that of the manner of the run.
-    push : share of the desired speed at which a person presses on with no gap in front, 0 to 1; by default that of the manner
-        of the run.  A run without a manner, in which everyone walks at full speed, makes no use of time gap and push.
-    companions : number of people who walk together, oneself included, rounded; by default everyone walks alone.
-    start_region : name of the region in which people start; anywhere by default.
-    starts : (K, 2) m, recorded positions or seats, copied; of more than ``people``, some are drawn.
-    route : name of the route or exit that people take, whatever the strategy of the run.
-    exits : names of the exits that people know, of which they take the best; all exits by default.
-    name : name of these people in messages and pictures.
-
     Raises
     ------
     ValueError
@@ -83,19 +65,34 @@ class Population:
     """
 
     people: int
+    """number of people."""
     radius: Distribution = field(default_factory=lambda: Uniform(0.15, 0.19))
+    """m, the radius of a body; uniform from 0.15 to 0.19 by default."""
     mass: Distribution = field(default_factory=lambda: Uniform(60.0, 100.0))
+    """kg, the mass of a person; uniform from 60 to 100 by default."""
     desired_speed: Distribution = field(default_factory=lambda: Normal(1.34, 0.26, 0.8, 1.9))
+    """m/s, the speed at which a person wants to walk; normal, 1.34 ± 0.26 within 0.8 to 1.9, by default."""
     relaxation_time: Distribution = field(default_factory=lambda: Uniform(0.1, 0.5))
+    """s, the time in which a person gets to the desired speed; uniform from 0.1 to 0.5 by default."""
     response_time: Distribution = field(default_factory=lambda: Uniform(0.0, 0.0))
+    """s, the time until a person begins to walk; 0 by default."""
     time_gap: Distribution | None = None
+    """s, the time gap that a person keeps to the people in front; by default that of the manner of the run."""
     push: Distribution | None = None
+    """share of the desired speed at which a person presses on with no gap in front, 0 to 1; by default that of the manner of
+    the run.  A run without a manner, in which everyone walks at full speed, makes no use of time gap and push."""
     companions: Distribution | None = None
+    """number of people who walk together, oneself included, rounded; by default everyone walks alone."""
     start_region: str | None = None
+    """name of the region in which people start; anywhere by default."""
     starts: Floats | None = None
+    """(K, 2) m, recorded positions or seats, copied; of more than ``people``, some are drawn."""
     route: str | None = None
+    """name of the route or exit that people take, whatever the strategy of the run."""
     exits: tuple[str, ...] = ()
+    """names of the exits that people know, of which they take the best; all exits by default."""
     name: str = ""
+    """name of these people in messages and pictures."""
 
     def __post_init__(self) -> None:
         check_fields("population", self)

@@ -78,27 +78,48 @@ class Scenario:
         small, or the manner or the outline is unknown.
     """
 
-    name: str  #: what the command line and tables call it
-    geometry: Geometry  #: the plan
-    population: People  #: a `Population`, or `Groups` of several
-    time_limit: float  #: s
-    title: str = ""  #: a line for people
-    reference: str = ""  #: where the numbers come from
-    target: Target = "path"  #: what people walk to
-    blocked_after: float = np.inf  #: s without anyone getting out, though somebody could have: blocked
-    routes: tuple[Route, ...] = ()  #: beside those to every exit, which have its name
-    zones: tuple[SpeedZone, ...] = ()  #: where people walk slower or faster
-    rules: tuple[ControlRule, ...] = ()  #: who is sent another way, and when
-    closed_doors: tuple[str, ...] = ()  #: names, at the start
-    door_events: tuple[DoorEvent, ...] = ()  #: doors that open or close
-    one_way: tuple[OneWay, ...] = ()  #: doors that people mean to pass one way only
-    comfort: Comfort = field(default_factory=Comfort)  #: what the strategy ``"comfortable"`` avoids
-    manner: Manner | None = "hurried"  #: how people walk
-    outline: BodyShape | None = None  #: the shape of all bodies
-    strategy: str | None = None  #: how people choose their way
-    pulls: Pulls = field(default_factory=Pulls)  #: companions and attractions
-    balance: Balancing | None = None  #: how those who stand keep upright
-    max_drive: float = 300.0  #: N, the largest force with which one drives forwards; infinite = as the papers have it
+    name: str
+    """name of the scenario; in a file by default that of the file."""
+    geometry: Geometry
+    """the plan: walls, exits, regions and doors."""
+    population: People
+    """the people, of one kind or in groups; in a file also what all groups have in common."""
+    time_limit: float
+    """s, when an evacuation ends at the latest; in a file by default enough to walk out."""
+    title: str = ""
+    """one line that says what the scenario is."""
+    reference: str = ""
+    """source of the numbers."""
+    target: Target = "path"
+    """what people walk to: the shortest path, or a point of the nearest exit."""
+    blocked_after: float = np.inf
+    """s without anyone leaving after which exits count as blocked."""
+    routes: tuple[Route, ...] = ()
+    """routes beside those to every exit, which have its name."""
+    zones: tuple[SpeedZone, ...] = ()
+    """regions where people walk slower or faster."""
+    rules: tuple[ControlRule, ...] = ()
+    """rules that change routes while a region is crowded."""
+    closed_doors: tuple[str, ...] = ()
+    """names of the doors that are closed at the start."""
+    door_events: tuple[DoorEvent, ...] = ()
+    """events that open and close doors."""
+    one_way: tuple[OneWay, ...] = ()
+    """doors that people mean to pass one way only."""
+    comfort: Comfort = field(default_factory=Comfort)
+    """costs that the most comfortable route keeps low."""
+    manner: Manner | None = "hurried"
+    """how people walk before they touch, unless the run says otherwise."""
+    outline: BodyShape | None = None
+    """what shape bodies have, unless the run says otherwise."""
+    strategy: str | None = None
+    """how people choose their way: a strategy, or the name of a route or exit."""
+    pulls: Pulls = field(default_factory=Pulls)
+    """what pulls people off their way: companions and attractions."""
+    balance: Balancing | None = None
+    """how those who stand keep upright, unless the run says otherwise."""
+    max_drive: float = 300.0
+    """N, the largest force with which one drives forwards; infinite = as the papers have it."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "population", as_people(self.population))

@@ -42,19 +42,6 @@ class Feet(NamedTuple):
 class Balance(Behavior):
     """How someone who stands keeps upright.
 
-    Parameters
-    ----------
-    height : m, ``h``, of the center of mass; about 0.55 of an adult's.
-    base : m, ``b``: how far from the line between the feet the center of pressure can be; half a foot is 0.12, the rest is the
-        stance.  Fitted.
-    gain : ``k``, by which the center of pressure is ahead of the capture point.  Fitted.
-    reaction : s that the capture point is outside of the support before a foot is lifted.  Fitted.
-    swing : s that a foot is in the air.  Fitted.
-    step : m, longest step; no step of that push is so long.
-    grip : share of the weight that the ground can give sideways, friction of shoes on a floor.
-    head : times as far as the center of mass a leaning body moves its head: 1.7 m over 1 m.
-    walks_from : m/s: who wants to be faster than this walks, and does not stand.
-
     Raises
     ------
     ValueError
@@ -62,14 +49,24 @@ class Balance(Behavior):
     """
 
     height: Positive = 1.0
+    """m, ``h``, of the center of mass; about 0.55 of an adult's."""
     base: Positive = 0.215
+    """m, ``b``: how far from the line between the feet the center of pressure can be; half a foot is 0.12, the rest is the
+    stance.  Fitted."""
     gain: Positive = 0.2
+    """``k``, by which the center of pressure is ahead of the capture point.  Fitted."""
     reaction: NotNegative = 0.11
+    """s that the capture point is outside of the support before a foot is lifted.  Fitted."""
     swing: Positive = 0.35
+    """s that a foot is in the air.  Fitted."""
     step: Positive = 0.75
+    """m, longest step; no step of that push is so long."""
     grip: Positive = 0.4
+    """share of the weight that the ground can give sideways, friction of shoes on a floor."""
     head: Positive = 1.7
+    """times as far as the center of mass a leaning body moves its head: 1.7 m over 1 m."""
     walks_from: NotNegative = 0.1
+    """m/s: who wants to be faster than this walks, and does not stand."""
 
     NAME = "balance"
     ABOUT = "how those who stand keep upright, unless the run says otherwise"

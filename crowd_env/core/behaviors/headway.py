@@ -53,33 +53,6 @@ class Patience(NamedTuple):
 class Headway(Behavior):
     """The distance that people keep, and how they step aside.
 
-    Parameters
-    ----------
-    time_gap : s, ``T``: who follows someone at speed V leaves a gap of s + V T.
-    push : ``p``, share of the own desired speed at which one presses on with no gap in front: 0 = never, 1 = always at full
-        speed, as in the papers.
-    standing : m, ``s``: the gap that people leave to those who stand in front of them on the same way.
-    width : of the strip in front that has to be free, as a share of the own and the other's width.
-    strength : ``a``: how far one steps aside for someone ahead, as a share of the way itself.
-    length : m, ``D``: the foreseen gap over which that falls to 1/e.
-    oncoming : ``w``: someone who comes straight towards one counts 1 + w times as much, for stepping aside and for patience.
-    keep_right : m: someone who comes towards one is passed on the right, if not this far or further on that side already;
-        negative = on the left.
-    anticipation : s, ``t_a``: how far ahead people foresee each other's motion.
-    overtaking : m/s: who is slower than this is queued behind and not overtaken; infinite = nobody is.
-    gain : of speed that overtaking has to bring, as a share of the desired speed.
-    berth : width of the strip that has to be free to overtake, as ``width``.
-    patience : s that people stand still before they begin to push more.
-    impatience : 1/s, by which the push grows from then on, up to a fifth; it falls back at the same rate when they walk again,
-        at a quarter of the desired speed or faster.
-    beside : s, ``T_y``: who walks the same way ahead, but so far beside the strip, lets one walk at that distance over T_y;
-        0 = those beside are not minded.
-    keep_up : share of the speed of someone beside at which one walks on in any case.
-    off_walls : m: nearer to a wall than this people bend their way off it; 0 = they do not mind walls.
-    shyness : how far they do at the wall itself, as a share of the way.
-    sight : m, gap beyond which nobody is noticed.
-    interval : s, between two decisions; in between the desired velocity stays as it is.
-
     Raises
     ------
     ValueError
@@ -87,25 +60,49 @@ class Headway(Behavior):
     """
 
     time_gap: Positive = 0.5
+    """s, ``T``: who follows someone at speed V leaves a gap of s + V T."""
     push: Share = 0.0
+    """``p``, share of the own desired speed at which one presses on with no gap in front: 0 = never, 1 = always at full speed,
+    as in the papers."""
     standing: NotNegative = 0.15
+    """m, ``s``: the gap that people leave to those who stand in front of them on the same way."""
     width: Annotated[float, Range(0.0, 2.0, above=True)] = 0.8
+    """of the strip in front that has to be free, as a share of the own and the other's width."""
     strength: NotNegative = 0.12
+    """``a``: how far one steps aside for someone ahead, as a share of the way itself."""
     length: Positive = 0.2
+    """m, ``D``: the foreseen gap over which that falls to 1/e."""
     oncoming: NotNegative = 8.0
+    """``w``: someone who comes straight towards one counts 1 + w times as much, for stepping aside and for patience."""
     keep_right: Annotated[float, Range(-1.0, 1.0)] = 0.2
+    """m: someone who comes towards one is passed on the right, if not this far or further on that side already; negative = on
+    the left."""
     anticipation: NotNegative = 0.4
+    """s, ``t_a``: how far ahead people foresee each other's motion."""
     overtaking: Annotated[float, Range(0.0, infinite=True)] = 0.4
+    """m/s: who is slower than this is queued behind and not overtaken; infinite = nobody is."""
     gain: NotNegative = 0.1
+    """of speed that overtaking has to bring, as a share of the desired speed."""
     berth: Positive = 1.3
+    """width of the strip that has to be free to overtake, as ``width``."""
     patience: NotNegative = 5.0
+    """s that people stand still before they begin to push more."""
     impatience: NotNegative = 0.02
+    """1/s, by which the push grows from then on, up to a fifth; it falls back at the same rate when they walk again, at a
+    quarter of the desired speed or faster."""
     beside: NotNegative = 0.12
+    """s, ``T_y``: who walks the same way ahead, but so far beside the strip, lets one walk at that distance over T_y; 0 = those
+    beside are not minded."""
     keep_up: Share = 0.8
+    """share of the speed of someone beside at which one walks on in any case."""
     off_walls: NotNegative = 0.1
+    """m: nearer to a wall than this people bend their way off it; 0 = they do not mind walls."""
     shyness: NotNegative = 0.1
+    """how far they do at the wall itself, as a share of the way."""
     sight: Positive = 2.0
+    """m, gap beyond which nobody is noticed."""
     interval: Positive = 0.05
+    """s, between two decisions; in between the desired velocity stays as it is."""
 
     NAME = "manner"
     ABOUT = "how people walk before they touch, unless the run says otherwise"

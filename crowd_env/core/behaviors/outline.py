@@ -107,12 +107,6 @@ def _free_arcs(k: int, x: Floats, y: Floats, r: Floats) -> list[tuple[float, flo
 class Outline(Behavior):
     """Several discs that move and turn as one body.
 
-    Parameters
-    ----------
-    discs : a `Disc` or three numbers each, of a person of any size: they are scaled.
-    turning_time : s, ``t``, in which a body turns into its way; infinite = nothing but contacts turns it.
-    max_torque : N m, ``M_max``, of what turns a body into its way, so that contacts can turn a shoulder.
-
     Raises
     ------
     ValueError
@@ -120,8 +114,11 @@ class Outline(Behavior):
     """
 
     discs: tuple[Disc, ...]
+    """a `Disc` or three numbers each, of a person of any size: they are scaled."""
     turning_time: float = 0.45
+    """s, ``t``, in which a body turns into its way; infinite = nothing but contacts turns it."""
     max_torque: float = 20.0
+    """N m, ``M_max``, of what turns a body into its way, so that contacts can turn a shoulder."""
 
     NAME = "outline"
     ABOUT = "what shape bodies have, unless the run says otherwise"

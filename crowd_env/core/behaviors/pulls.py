@@ -34,24 +34,20 @@ ALONE = -1  # number of the company of whoever walks alone
 
 @dataclass(frozen=True)
 class Companionship:
-    """How those who walk in company keep together.
-
-    Parameters
-    ----------
-    gaze : 1/s, ``beta_1``: by how much people slow down for each radian that they have to turn the head to see the others.
-    cohesion : m/s2, ``beta_2``: how strongly they are pulled to the center of their company.
-    repulsion : m/s2, ``beta_3``: how strongly companions who are too near each other are pushed apart.
-    spacing : m, ``d_0``: the distance between centers below which they are too near.
-    apart : m, the distance to a companion further back beyond which people wait.
-    patience : s, the time after which people who are held back by companions further back go on without them.
-    """
+    """How those who walk in company keep together."""
 
     gaze: NotNegative = 4.0
+    """1/s, ``beta_1``: by how much people slow down for each radian that they have to turn the head to see the others."""
     cohesion: NotNegative = 3.0
+    """m/s2, ``beta_2``: how strongly they are pulled to the center of their company."""
     repulsion: NotNegative = 1.0
+    """m/s2, ``beta_3``: how strongly companions who are too near each other are pushed apart."""
     spacing: NotNegative = 0.8
+    """m, ``d_0``: the distance between centers below which they are too near."""
     apart: Positive = 3.0
+    """m, the distance to a companion further back beyond which people wait."""
     patience: NotNegative = 30.0
+    """s, the time after which people who are held back by companions further back go on without them."""
 
     def __post_init__(self) -> None:
         check_fields("companions", self)
@@ -59,23 +55,20 @@ class Companionship:
 
 @dataclass(frozen=True)
 class Attraction:
-    """A point that pulls whoever sees it, less and less with time.
-
-    Parameters
-    ----------
-    x, y : m, where it is.
-    strength : m/s2, ``A``: the largest pull, which is the one at the distance ``reach``.
-    reach : m, ``R``: at three times the distance the pull has fallen to a twentieth.
-    lifetime : s, ``T``: the time in which the pull falls to 1/e.
-    since : s, the time at which it begins.
-    """
+    """A point that pulls whoever sees it, less and less with time."""
 
     x: float
+    """m, where it is."""
     y: float
+    """m, where it is."""
     strength: Positive
+    """m/s2, ``A``: the largest pull, which is the one at the distance ``reach``."""
     reach: Positive = 2.0
+    """m, ``R``: at three times the distance the pull has fallen to a twentieth."""
     lifetime: Positive = 10.0
+    """s, ``T``: the time in which the pull falls to 1/e."""
     since: NotNegative = 0.0
+    """s, the time at which it begins."""
 
     def __post_init__(self) -> None:
         check_fields("attraction", self)
@@ -89,16 +82,12 @@ class Waiting(NamedTuple):
 
 @dataclass(frozen=True)
 class Pulls(Behavior):
-    """What pulls people off their way in a place.
-
-    Parameters
-    ----------
-    companions : how those who walk in company keep together.
-    attractions : points that pull people, each for a while.
-    """
+    """What pulls people off their way in a place."""
 
     companions: Companionship = field(default_factory=Companionship)
+    """how those who walk in company keep together."""
     attractions: tuple[Attraction, ...] = ()
+    """points that pull people, each for a while."""
 
     NAME = "pulls"
     ABOUT = "what pulls people off their way: companions and attractions"

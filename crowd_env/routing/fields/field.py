@@ -37,16 +37,12 @@ from crowd_env.routing.fields.string_pulling import make_targets, pull_strings
 
 @dataclass(frozen=True)
 class OneWay:
-    """A door that people mean to pass one way only; a crowd may still push somebody back through it.
-
-    Parameters
-    ----------
-    door : name of the door.
-    to : "left" or "right": the side where people come out, seen from the first towards the last point of the door's line.
-    """
+    """A door that people mean to pass one way only; a crowd may still push somebody back through it."""
 
     door: str
+    """name of the door."""
     to: Literal["left", "right"]
+    """the side where people come out, seen from the first towards the last point of the door's line."""
 
     def __post_init__(self) -> None:
         check_fields(f"one-way door {shown(self.door)}", self)
