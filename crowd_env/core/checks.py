@@ -195,13 +195,7 @@ def texts(what: str, value: Any) -> tuple[str, ...]:
     ValueError
         If it is no list of texts.
     """
-    if isinstance(value, str):
-        refuse(what, value, f"a tuple of names: ({value!r},)")
-    if not isinstance(value, Iterable) or isinstance(value, Mapping | bytes):
-        refuse(what, value, "a tuple of names")
-    names = tuple(value)
-    for name in names:
-        text(f"{what}: one name", name)
+    names: tuple[str, ...] = _read(what, value, tuple[str, ...], None)
     return names
 
 
@@ -278,7 +272,7 @@ def require_all(what: str, values: np.ndarray, allowed: Range) -> np.ndarray:
 def check_fields(where: str, thing: Any, **allowed: Range) -> None:
     """Check every field of a frozen dataclass against its annotation, and give it the type that is annotated.
 
-    Numbers, flags, texts, literals, tuples of texts or of other dataclasses and these or None are known; other annotations are
+    Numbers, flags, texts, literals, other dataclasses, tuples of these, and these or None are known; other annotations are
     left to the caller.  A number whose annotation holds a `Range`, such as ``Positive``, has to lie in it.  For another
     dataclass a table of its fields may be given.
 
@@ -293,62 +287,105 @@ def check_fields(where: str, thing: Any, **allowed: Range) -> None:
         At the first field that does not hold what it says.
     """
     of_class: type = type(thing)
-    for name, kind in _kinds(of_class).items():
-        before = getattr(thing, name)
-        value = _of_kind(f"{where}: {name}" if where else name, before, kind, allowed.get(name))
-        if value is not before:
-            object.__setattr__(thing, name, value)
+    for name, (kind, default) in _fields(of_class).items():
+        before, within = getattr(thing, name), allowed.get(name)
+        if before is not default or within is not None:
+            value = _read(f"{where}: {name}" if where else name, before, kind, within)
+            if value is not before:
+                object.__setattr__(thing, name, value)
 
 
 @cache
-def _kinds(kind: type) -> dict[str, Any]:
-    hints = get_type_hints(kind, include_extras=True)
-    return {field.name: hints[field.name] for field in fields(kind) if field.init}
+def _fields(of: type) -> dict[str, tuple[Any, Any]]:
+    """Return name -> annotation and default of the fields of a dataclass."""
+    hints = get_type_hints(of, include_extras=True)
+    return {field.name: (hints[field.name], field.default) for field in fields(of) if field.init}
 
 
-def _of_kind(what: str, value: Any, kind: Any, allowed: Range | None) -> Any:
-    """Return a value as its annotation says, refused if it is something else."""
-    if get_origin(kind) is Annotated:
-        kind, allowed = get_args(kind)
-    if get_origin(kind) in (UnionType, Union):
-        kinds = [one for one in get_args(kind) if one is not NoneType]
-        if value is None and len(kinds) < len(get_args(kind)):
-            return None
-        if len(kinds) == 1:
-            return _of_kind(what, value, kinds[0], allowed)
-        if all(is_dataclass(one) for one in kinds) and not isinstance(value, tuple(kinds)):
-            refuse(what, value, " or ".join(f"a {one.__name__}" for one in kinds))
+def _is_plain(value: Any, kind: Any, within: Range | None) -> bool:
+    """Return whether a value is plainly what an annotation says, or the annotation is left to the caller."""
+    origin, args = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return _is_plain(value, *args)
+    if origin in (UnionType, Union):
+        return any(_is_plain(value, one, within) for one in args)
+    if origin is tuple:
+        return type(value) is tuple and all(_is_plain(one, args[0], None) for one in value)
+    if origin is Literal:
+        return type(value) is str and value in args
+    if kind in _CHECKS:
+        within = within or _USUAL.get(kind)
+        return type(value) is kind and (within is None or value in within)
+    return type(value) is kind or not (kind is NoneType or is_dataclass(kind))
+
+
+def _read(what: str, value: Any, kind: Any, within: Range | None) -> Any:
+    """Return a value as an annotation says; pydantic is loaded for the first one that is not plainly so."""
+    if _is_plain(value, kind, within):
         return value
-    if get_origin(kind) is Literal:
+    try:
+        return _reader(kind, within).validate_python(value)
+    except ValueError as error:
+        raise ValueError(_sentence(what, kind, error)) from None
+
+
+@cache
+def _reader(kind: Any, within: Range | None) -> Any:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(_read_as(kind, within))
+
+
+def _read_as(kind: Any, within: Range | None) -> Any:
+    """Return an annotation as pydantic reads it: numbers, flags and texts by the checks above, tables as their dataclass."""
+    from pydantic import BeforeValidator, InstanceOf, PlainValidator
+
+    origin, args = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return _read_as(*args)
+    if origin in (UnionType, Union):
+        return Union[tuple(_read_as(one, within) for one in args)]  # noqa: UP007  # as many as there are
+    if origin is tuple:
+        return origin[_read_as(args[0], None), ...]
+    if kind in _CHECKS:
+        given = (within,) if within else ()
+        return Annotated[kind, PlainValidator(lambda value: _CHECKS[kind]("", value, *given))]
+    if not is_dataclass(kind):
+        return kind
+    of_class: Any = kind
+    instance: Any = InstanceOf
+    reads = hasattr(kind, "__post_init__")  # it checks its fields
+    return Annotated[
+        instance[kind],
+        BeforeValidator(
+            lambda value: from_table("", of_class, value) if reads and isinstance(value, Mapping) else value
+        ),
+    ]
+
+
+def _sentence(what: str, kind: Any, refused: Any) -> str:
+    """Return in a sentence what pydantic refused first."""
+    errors = refused.errors()
+    value, context = errors[0]["input"], errors[0].get("ctx", {})
+    what += "".join(f"[{k}]" for k in errors[0]["loc"] if isinstance(k, int))
+    if "error" in context:  # of a check, which does not know where it is
+        message = str(context["error"])
+        return what + message if message.startswith((" ", ":")) else message
+    if "expected" in context:
         where, colon, name = what.rpartition(": ")
-        return known(name, value, get_args(kind), where + colon)
-    if get_origin(kind) is tuple and get_args(kind)[1:] == (...,):
-        one = get_args(kind)[0]
-        return texts(what, value) if one is str else _things(what, value, one)
-    if kind is float:
-        return number(what, value, allowed or FINITE)
-    if kind is int:
-        return whole(what, value, allowed or COUNT)
-    if kind is bool:
-        return flag(what, value)
-    if kind is str:
-        return text(what, value)
-    return _thing(what, value, kind) if is_dataclass(kind) else value
+        names = context["expected"].replace(" or ", ", ").replace("'", "")
+        return f"{where}{colon}unknown {name} {shown(value)}; known: {names}"
+    if "class" in context:
+        must = " or ".join(dict.fromkeys(f"a {one['ctx']['class']}" for one in errors))
+    else:
+        of = get_args(kind)[0]
+        example = f": ({value!r},)" if of is str and isinstance(value, str) else ""
+        must = f"a tuple of {'names' if of is str else f'{of.__name__} objects'}{example}"
+    return f"{what} is {shown(value)}; it must be {must}"
 
 
-def _things(what: str, value: Any, kind: type) -> tuple[Any, ...]:
-    if isinstance(value, str | Mapping) or not isinstance(value, Iterable):
-        refuse(what, value, f"a tuple of {kind.__name__} objects")
-    return tuple(_thing(f"{what}[{k}]", one, kind) for k, one in enumerate(value))
-
-
-def _thing(what: str, value: Any, kind: Any) -> Any:
-    """Return an object of a class; one that checks its fields may be given as a table of them."""
-    if isinstance(value, Mapping) and hasattr(kind, "__post_init__"):
-        return from_table(what, kind, value)
-    if not isinstance(value, kind):
-        refuse(what, value, f"a {kind.__name__}")
-    return value
+_CHECKS: dict[Any, Any] = {float: number, int: whole, bool: flag, str: text}
+_USUAL = {float: FINITE, int: COUNT}
 
 
 def from_table(where: str, kind: type[Thing], table: Mapping[str, Any]) -> Thing:

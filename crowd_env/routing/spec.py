@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from crowd_env.core.checks import NOT_NEGATIVE, check_fields, known, shown
-from crowd_env.routing.strategies import OF_ROUTES
+from crowd_env.core.checks import NOT_NEGATIVE, check_fields, shown
+from crowd_env.routing.strategies import OfRoutes
 
 OUT = "out"  # name of the route that everyone knows: all exits
 
@@ -18,14 +18,13 @@ class Route:
     """names of the exits that the route may lead to, the best of which is taken; all exits by default."""
     via: str | None = None
     """name of the region that the route leads to first; none by default."""
-    strategy: str = "shortest"
+    strategy: OfRoutes = "shortest"
     """what counts on the route: "shortest", "fastest" or "comfortable"."""
 
     def __post_init__(self) -> None:
         check_fields(f"route {shown(self.name)}", self)
         if not self.name:
             raise ValueError("a route needs a name")
-        known("strategy", self.strategy, OF_ROUTES, f"route {shown(self.name)}: ")
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ Each is a travel-time field by fast marching with a speed map of its own.  A new
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.routing.speed_map import SpeedMap
@@ -35,4 +36,7 @@ STRATEGIES: dict[str, Strategy] = {
     "comfortable": Strategy("off stairs and corners", speed=SpeedMap.comfortable),
 }
 # Those that a route can have: where it leads does not depend on where somebody starts.
-OF_ROUTES = tuple(name for name, strategy in STRATEGIES.items() if not strategy.per_exit)
+if TYPE_CHECKING:
+    OfRoutes: TypeAlias = str
+else:
+    OfRoutes = Literal[tuple(name for name, strategy in STRATEGIES.items() if not strategy.per_exit)]

@@ -7,7 +7,7 @@ ignored.  A place that takes options of its own is a function that returns a `Sc
 import json
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -61,17 +61,16 @@ class Plan:
     """where people can be: an area, or a list of areas that are united."""
     exits: dict[str, AreaOrLine]
     """name = line on the edge of the walkable area, or area that people walk into."""
-    obstacles: list[AreaOrLine] = field(default_factory=list)
+    obstacles: tuple[AreaOrLine, ...] = ()
     """areas that are cut out of the walkable area."""
-    thin_walls: list[str | Line] = field(default_factory=list)
+    thin_walls: tuple[str | Line, ...] = ()
     """walls without thickness."""
-    regions: dict[str, Areas] = field(default_factory=dict)
+    regions: dict[str, Areas] | None = None
     """name = area or list of areas, for starts, rules and zones."""
-    doors: dict[str, str | Line] = field(default_factory=dict)
+    doors: dict[str, str | Line] | None = None
     """name = line across a passage, or the name of an exit that can be closed."""
     jamb_radius: float = 0.0
     """m, radius of all corners that jut into the walkable area; 0 = sharp."""
-
 
 
 def read_scenario(path: Path) -> Scenario:
@@ -113,8 +112,9 @@ def _read(path: Path) -> Mapping[str, Any]:
 
 
 def _geometry(content: Any) -> Geometry:
-    plan = vars(from_table("geometry", Plan, table("geometry", content, "keys and values")))
-    for key, value in plan.items():
+    given = from_table("geometry", Plan, table("geometry", content, "keys and values"))
+    plan: dict[str, Any] = {}
+    for key, value in vars(given).items():
         named = key in ("exits", "regions", "doors") and isinstance(value, Mapping)
         plan[key] = {name: _shape(f"{key}.{name}", one) for name, one in value.items()} if named else _shape(key, value)
     with at("geometry"):

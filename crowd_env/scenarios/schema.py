@@ -18,7 +18,6 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.distributions import LAWS, Distribution
 from crowd_env.scenarios.file import Line, Plan
 from crowd_env.scenarios.groups import Groups
-from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
 
 # Class -> names that stand for its objects.
@@ -52,7 +51,8 @@ class _InFiles(GenerateJsonSchema):
         return self.generate_inner(_core(_IN_FILES[schema["cls"]]).core_schema)
 
     def union_schema(self, schema: core_schema.UnionSchema) -> JsonSchemaValue:
-        for kind in schema["choices"]:
+        choices: Any = schema["choices"]
+        for kind in choices:
             names = PRESETS.get(kind.get("cls"))
             if names is not None:
                 return {"anyOf": [{"enum": list(names), "type": "string"}, self.generate_inner(kind)]}
@@ -65,7 +65,7 @@ class _InFiles(GenerateJsonSchema):
         if kind in _IN_FILES:
             return self.generate_inner(_core(_IN_FILES[kind]).core_schema)
         table = super().dataclass_schema(schema)
-        table["description"] = table["description"].split("\n\n")[0]
+        table["description"] = kind.__doc__.split("\n\n")[0]
         for name, law in LAWS.items():
             if kind is law:
                 table["properties"] = {"distribution": {"const": name, "type": "string"}, **table["properties"]}

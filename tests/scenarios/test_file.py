@@ -396,7 +396,19 @@ def accepts(schema, value, whole):
 def test_the_schema_takes_what_the_reader_takes_and_refuses_what_it_refuses():
     schema, content = json_schema(), tomllib.loads(FULL)
     assert accepts(schema, content, schema)
-    for wrong in ({"titel": "x"}, {"target": "paht"}, {"geometry": {}}, {"comfort": {"stars": 1}}, {"name": 3}):
+    for manner in ("calm", {"time_gap": 0.7}):
+        assert accepts(schema, {**content, "manner": manner}, schema)
+    for wrong in (
+        {"titel": "x"},
+        {"target": "paht"},
+        {"geometry": {}},
+        {"comfort": {"stars": 1}},
+        {"name": 3},
+        {"manner": "hasty"},
+        {"outline": {"discs": [[0, 0]]}},
+        {"routes": [{"name": "a", "strategy": "longest"}]},
+        {"population": {"people": 3, "radius": {"distribution": "gauss", "mean": 0.2}}},
+    ):
         assert not accepts(schema, {**content, **wrong}, schema)
 
 
