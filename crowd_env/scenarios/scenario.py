@@ -109,17 +109,12 @@ class Scenario:
     comfort: Comfort = field(default_factory=Comfort)
     """costs that the most comfortable route keeps low."""
     manner: Manner | None = "hurried"
-    """how people walk before they touch, unless the run says otherwise."""
     outline: BodyShape | None = None
-    """what shape bodies have, unless the run says otherwise."""
     strategy: str | None = None
     """how people choose their way: a strategy, or the name of a route or exit."""
     pulls: Pulls = field(default_factory=Pulls)
-    """what pulls people off their way: companions and attractions."""
     balance: Balancing | None = None
-    """how those who stand keep upright, unless the run says otherwise."""
     max_drive: float = 300.0
-    """N, the largest force with which one drives forwards; infinite = as the papers have it."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "population", as_people(self.population))

@@ -11,17 +11,12 @@ from pydantic import ConfigDict, TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticOmit, core_schema
 
-from crowd_env.core.behaviors.balance import BALANCES, Balance
-from crowd_env.core.behaviors.headway import MANNERS, Headway
-from crowd_env.core.behaviors.outline import OUTLINES, Outline
+from crowd_env.core.behaviors import BEHAVIORS
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.distributions import LAWS, Distribution
 from crowd_env.scenarios.file import Line, Plan
 from crowd_env.scenarios.groups import Groups
 from crowd_env.scenarios.scenario import Scenario
-
-# Class -> names that stand for its objects.
-PRESETS: dict[type, Any] = {Headway: MANNERS, Outline: OUTLINES, Balance: BALANCES}
 
 _Law = LAWS["uniform"] | LAWS["normal"] | LAWS["lognormal"]
 # Class of Python -> what a file holds in its place.
@@ -53,9 +48,9 @@ class _InFiles(GenerateJsonSchema):
     def union_schema(self, schema: core_schema.UnionSchema) -> JsonSchemaValue:
         choices: Any = schema["choices"]
         for kind in choices:
-            names = PRESETS.get(kind.get("cls"))
-            if names is not None:
-                return {"anyOf": [{"enum": list(names), "type": "string"}, self.generate_inner(kind)]}
+            names = [*getattr(kind.get("cls"), "PRESETS", ())]  # of a behavior
+            if names:
+                return {"anyOf": [{"enum": names, "type": "string"}, self.generate_inner(kind)]}
         return super().union_schema(schema)
 
     def dataclass_schema(self, schema: core_schema.DataclassSchema) -> JsonSchemaValue:
@@ -78,6 +73,8 @@ def json_schema() -> dict[str, Any]:
     scenario = _core(Scenario).json_schema(ref_template="#/definitions/{model}", schema_generator=_InFiles)
     definitions = _draft_7(scenario.pop("$defs"))
     del definitions["Population"]["required"]  # recorded starts say how many; groups share the rest
+    for name, behavior in BEHAVIORS.items():
+        scenario["properties"][name]["description"] = behavior.ABOUT
     own = {
         "$schema": {"type": "string", "description": "JSON Schema of this file, for editors; not read"},
         "groups": {

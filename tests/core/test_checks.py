@@ -10,9 +10,9 @@ import pytest
 from cases import looped
 from repository import ROOT
 
-from crowd_env.core.arrays.balance import Balance
-from crowd_env.core.arrays.headway import Headway
-from crowd_env.core.arrays.pulls import Companionship
+from crowd_env.core.behaviors.balance import Balance
+from crowd_env.core.behaviors.headway import Headway
+from crowd_env.core.behaviors.pulls import Companionship
 from crowd_env.core.checks import NOT_NEGATIVE, Positive, Range, Share, check_fields
 from crowd_env.physics.social_force import SocialForce
 from crowd_env.routing.speed_map import Comfort
@@ -121,7 +121,7 @@ def test_defaults_are_what_their_annotations_say(kind):
 
 def test_pydantic_is_loaded_for_the_first_value_that_is_not_plain():
     program = (
-        "import sys; from crowd_env import make_scenario; from crowd_env.core.arrays.headway import Headway; "
+        "import sys; from crowd_env import make_scenario; from crowd_env.core.behaviors.headway import Headway; "
         "make_scenario('room-v0'); print('pydantic' in sys.modules); Headway(time_gap=1); print('pydantic' in sys.modules)"
     )
     result = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
