@@ -21,7 +21,7 @@ from crowd_env.scenarios.scenario import Scenario
 _Law = LAWS["uniform"] | LAWS["normal"] | LAWS["lognormal"]
 # Class of Python -> what a file holds in its place.
 _IN_FILES: dict[type, Any] = {Geometry: Plan, Distribution: float | tuple[float, float] | _Law, np.ndarray: str | Line}
-_CONFIG = ConfigDict(use_attribute_docstrings=True, arbitrary_types_allowed=True, extra="forbid")
+_CONFIG = ConfigDict(use_attribute_docstrings=True, arbitrary_types_allowed=True)
 
 
 def _core(kind: Any) -> TypeAdapter[Any]:
@@ -60,7 +60,7 @@ class _InFiles(GenerateJsonSchema):
         if kind in _IN_FILES:
             return self.generate_inner(_core(_IN_FILES[kind]).core_schema)
         table = super().dataclass_schema(schema)
-        table["description"] = kind.__doc__.split("\n\n")[0]
+        table |= {"description": str(kind.__doc__).split("\n\n")[0], "additionalProperties": False}
         for name, law in LAWS.items():
             if kind is law:
                 table["properties"] = {"distribution": {"const": name, "type": "string"}, **table["properties"]}
