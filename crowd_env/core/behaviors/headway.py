@@ -114,8 +114,8 @@ class Headway(Behavior):
         brief=lambda table: f"time gap {table['time_gap']:g} s",
         judged=True,
         limits={
-            "competitive": "Competitive people walk at full speed whatever is in front of them, as in the papers; people who do "
-            "not press keep a distance and leave more slowly (docs/walking.md)."
+            "competitive": "Competitive people walk at full speed whatever is in front of them, as in the papers; people who "
+            "do not press keep a distance and leave more slowly (docs/walking.md)."
         },
     )
 
