@@ -1,4 +1,4 @@
-# Everything here needs only Python (>= 3.10) and make: the first target that wants them builds .venv.
+# Everything here needs only Python (>= 3.11) and make: the first target that wants them builds .venv.
 
 PYTHON ?= python3
 PIP_ARGS ?=
@@ -32,7 +32,7 @@ help:
 	@echo "make bench    measure the speed                                        (ARGS='--json' for a program)"
 	@echo "make hooks    run the checks at every git commit"
 	@echo "make clean    remove caches and build outputs (make distclean: .venv, .venv-clients too; runs/ stays)"
-	@echo "Variables: PYTHON=$(PYTHON) (3.10 or newer), ARGS, PIP_ARGS (options for pip, such as another index)"
+	@echo "Variables: PYTHON=$(PYTHON) (3.11 or newer), ARGS, PIP_ARGS (options for pip, such as another index)"
 
 train: $(VENV)/.train
 	$(BIN)/python train.py $(ARGS)
@@ -111,17 +111,17 @@ distclean: clean
 
 define check_python
 @command -v $(PYTHON) >/dev/null 2>&1 && $(PYTHON) -c "" 2>/dev/null || \
-  { echo "crowd_env needs Python 3.10 or newer, and '$(PYTHON)' does not run: install it, or name one with 'make PYTHON=...'." >&2; exit 1; }
-@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
-  { echo "crowd_env needs Python 3.10 or newer, and '$(PYTHON)' is $$($(PYTHON) -V 2>&1): name a newer one with 'make PYTHON=...'." >&2; exit 1; }
+  { echo "crowd_env needs Python 3.11 or newer, and '$(PYTHON)' does not run: install it, or name one with 'make PYTHON=...'." >&2; exit 1; }
+@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+  { echo "crowd_env needs Python 3.11 or newer, and '$(PYTHON)' is $$($(PYTHON) -V 2>&1): name a newer one with 'make PYTHON=...'." >&2; exit 1; }
 @$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || \
   { echo "'$(PYTHON)' lacks the venv module: install it (Debian, Ubuntu: apt install python3-venv), or name another with 'make PYTHON=...'." >&2; exit 1; }
 endef
 
-# A half-made or broken .venv (interrupted, or its Python gone) is made again from scratch.
+# A half-made or broken .venv (interrupted, its Python gone or too old) is made again from scratch.
 define make_venv
 @rm -f $(VENV)/.train $(VENV)/.dev
-@$(BIN)/python -c 'import pip, sys; sys.exit(sys.prefix == sys.base_prefix)' 2>/dev/null || \
+@$(BIN)/python -c 'import pip, sys; sys.exit(sys.prefix == sys.base_prefix or sys.version_info < (3, 11))' 2>/dev/null || \
   { echo "Building $(VENV), a few minutes the first time ..."; \
     $(PYTHON) -m venv --clear $(VENV); }
 endef

@@ -4,16 +4,11 @@ import argparse
 import importlib.util
 import re
 import subprocess
-import sys
+import tomllib
 from pathlib import Path
 
 from packaging.requirements import Requirement
 from repository import ROOT
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib  # pytest brings it
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 EXTRAS = PROJECT["project"]["optional-dependencies"]

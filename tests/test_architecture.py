@@ -4,18 +4,13 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 
 import pytest
 from cases import looped
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib  # pytest brings it
-
 from repository import ROOT
 
 pytestmark = pytest.mark.more
@@ -26,7 +21,12 @@ TESTED = ROOT / "tests"
 TESTS = sorted(TESTED.rglob("*.py"))
 
 # Libraries whose modules are named otherwise.
-OTHERWISE_IMPORTED = {"import-linter": "importlinter", "myst-parser": "myst_parser", "pillow": "PIL"}
+OTHERWISE_IMPORTED = {
+    "import-linter": "importlinter",
+    "myst-parser": "myst_parser",
+    "pillow": "PIL",
+    "pygame-ce": "pygame",
+}
 EMPTY_WORDS = {"helper", "helpers", "manager", "managers", "util", "utils", "utilities", "handler", "handlers"}
 
 
@@ -103,6 +103,16 @@ def test_tests_mirror_the_rooms():
     known = {path.name for path in (ROOT / "crowd_env").iterdir() if (path / "__init__.py").exists()}
     assert rooms <= known | {"benchmarks", "clients", "docs", "examples", "validation"}
     assert known <= rooms, "a room without a test"
+
+
+def test_the_same_pythons_are_required_named_and_tried():
+    named = [line.rpartition(" ")[2] for line in PROJECT["project"]["classifiers"] if ":: Python :: 3." in line]
+    oldest, newest = named[0], named[-1]
+    assert PROJECT["project"]["requires-python"] == f">={oldest}"
+    assert f'python: ["{oldest}", "{newest}"]' in (ROOT / ".github/workflows/ci.yml").read_text(encoding="utf-8")
+    for page in ("Makefile", "README.md", "CONTRIBUTING.md", "docs/start.md", "docs/benchmark.md"):
+        told = re.findall(r"(\d\.\d+) or newer", (ROOT / page).read_text(encoding="utf-8"))
+        assert set(told) == {oldest}, page
 
 
 def test_the_wheel_ships_crowd_env_alone():

@@ -44,7 +44,7 @@ def text_of(cell):
 @each_notebook
 def test_a_notebook_runs(path):
     if "import pedpy" in path.read_text(encoding="utf-8"):
-        pytest.importorskip("pedpy", reason="PedPy is not installed; `make test` does, for Python 3.11 and newer")
+        pytest.importorskip("pedpy", reason="PedPy is not installed; `make test` does")
     before = path.read_bytes()
     notebook = execute(path)
     assert [cell.execution_count for cell in code_cells(notebook)] == list(range(1, len(code_cells(notebook)) + 1))

@@ -4,12 +4,11 @@ A preset is a start that was seen to learn, not a part of the task: what is trai
 own physics step and with its own number of people.
 """
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import Any
-
-import tomllib
 
 from crowd_env import Scenario, make_scenario
 from crowd_env.core.checks import known, whole

@@ -7,13 +7,13 @@ observation do other things, raise the version, freeze both anew (``python -m cr
 everything again: figures of two versions do not stand in one table.
 """
 
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import tomllib
 
 from crowd_env import FULL_SPEED, Pulls, Scenario, make_scenario, make_scheme
 from crowd_env.core.behaviors.headway import Headway, Manner

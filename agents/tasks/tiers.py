@@ -5,11 +5,10 @@ later than that and not later than the best rule.  Hard: the same, at most 75 % 
 `crowd_env.agents.evaluation.tiers` measures decides; it is held against ``tiers.toml`` by a test.
 """
 
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import tomllib
 
 from .floors import capacity_time, free_walk_time
 from .task import Task, make_task

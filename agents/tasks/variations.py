@@ -4,13 +4,13 @@ place seen from another side, and policies that see less well or are late.
 They stand beside the tasks, whose digests do not depend on them.  What a policy gains in a task it should not lose here.
 """
 
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomllib
 
 from crowd_env import Scenario
 

@@ -5,12 +5,11 @@ For one agent per pedestrian see `crowd_env.envs.parallel` (PettingZoo) and `cro
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
-from typing_extensions import Unpack
 
 from crowd_env.core.arrays.state import Bools, as_grid
 from crowd_env.core.checks import refuse

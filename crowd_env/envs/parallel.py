@@ -2,13 +2,12 @@
 
 import copy
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium
 import numpy as np
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec
-from typing_extensions import Unpack
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import array, refuse, whole

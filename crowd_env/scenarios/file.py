@@ -5,7 +5,7 @@ ignored.  A place that takes options of its own is a function that returns a `Sc
 """
 
 import json
-import sys
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -20,11 +20,6 @@ from crowd_env.scenarios.groups import Groups, People
 from crowd_env.scenarios.population import Population, population_of
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.starts import check_starts, read_starts
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 SUFFIXES = (".toml", ".json")
 CORNERS = 32  # of a circle

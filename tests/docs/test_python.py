@@ -14,7 +14,7 @@ from crowd_env.core.files.own import load_own
 @pytest.mark.parametrize("block", tried("python"))
 def test_python_blocks_run(block, monkeypatch, tmp_path):
     for library in set(re.findall(r"^import (pandas|pedpy)", block.text, re.MULTILINE)):
-        pytest.importorskip(library, reason=f"{library} is not installed; `make test` does, for Python 3.11 and newer")
+        pytest.importorskip(library, reason=f"{library} is not installed; `make test` does")
     monkeypatch.chdir(tmp_path)
     exec(compile("\n" * block.line + block.text, str(block.page), "exec"), {"__name__": "__main__"})
 

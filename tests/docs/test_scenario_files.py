@@ -1,8 +1,9 @@
 """Scenario files that the pages show are read and hold the people that they name."""
 
+import tomllib
+
 import pytest
 from cases import looped
-from installations import tomllib
 from shown import blocks, called
 
 from crowd_env import CrowdEnv, make_scenario

@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 from dataclasses import fields
 
 import numpy as np
@@ -16,7 +17,6 @@ from crowd_env.cli.main import app
 from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
-from crowd_env.scenarios.file import tomllib
 
 json_schema = late("crowd_env.scenarios.schema", "json_schema")
 
