@@ -1,7 +1,6 @@
 """Other programs, in the same scenes and in turn with ours; each by its public interface, imported only when asked for.
 
-Install them apart from the rest, ``pip install -e '.[train,bench]' -c constraints.txt`` in an environment of its own: some of
-them bring pygame-ce, which overwrites the pygame of the extra ``render``.
+They bring many packages: install them with ``pip install -e '.[train,bench]' -c constraints.txt`` in an environment of its own.
 """
 
 import contextlib

@@ -30,7 +30,7 @@ def drawing_library() -> AbstractContextManager[None]:
         If the library is not installed; the message says how to install it.
     """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    return needed_for("drawing", "pygame matplotlib pillow imageio-ffmpeg")
+    return needed_for("drawing", "pygame-ce matplotlib pillow imageio-ffmpeg")
 
 
 def require_libraries(suffix: str) -> None:

@@ -247,7 +247,7 @@ print(image.shape)
 @pytest.mark.more
 def test_a_missing_library_is_named_with_what_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(ModuleNotFoundError, match=r"pygame.*: pip install pygame matplotlib pillow imageio-ffmpeg"):
+    with pytest.raises(ModuleNotFoundError, match=r"pygame.*: pip install pygame-ce matplotlib pillow imageio-ffmpeg"):
         Window().show(np.zeros((60, 80, 3), dtype=np.uint8))
 
 
