@@ -1,6 +1,7 @@
 """Two commands that write to one place: the second is told, before anything is run."""
 
 import errno
+import fcntl
 import subprocess
 import sys
 
@@ -13,7 +14,6 @@ from crowd_env.cli import run as running
 from crowd_env.cli.agents import evaluate as evaluating
 from crowd_env.cli.agents import learn as learning
 from crowd_env.cli.main import app
-from crowd_env.core.files import store
 from crowd_env.core.files.store import claimed
 
 RUN = "run room-v0 --people 3 --runs 1 --physics dem"
@@ -46,18 +46,18 @@ def test_a_claim_falls_with_a_process_that_is_killed(tmp_path):
 @looped("next_one", [True, False])
 def test_a_lock_on_a_file_that_its_owner_has_removed_is_none(tmp_path, monkeypatch, next_one):
     """Its owner leaves, and perhaps another command comes, between our opening of the file and our locking of it."""
-    lock, real = tmp_path / f"{next_one}.lock", store._lock
+    lock, real = tmp_path / f"{next_one}.lock", fcntl.flock
     others = []
 
-    def slow(file):
+    def slow(file, operation):
         if not others:
             lock.unlink()
             others.append(lock.open("w") if next_one else None)
             if next_one:
-                real(others[0])
-        real(file)
+                real(others[0], operation)
+        real(file, operation)
 
-    monkeypatch.setattr(store, "_lock", slow)
+    monkeypatch.setattr(fcntl, "flock", slow)
     with claimed(lock) as ours:
         assert ours is not next_one and lock.exists()
         if ours:  # who comes later sees it
@@ -160,12 +160,11 @@ def test_what_was_written_by_something_else_is_not_written_over(line, name, tmp_
     assert [path.name for path in folder.iterdir()] == [name] and (folder / name).read_text() == "mine"
 
 
-@looped("error", [OSError(errno.ENOLCK, "No locks available"), ImportError("no fcntl")], quick=1)
-def test_where_there_are_no_locks_it_is_said_and_gone_on(error, tmp_path, monkeypatch):
-    def no_locks(_):
-        raise error
+def test_where_there_are_no_locks_it_is_said_and_gone_on(tmp_path, monkeypatch):
+    def no_locks(file, operation):
+        raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr("crowd_env.core.files.store._lock", no_locks)
+    monkeypatch.setattr(fcntl, "flock", no_locks)
     told = call(f"{RUN} --out {tmp_path / 'out'}")
     assert told.exit_code == 0 and (tmp_path / "out" / "runs.csv").exists()
     expected = f"note: {tmp_path / 'out'} has no file locks: see to it that no other command writes there"

@@ -6,12 +6,11 @@ code, the versions.  What has another identity is never mixed with what is made 
 
 import errno
 import json
-import os
 import warnings
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,8 +20,8 @@ from crowd_env.core.files.json_file import read_json, write_json
 _LOCK = ".lock"
 _MADE_BY = "made_by"
 _FACTS = "facts"  # the member of an ``.npz`` file that holds a JSON object as text
-# What systems and file systems without locks answer.
-_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL)
+# What file systems without locks answer.
+_NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL)
 
 
 class Store:
@@ -177,51 +176,29 @@ def claimed(path: Path) -> Iterator[bool]:
     """Hold the lock file ``path`` as long as the block lasts, and say whether this process alone has it.
 
     The lock falls with the process, however that ends.  A file that a killed process has left is not locked.  A link is not
-    followed, and what is in the file stays.  The file is removed at the end, and so are the folders that were made for it and
-    are empty.  Where the file system has no locks, a warning says so, and every process has the claim.
+    followed.  The file is removed at the end, and so are the folders that were made for it and are empty.  Where the file
+    system has no locks, a warning says so, and every process has the claim.
     """
+    from filelock import FileLock, Timeout  # a tenth of a second, which reading a store does not need
+
     made = [folder for folder in path.parents if not folder.exists()]
     path.parent.mkdir(parents=True, exist_ok=True)
-    file = _locked(path)
-    if file is None:
+    lock = FileLock(path, timeout=0.1)  # s  time to try again where the owner has just removed the file
+    try:
+        lock.acquire()
+    except Timeout:
         yield False
         return
+    except OSError as error:
+        if error.errno not in _NO_LOCKS:
+            raise
+        warnings.warn(f"{path.parent} has no file locks: see to it that no other command writes there", stacklevel=3)
     try:
         yield True
     finally:
         with suppress(OSError):
             path.unlink()  # while it is locked: no other process can have taken the new one for the old one
-        file.close()
+        lock.release()
         with suppress(OSError):  # something has been written there
             for folder in made:
                 folder.rmdir()
-
-
-def _locked(path: Path) -> IO[str] | None:
-    """Return the open file, locked where there are locks; None if another process has it."""
-    while True:
-        file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666))
-        try:
-            _lock(file)
-        except (BlockingIOError, PermissionError):
-            file.close()
-            return None
-        except (ImportError, OSError) as error:
-            if isinstance(error, OSError) and error.errno not in _NO_LOCKS:
-                file.close()
-                raise
-            told = f"{path.parent} has no file locks: see to it that no other command writes there"
-            warnings.warn(told, stacklevel=4)
-            return file
-        try:
-            if os.fstat(file.fileno()).st_ino == path.lstat().st_ino:
-                return file
-        except FileNotFoundError:
-            pass
-        file.close()  # its owner has removed it between our opening and our locking: lock the next one
-
-
-def _lock(file: IO[str]) -> None:
-    import fcntl  # of POSIX systems
-
-    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
