@@ -181,7 +181,7 @@ def _ours(file: Any) -> Recording:
         contacts = FrameContacts(start, *(found[name] for name in FrameContacts._fields[1:]))
     since = count["time"][-1] if len(count) else -np.inf
     out = people["exit_time"] <= since  # what was written after the last frame that counts
-    of_people = {name: people[name] for name in OF_PEOPLE if name in people.dtype.names}  # 0.1.0 knew no company
+    of_people = {name: people[name] for name in OF_PEOPLE}
     of_people["exit_time"] = np.where(out, people["exit_time"], np.nan)
     of_people["exit_index"] = np.where(out, people["exit_index"], -1)
     return recording_of(

@@ -166,9 +166,7 @@ def _ours(file: sqlite3.Connection, tables: set[str]) -> Recording:
     facts = {key: json.loads(value) for key, value in file.execute("SELECT key, value FROM facts")}
     place = {key: facts.pop(key) for key in PLACE if key != "exits"}
     exits = [(name, [line[:2], line[2:]]) for _, name, *line in file.execute("SELECT * FROM exits ORDER BY number")]
-    numbers = "radius, desired_speed, group_number, exit_time, ifnull(exit_number, -1)"
-    known = [name for _, name, *_ in file.execute("PRAGMA table_info(people)")]
-    numbers += ", company" if "company" in known else ", -1"  # files of 0.1.0 have none
+    numbers = "radius, desired_speed, group_number, exit_time, ifnull(exit_number, -1), company"
     people = _columns(file, f"SELECT {numbers} FROM people ORDER BY id", 6)
     (times,) = _columns(file, "SELECT time FROM frames ORDER BY frame", 1)
     frame, person, x, y = _columns(file, _ROWS, 4)
