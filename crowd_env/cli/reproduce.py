@@ -15,7 +15,7 @@ from rich.table import Table
 from crowd_env.cli.console import wide_console
 from crowd_env.cli.options import AsJson, plain, section
 from crowd_env.core.console import check_folder, friendly_errors, interrupted, progress_bar, say
-from crowd_env.core.executors import Executor, all_cores, make_executor
+from crowd_env.core.executors import Executor, Processes, RayCluster, Serial, all_cores
 from crowd_env.core.files.store import Store
 from crowd_env.rendering.canvas import save_figure
 from crowd_env.reproduce import FIGURES, PAPERS, Case, Figure, Result, Settings, find
@@ -134,9 +134,9 @@ def _results(chosen: list[_Chosen], store: Store, executor: Executor, fresh: boo
 def _executor(given: Mapping[str, Any]) -> Executor:
     """Return what computes; a cluster is connected to."""
     if "ray" in given:
-        return make_executor("ray")
+        return RayCluster()
     workers = given.get("workers", all_cores())
-    return make_executor("serial") if workers == 1 else make_executor("processes", workers=workers)
+    return Serial() if workers == 1 else Processes(workers)
 
 
 def _select(name: str, given: Mapping[str, Any], out: Path) -> list[_Chosen]:

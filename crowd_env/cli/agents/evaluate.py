@@ -28,7 +28,7 @@ from crowd_env.cli.place import read_place
 from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import Range, number, whole
 from crowd_env.core.console import friendly_errors, progress_bar, say
-from crowd_env.core.executors import Executor, Processes, Serial, make_executor
+from crowd_env.core.executors import Executor, Processes, RayCluster, Serial
 from crowd_env.core.files.json_file import write_json
 from crowd_env.core.files.own import own_or_name
 from crowd_env.core.files.store import Store
@@ -155,7 +155,7 @@ def main(
 
 def _executor(ray: bool, threads: int) -> Executor:
     """Return what simulates: a cluster of whose cores a batch takes as many as it has threads, or this process."""
-    return make_executor("ray", cores=threads) if ray else Serial()
+    return RayCluster(threads) if ray else Serial()
 
 
 def _vary(task: Task, policies: Sequence[str], as_json: bool, executor: Executor, runs: int | None, **how: Any) -> None:

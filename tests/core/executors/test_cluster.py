@@ -6,7 +6,7 @@ import pytest
 from pieces_of_work import die, die_at_first, process, square, wait
 from repository import ROOT
 
-from crowd_env.core.executors import Serial, WorkerDied, make_executor
+from crowd_env.core.executors import RayCluster, Serial, WorkerDied
 from crowd_env.core.files.store import Store
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.reproduce.evacuations import evacuate
@@ -39,7 +39,7 @@ def nodes():
 
 @pytest.fixture
 def executor(nodes):
-    with_ray = make_executor("ray")
+    with_ray = RayCluster()
     yield with_ray
     with_ray.close()
     assert ray.is_initialized()  # it was before
@@ -91,7 +91,7 @@ def test_a_node_with_other_code_is_named(executor, monkeypatch):
 
 def test_more_cores_than_a_node_has_are_refused(nodes):
     with pytest.raises(ValueError, match="takes 3 cores; the largest node of the Ray cluster has 1"):
-        make_executor("ray", cores=3)
+        RayCluster(3)
 
 
 def test_runs_are_the_same_runs_when_a_node_is_killed_meanwhile(nodes, executor):
@@ -104,7 +104,7 @@ def test_runs_are_the_same_runs_when_a_node_is_killed_meanwhile(nodes, executor)
             nodes.remove_node(doomed, allow_graceful=False)
         counts.append(len(episodes))
 
-    wide = make_executor("ray")
+    wide = RayCluster()
     found = run_episodes(place, 12, scheme="dem", seed=3, executor=wide, keep=keep)
     assert repr(found) == repr(expected) and sum(counts) == 12 and len(counts) > 1
 

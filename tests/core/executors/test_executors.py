@@ -5,17 +5,15 @@ import os
 import pytest
 from pieces_of_work import die, note, process, square, wait
 
-from crowd_env.core.executors import EXECUTORS, WorkerDied, make_executor
+from crowd_env.core.executors import Processes, Serial, WorkerDied
 
 pytestmark = pytest.mark.more
 
-HERE = [name for name in EXECUTORS if name != "ray"]  # tests/core/executors/test_cluster.py is about that
 
-
-@pytest.fixture(params=HERE)
+@pytest.fixture(params=[Serial(), Processes(2)], ids=["serial", "processes"])
 def executor(request):
-    options = {"workers": 2} if request.param == "processes" else {}
-    return make_executor(request.param, **options)
+    """Return one of this machine; tests/core/executors/test_cluster.py is about the other."""
+    return request.param
 
 
 def test_every_outcome_is_handed_over_with_the_number_of_its_piece(executor):
@@ -38,7 +36,7 @@ def test_what_a_piece_raises_arrives(executor):
 
 
 def test_other_processes_leave_notes_to_this_one(capfd):
-    make_executor("processes", workers=1).run(note, ["the way is narrow"], lambda *_: None)
+    Processes(1).run(note, ["the way is narrow"], lambda *_: None)
     assert capfd.readouterr().err == ""
 
 
@@ -50,15 +48,10 @@ def test_an_interruption_ends_what_is_under_way(tmp_path):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        make_executor("processes", workers=2).run(wait, ["", str(tmp_path)], interrupted)
+        Processes(2).run(wait, ["", str(tmp_path)], interrupted)
     assert set(found) == {(0, "")}  # handing over was interrupted, so it was tried again
 
 
 def test_a_process_that_dies_is_told():
     with pytest.raises(WorkerDied, match="a process that computed runs has died"):
-        make_executor("processes", workers=1).run(die, [1], lambda *_: None)
-
-
-def test_an_unknown_executor_is_refused():
-    with pytest.raises(ValueError, match="unknown executor 'cloud'; known: serial, processes, ray"):
-        make_executor("cloud")
+        Processes(1).run(die, [1], lambda *_: None)
