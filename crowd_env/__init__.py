@@ -41,8 +41,14 @@ from crowd_env.scenarios.population import TABLE_4, LogNormal, Normal, Populatio
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 from crowd_env.scenarios.starts import read_starts
 
-ROUTING = "crowd_env/Routing-v0"  # one controller that sends people to exits
-FOOTBRIDGE = "crowd_env/Footbridge-v0"  # one that holds people back from a deck that sways
+# What one controller decides for all: name -> how Gymnasium makes the environment.
+_CONTROLLED: dict[str, dict[str, Any]] = {
+    "crowd_env/Routing-v0": {
+        "entry_point": "crowd_env.envs.routing.env:RoutingEnv",
+        "vector_entry_point": "crowd_env.envs.routing.env:RoutingVectorEnv",
+    },
+    "crowd_env/footbridge-gate-v0": {"entry_point": "crowd_env.envs.footbridge.env:FootbridgeEnv"},
+}
 
 __all__ = [
     "BALANCES",
@@ -124,7 +130,10 @@ def __getattr__(name: str) -> Any:
 
 
 def register() -> None:
-    """Register every scenario as ``crowd_env/<name>`` with PettingZoo (both APIs) and Gymnasium (one room and batch)."""
+    """Register every scenario as ``crowd_env/<name>`` with PettingZoo (both APIs) and Gymnasium (one room and batch).
+
+    What one controller decides for all is registered with Gymnasium alone.
+    """
     for name in SCENARIOS:
         options = {"scenario": name}
         identity = f"crowd_env/{name}"
@@ -139,14 +148,9 @@ def register() -> None:
             pettingzoo.register("parallel", identity, "crowd_env.envs.parallel:parallel_env", kwargs=options)
         if identity not in pettingzoo.aec_registry:
             pettingzoo.register("aec", identity, "crowd_env.envs.parallel:env", kwargs=options)
-    if ROUTING not in gymnasium.registry:
-        gymnasium.register(
-            ROUTING,
-            entry_point="crowd_env.envs.routing.env:RoutingEnv",
-            vector_entry_point="crowd_env.envs.routing.env:RoutingVectorEnv",
-        )
-    if FOOTBRIDGE not in gymnasium.registry:
-        gymnasium.register(FOOTBRIDGE, entry_point="crowd_env.envs.footbridge:FootbridgeEnv")
+    for identity, made_by in _CONTROLLED.items():
+        if identity not in gymnasium.registry:
+            gymnasium.register(identity, **made_by)
 
 
 register()

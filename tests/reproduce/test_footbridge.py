@@ -3,7 +3,7 @@
 import pytest
 from reproductions import check_files, reported
 
-from crowd_env.envs.footbridge import FootbridgeEnv
+from crowd_env.envs.footbridge.env import FootbridgeEnv
 from crowd_env.reproduce.footbridge.gate import RULES, keep
 from crowd_env.reproduce.footbridge.onset import THRESHOLD, at_mid_span, on_filled_deck
 from crowd_env.reproduce.footbridge.runs import onset

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.physics.footbridge.crossing import Footbridge
-from crowd_env.physics.footbridge.walkers import DECK, WIDTH, crowd
+from crowd_env.envs.footbridge.crossing import Footbridge
+from crowd_env.envs.footbridge.walkers import DECK, WIDTH, crowd
 from crowd_env.rendering.canvas import draw_bodies, hex_of, new_figure, quiet_axes, series
 from crowd_env.rendering.encoding import write_gif
 from crowd_env.rendering.palette import INK, QUIET

@@ -1,4 +1,4 @@
-"""A gatekeeper of the footbridge: what rules of ``crowd_env/Footbridge-v0`` earn that hold people back at the entrance."""
+"""A gatekeeper of the footbridge: what rules of ``crowd_env/footbridge-gate-v0`` earn that hold people back at the entrance."""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.envs.footbridge import FootbridgeEnv
+from crowd_env.envs.footbridge.env import FootbridgeEnv
 from crowd_env.rendering.canvas import new_figure, quiet_axes, series
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
 from crowd_env.reproduce.result import RawTable, Result, Row

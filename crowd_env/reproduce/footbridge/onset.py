@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.physics.footbridge.synchrony import SPREAD, Synchrony, normal_density
-from crowd_env.physics.footbridge.walkers import DECK, crowd
+from crowd_env.envs.footbridge.synchrony import SPREAD, Synchrony, normal_density
+from crowd_env.envs.footbridge.walkers import DECK, crowd
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, series
 from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.footbridge.runs import Trace, half_sine, onset, stay, walk

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from crowd_env.physics.footbridge.deck import Deck
-from crowd_env.physics.footbridge.pendulum import Pendulum
-from crowd_env.physics.footbridge.synchrony import Synchrony
-from crowd_env.physics.footbridge.walkers import DECK
+from crowd_env.envs.footbridge.deck import Deck
+from crowd_env.envs.footbridge.pendulum import Pendulum
+from crowd_env.envs.footbridge.synchrony import Synchrony
+from crowd_env.envs.footbridge.walkers import DECK
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, series
 from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.footbridge.onset import LARGE, THRESHOLD

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.physics.footbridge.crossing import Footbridge
-from crowd_env.physics.footbridge.deck import State, order_parameter
-from crowd_env.physics.footbridge.pendulum import Pendulum, advance_pendulum, start_walking
-from crowd_env.physics.footbridge.synchrony import Synchrony, advance_synchrony
-from crowd_env.physics.footbridge.walkers import DECK, come_round, draw_strides
+from crowd_env.envs.footbridge.crossing import Footbridge
+from crowd_env.envs.footbridge.deck import State, order_parameter
+from crowd_env.envs.footbridge.pendulum import Pendulum, advance_pendulum, start_walking
+from crowd_env.envs.footbridge.synchrony import Synchrony, advance_synchrony
+from crowd_env.envs.footbridge.walkers import DECK, come_round, draw_strides
 from crowd_env.physics.simulation.simulation import Simulation
 
 LOST = 0.5  # m, a motion at which the equations no longer hold, and a run ends

@@ -201,10 +201,10 @@ def footbridge(*, length: float = 81.0, width: float = 4.0) -> Scenario:
         box(0.0, 0.0, length, width),
         exits={"far end": [(length, 0.0), (length, width)]},
     )
-    # By the relation of physics/footbridge/gait.py so fast that the mean stride is that of the deck, with the spread of 2005.
+    # By the relation of envs/footbridge/gait.py so fast that the mean stride is that of the deck, with the spread of 2005.
     people = _people(160, radius=Uniform(0.15, 0.19), desired_speed=Normal(1.61, 0.37, 0.8, 2.6))
     title = f"footbridge, {length:.10g} x {width:.10g} m, people all over it walk to one end"
-    source = "north span of the London Millennium Bridge; the deck sways under crowd_env.physics.footbridge"
+    source = "north span of the London Millennium Bridge; the deck sways under crowd_env.envs.footbridge"
     return Scenario("footbridge-v0", geometry, people, 300.0, title, source)
 
 

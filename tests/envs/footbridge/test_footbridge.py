@@ -5,13 +5,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from crowd_env.core.arrays.state import make_bodies, make_state
+from crowd_env.envs.footbridge.crossing import COUPLINGS, Footbridge
+from crowd_env.envs.footbridge.deck import Deck, order_parameter
+from crowd_env.envs.footbridge.gait import step_frequency, walking_speed
+from crowd_env.envs.footbridge.pendulum import Pendulum, advance_pendulum, start_walking
+from crowd_env.envs.footbridge.synchrony import SPREAD, Synchrony, advance_synchrony, normal_density
+from crowd_env.envs.footbridge.walkers import come_round
 from crowd_env.geometry.geometry import Geometry, box
-from crowd_env.physics.footbridge.crossing import COUPLINGS, Footbridge
-from crowd_env.physics.footbridge.deck import Deck, order_parameter
-from crowd_env.physics.footbridge.gait import step_frequency, walking_speed
-from crowd_env.physics.footbridge.pendulum import Pendulum, advance_pendulum, start_walking
-from crowd_env.physics.footbridge.synchrony import SPREAD, Synchrony, advance_synchrony, normal_density
-from crowd_env.physics.footbridge.walkers import come_round
 from crowd_env.physics.simulation.simulation import Simulation
 
 DECK = Deck()
@@ -130,8 +130,8 @@ def test_without_a_coupling_no_bit_changes():
     alone = on_deck()
     for _ in range(60):
         alone.advance(relative=np.zeros(30, dtype=np.bool_), n_substeps=10)
-    for coupling, paced in (("off", True), ("pendulum", True), ("synchrony", False)):
-        bridge = Footbridge(on_deck(), coupling, paced=paced)
+    for coupling in ("off", "pendulum"):
+        bridge = Footbridge(on_deck(), coupling)
         assert (walked(bridge) == alone.state.position).all(), coupling
         assert (bridge.amplitude > 0.0) == (coupling != "off")
     assert not (walked(Footbridge(on_deck(), Synchrony(sensitivity=1e3))) == alone.state.position).all()

@@ -26,7 +26,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import NotNegative, Positive, check_fields
-from crowd_env.physics.footbridge.deck import Deck, State, runge_kutta_4
+from crowd_env.envs.footbridge.deck import Deck, State, runge_kutta_4
 
 _GRAVITY = 9.81  # m/s2
 

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from crowd_env.envs.footbridge import COMFORT, DeckLayout, FootbridgeEnv
-from crowd_env.physics.footbridge.synchrony import Synchrony
-from crowd_env.physics.footbridge.walkers import DECK
+from crowd_env.envs.footbridge.env import COMFORT, DeckLayout, FootbridgeEnv
+from crowd_env.envs.footbridge.synchrony import Synchrony
+from crowd_env.envs.footbridge.walkers import DECK
 
 
 def test_gymnasium_makes_it_and_the_same_seed_gives_the_same_run():
-    env = gymnasium.make("crowd_env/Footbridge-v0", people=20, interval=0.5, time_limit=2.0).unwrapped
+    env = gymnasium.make("crowd_env/footbridge-gate-v0", people=20, interval=0.5, time_limit=2.0).unwrapped
     check_env(env, skip_render_check=True)
     runs = []
     for _ in range(2):

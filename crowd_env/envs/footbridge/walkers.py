@@ -3,11 +3,11 @@
 import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Floats, make_bodies, make_state
+from crowd_env.envs.footbridge.deck import Deck
+from crowd_env.envs.footbridge.gait import walking_speed
+from crowd_env.envs.footbridge.synchrony import SPREAD
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.geometry.placement import sample_positions
-from crowd_env.physics.footbridge.deck import Deck
-from crowd_env.physics.footbridge.gait import walking_speed
-from crowd_env.physics.footbridge.synchrony import SPREAD
 from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 

@@ -2,7 +2,7 @@
 
 Between two calls everyone stands where the crowd has left them: psi is constant over a call of 0.1 s, in which a walker moves
 by a thousandth of the deck.  The deck acts on the crowd by the beat of the steps alone: who steps faster walks faster, by
-`crowd_env.physics.footbridge.gait`.  Without a coupling, or with ``paced=False``, no bit of the crowd changes.
+`crowd_env.envs.footbridge.gait`.  Under ``off`` and ``pendulum`` no bit of the crowd changes.
 """
 
 from collections.abc import Mapping
@@ -11,10 +11,10 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import known
-from crowd_env.physics.footbridge.deck import Deck, State, order_parameter
-from crowd_env.physics.footbridge.gait import stride_rate, walking_speed
-from crowd_env.physics.footbridge.pendulum import Pendulum, advance_pendulum, start_walking
-from crowd_env.physics.footbridge.synchrony import Synchrony, advance_synchrony
+from crowd_env.envs.footbridge.deck import Deck, State, order_parameter
+from crowd_env.envs.footbridge.gait import stride_rate, walking_speed
+from crowd_env.envs.footbridge.pendulum import Pendulum, advance_pendulum, start_walking
+from crowd_env.envs.footbridge.synchrony import Synchrony, advance_synchrony
 from crowd_env.physics.simulation.simulation import Simulation
 
 # Name -> how walkers and deck act on each other, with the numbers of its file.
@@ -34,7 +34,6 @@ class Footbridge:
     coupling : a name in `COUPLINGS`, a `Synchrony`, a `Pendulum`, or None.
     deck : the deck.
     seed : of the phases at the start, which are even around the circle.
-    paced : who steps faster walks faster, by their desired speed; only ``synchrony`` changes the beat of steps.
 
     Raises
     ------
@@ -49,24 +48,23 @@ class Footbridge:
         *,
         deck: Deck | None = None,
         seed: int = 0,
-        paced: bool = True,
     ) -> None:
         if len(simulation.state.time) != 1:
             raise ValueError(f"the simulation holds {len(simulation.state.time)} environments; a footbridge takes one")
         if isinstance(coupling, str):
             known("coupling", coupling, COUPLINGS)
             coupling = COUPLINGS[coupling]
-        self.simulation, self.coupling, self.paced = simulation, coupling, paced
+        self.simulation, self.coupling = simulation, coupling
         self.deck = Deck() if deck is None else deck
         self.omega = stride_rate(simulation.bodies.desired_speed)
-        self._rng = np.random.default_rng(seed)
+        rng = np.random.default_rng(seed)
         zero, people = np.zeros(()), len(self.omega)
-        turns = np.exp(2j * np.pi * self._rng.random(people))
+        turns = np.exp(2j * np.pi * rng.random(people))
         self._state: State = (zero, zero, turns)
         self._pace = np.ones(people)
         if isinstance(coupling, Pendulum):
             strides = np.full(people, coupling.frequency)
-            self._walkers, self._state = start_walking(coupling, strides, _PENDULUM, self._rng)
+            self._walkers, self._state = start_walking(coupling, strides, _PENDULUM, rng)
 
     @property
     def psi(self) -> Floats:
@@ -120,7 +118,7 @@ class Footbridge:
         if duration > _CALL or not whole:
             raise ValueError(f"n_substeps: {duration:g} s; at most {_CALL:g} s, pendulums multiples of {_PENDULUM:g} s")
         relative = np.full(people, not world)
-        if self.paced and isinstance(self.coupling, Synchrony):
+        if isinstance(self.coupling, Synchrony):
             asked = np.tile([1.0, 0.0], (people, 1)) if command is None else np.asarray(command, dtype=np.float64)
             command = asked * self._pace[:, None]
         self.simulation.advance(command, relative=relative, n_substeps=n_substeps)

@@ -1,4 +1,4 @@
-"""Gymnasium: a gatekeeper of a footbridge that sways, ``crowd_env/Footbridge-v0``."""
+"""Gymnasium: a gatekeeper of a footbridge that sways, ``crowd_env/footbridge-gate-v0``."""
 
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -9,12 +9,12 @@ import numpy as np
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.checks import COUNT, NOT_NEGATIVE, POSITIVE, Range, number, whole
 from crowd_env.envs.arguments import check_options, parts_of
+from crowd_env.envs.footbridge.crossing import Footbridge
+from crowd_env.envs.footbridge.pendulum import Pendulum
+from crowd_env.envs.footbridge.synchrony import Synchrony
+from crowd_env.envs.footbridge.walkers import DECK, come_round, crowd
 from crowd_env.envs.settings import answers_unknown
 from crowd_env.envs.terms import Layout
-from crowd_env.physics.footbridge.crossing import Footbridge
-from crowd_env.physics.footbridge.pendulum import Pendulum
-from crowd_env.physics.footbridge.synchrony import Synchrony
-from crowd_env.physics.footbridge.walkers import DECK, come_round, crowd
 
 # m/s2: accelerations to the side up to the first are comfortable, beyond the second they are not to be borne (HIVOSS
 # guideline, from memory; the table 7.2 of CSA S7, seen in a program, has the same two).

@@ -21,7 +21,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import NotNegative, Range, check_fields
-from crowd_env.physics.footbridge.deck import Deck, State, runge_kutta_4
+from crowd_env.envs.footbridge.deck import Deck, State, runge_kutta_4
 
 SPREAD = 0.63  # rad/s, standard deviation of Omega
 
