@@ -1,4 +1,4 @@
-"""Controllers for ``crowd_env/Routing-v0`` that need no learning: what a learned one has to beat."""
+"""Controllers for ``crowd_env/routing-v0`` that need no learning: what a learned one has to beat."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

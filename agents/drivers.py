@@ -203,7 +203,7 @@ def best_share(scenario: Scenario, **options: Any) -> float:
 
 
 class ControllerDriver(Driver):
-    """A batch of evacuations whose people a controller of ``crowd_env/Routing-v0`` sends to exits.
+    """A batch of evacuations whose people a controller of ``crowd_env/routing-v0`` sends to exits.
 
     A step may be shorter than the interval between two decisions, so that crowds are measured in between.
 

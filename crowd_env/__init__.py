@@ -43,7 +43,7 @@ from crowd_env.scenarios.starts import read_starts
 
 # What one controller decides for all: name -> how Gymnasium makes the environment.
 _CONTROLLED: dict[str, dict[str, Any]] = {
-    "crowd_env/Routing-v0": {
+    "crowd_env/routing-v0": {
         "entry_point": "crowd_env.envs.routing.env:RoutingEnv",
         "vector_entry_point": "crowd_env.envs.routing.env:RoutingVectorEnv",
     },

@@ -241,6 +241,6 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
 
 
 def controller_entry(controller: Controller, task: Task | None = None) -> Entry:
-    """Return the entry of a controller of ``crowd_env/Routing-v0``."""
+    """Return the entry of a controller of ``crowd_env/routing-v0``."""
 
     return Entry(controller.name, partial(_driver, controller, task, None), leads=False)

@@ -46,7 +46,7 @@ class Task:
     rule : strategy of the policy ``rule``, along whose ways the other policies walk too.
     decision_dt : s, interval between two decisions of a policy.
     runs : held-out draws of a full evaluation.
-    decides : what is to be decided: how everyone walks, or to which exit people are sent (``crowd_env/Routing-v0``).
+    decides : what is to be decided: how everyone walks, or to which exit people are sent (``crowd_env/routing-v0``).
     no_harm : there is little to gain; a policy only must not be slower than the rule.
     learned_share : of the people whom policies move, others in every run; nobody is told that the others walk at full speed.
         None = all.

@@ -38,7 +38,7 @@ class RewardTerm(Term):
     ----------
     name : it is reported as ``reward/<name>``.
     function : of a `crowd_env.envs.reward.Transition`; returns the term (P,) of each pedestrian.  Those who were not inside get
-        0 whatever it is.  In ``crowd_env/Routing-v0`` it is a function of a `crowd_env.envs.routing.terms.RoutingView`, and
+        0 whatever it is.  In ``crowd_env/routing-v0`` it is a function of a `crowd_env.envs.routing.terms.RoutingView`, and
         returns the term (E,) of each environment.  A function of a module can be pickled with its weights.
 
     Raises
@@ -48,7 +48,7 @@ class RewardTerm(Term):
     """
 
     kind = "reward term"
-    arguments = "transition, or view in crowd_env/Routing-v0"
+    arguments = "transition, or view in crowd_env/routing-v0"
     name: str
     function: Callable[[Any], Any]
 

@@ -115,6 +115,12 @@ def test_registering_twice_changes_nothing():
     assert dict(gymnasium.registry) == before
 
 
+def test_names_are_lower_case_and_no_two_look_alike():
+    names = [name for name in gymnasium.registry if name.startswith("crowd_env/")]
+    assert {"crowd_env/room-v0", "crowd_env/routing-v0", "crowd_env/footbridge-gate-v0"} <= {*names}
+    assert [name for name in names if name != name.lower()] == []
+
+
 @looped(
     "options,words",
     [

@@ -27,8 +27,8 @@ DOORS = {
     "Gymnasium": lambda **options: gymnasium.make("crowd_env/room-v0", **options).unwrapped.env,
     "vector": lambda **options: gymnasium.make_vec("crowd_env/room-v0", num_envs=2, **options).env,
     "make_vec": lambda **options: crowd_env.make_vec("room-v0", num_envs=2, **options).env,
-    "routing": lambda **options: gymnasium.make("crowd_env/Routing-v0", people=20, **options).unwrapped.env,
-    "routing vector": lambda **options: gymnasium.make_vec("crowd_env/Routing-v0", people=20, **options).env,
+    "routing": lambda **options: gymnasium.make("crowd_env/routing-v0", people=20, **options).unwrapped.env,
+    "routing vector": lambda **options: gymnasium.make_vec("crowd_env/routing-v0", people=20, **options).env,
     "stable-baselines3": lambda **options: sb3(**options).env,
 }
 through_every_door = pytest.mark.parametrize("make", DOORS.values(), ids=DOORS)

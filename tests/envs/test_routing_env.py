@@ -38,7 +38,7 @@ def test_gymnasium_accepts_it(options):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", message=".*render.*|.*unwrapped.*|.*spec.*")
-        env = gymnasium.make("crowd_env/Routing-v0", scenario=SMALL, **options)
+        env = gymnasium.make("crowd_env/routing-v0", scenario=SMALL, **options)
         assert isinstance(env.unwrapped, RoutingEnv)
         check_env(env.unwrapped, skip_render_check=True)
 
@@ -49,7 +49,7 @@ def test_stable_baselines3_accepts_it():
 
 
 def test_the_default_is_a_hall_with_two_exits():
-    layout = gymnasium.make("crowd_env/Routing-v0").unwrapped.layout
+    layout = gymnasium.make("crowd_env/routing-v0").unwrapped.layout
     assert len(layout.regions) == 8 and len(layout.routes) == len(layout.exits) == 2
 
 

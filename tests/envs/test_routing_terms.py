@@ -1,4 +1,4 @@
-"""Terms of Routing-v0: chosen by name, or a user's own beside them; refused in a sentence; never global."""
+"""Terms of routing-v0: chosen by name, or a user's own beside them; refused in a sentence; never global."""
 
 import copy
 import json

@@ -23,7 +23,7 @@ SMALL = hall()
 
 def test_make_vec_gives_the_native_batch():
     mode = "vector_entry_point"
-    env = gymnasium.make_vec("crowd_env/Routing-v0", num_envs=3, vectorization_mode=mode, scenario=SMALL)
+    env = gymnasium.make_vec("crowd_env/routing-v0", num_envs=3, vectorization_mode=mode, scenario=SMALL)
     assert isinstance(env.unwrapped, RoutingVectorEnv)
     assert env.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
     assert env.action_space.shape == (3, 8) and env.single_action_space.nvec.tolist() == [2] * 8

@@ -329,7 +329,7 @@ def test_an_unknown_way_of_restarting_is_refused(kind):
     with pytest.raises(ValueError, match="unknown autoreset_mode 'later'; known: NextStep, SameStep, Disabled"):
         one(kind)[1](2, autoreset_mode="later")
     made = {"scenario": hall()} if kind == "routing" else room()
-    name = "crowd_env/Routing-v0" if kind == "routing" else "crowd_env/room-v0"
+    name = "crowd_env/routing-v0" if kind == "routing" else "crowd_env/room-v0"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         env = gymnasium.make_vec(name, num_envs=2, autoreset_mode="Disabled", **made)

@@ -1,1 +1,1 @@
-"""``crowd_env/Routing-v0``: one controller that sends people to exits."""
+"""``crowd_env/routing-v0``: one controller that sends people to exits."""

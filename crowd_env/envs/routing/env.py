@@ -1,4 +1,4 @@
-"""Gymnasium: one controller that sends people to exits and along routes, ``crowd_env/Routing-v0``.
+"""Gymnasium: one controller that sends people to exits and along routes, ``crowd_env/routing-v0``.
 
 The people walk by themselves; for a controller that moves every single body see `crowd_env.envs.gymnasium_env`.
 """
@@ -62,7 +62,7 @@ class RoutingEnv(SingleEnv):
 
     Examples
     --------
-    >>> env = gymnasium.make("crowd_env/Routing-v0", grid=(4, 1))
+    >>> env = gymnasium.make("crowd_env/routing-v0", grid=(4, 1))
     >>> observation, info = env.reset(seed=0)
     >>> observation, reward, terminated, truncated, info = env.step([0, 1, 1, 1])  # the left quarter west, the others east
     """

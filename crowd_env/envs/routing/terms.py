@@ -1,4 +1,4 @@
-"""What a controller of ``crowd_env/Routing-v0`` observes and is rewarded for: two tables of named terms, and a user's own."""
+"""What a controller of ``crowd_env/routing-v0`` observes and is rewarded for: two tables of named terms, and a user's own."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -210,7 +210,7 @@ class VectorVecEnv(BatchVecEnv):
 
     Parameters
     ----------
-    env : for instance ``gymnasium.make_vec("crowd_env/Routing-v0", num_envs=8)``.
+    env : for instance ``gymnasium.make_vec("crowd_env/routing-v0", num_envs=8)``.
 
     Raises
     ------
