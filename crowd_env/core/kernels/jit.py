@@ -24,7 +24,7 @@ import uuid
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numba
 import numpy as np
@@ -36,6 +36,8 @@ from numba.core.event import register, unregister
 # Hence ``for i in range(index(begin), index(end))`` wherever begin is not a plain zero.  Plain Python wants plain numbers: to
 # NumPy the sum of a uint64 and an int64 is a float.
 index: Any = int if config.DISABLE_JIT else np.uint64  # type: ignore[attr-defined]
+
+Result = TypeVar("Result")
 
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
 _KEEP_SECONDS = 30 * 24 * 3600.0
@@ -288,12 +290,13 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _quiet(_compile(function, {"_nrt": False}))
 
 
-def inner_kernel(function: Callable[..., Any]) -> Any:
+def inner_kernel(function: Callable[..., Result]) -> Callable[..., Result]:
     """Compile ``function`` like `kernel`, for calls from other kernels alone.
 
     The code that unpacks Python's arguments, which it does without, would be a fifth of all that is compiled for a first step.
     """
-    return _compile(function, {"_nrt": False, "no_cpython_wrapper": True})
+    compiled: Callable[..., Result] = _compile(function, {"_nrt": False, "no_cpython_wrapper": True})
+    return compiled
 
 
 def allocating_kernel(function: Callable[..., Any]) -> Any:
