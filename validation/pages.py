@@ -7,7 +7,7 @@ this value and leaves out columns that are empty then, and the command; a single
 
 import csv
 import re
-import sys
+import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,6 @@ from typing import Any
 from crowd_env.analysis.figures import cell
 from crowd_env.core.files.atomic import write_text
 from crowd_env.core.files.csv_table import plain_cell, write_csv
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 ROOT = Path(__file__).resolve().parent.parent
 TABLES = ROOT / "docs" / "tables"

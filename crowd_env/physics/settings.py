@@ -5,9 +5,7 @@ Each part is a frozen dataclass.  Whoever takes one also takes its first field a
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Literal, TypeAlias
-
-from typing_extensions import Self
+from typing import Any, Literal, Self, TypeAlias
 
 from crowd_env.core.behaviors import BEHAVIORS
 from crowd_env.core.behaviors.balance import Balancing

@@ -1,7 +1,6 @@
 """What a case is: an experiment that is known, run under a contact scheme and a manner of walking, and judged."""
 
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

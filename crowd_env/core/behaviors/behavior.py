@@ -8,9 +8,7 @@ from collections import namedtuple
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar, NamedTuple
-
-from typing_extensions import Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 from crowd_env.core.arrays.state import Bodies, Floats
 from crowd_env.core.checks import from_choice, plain_choice
