@@ -45,8 +45,13 @@ def looped(
             chosen = [pair for pair in pairs if not extent or pair[2] == (extent == "quick")]
             assert chosen, "no case to run"
             for name, case, _ in chosen:
-                with subtests.test(msg=name):
+                try:
                     once(**case, **fixtures)
+                except (Exception, pytest.fail.Exception, pytest.skip.Exception) as problem:
+                    with subtests.test(
+                        msg=name
+                    ):  # of this case alone: to report one takes longer than many take to run
+                        raise problem
 
         signature = inspect.signature(test)
         parts = quick is not None and "extent" not in signature.parameters
