@@ -386,6 +386,8 @@ def nearest_among(segments: Floats) -> Callable[[Floats], Ints]:
 
 
 def _nearest(tree: shapely.STRtree, points: Floats) -> Ints:
+    if len(tree.geometries) == 1:
+        return np.zeros(len(points), dtype=np.int64)
     return np.asarray(tree.nearest(shapely.points(points)), dtype=np.int64)
 
 

@@ -12,6 +12,7 @@ table changes while a kernel runs, which is told to the compiler: a loop reads i
 code under ``NUMBA_DISABLE_JIT=1``, attributes are those of the tuple, and tuples in it are references too.
 """
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -130,8 +131,7 @@ def struct_ref(fields: Any) -> StructRef:
 def _describe(name: str, value: Any) -> tuple[types.Type, list[int]]:
     """Return the type of a field and its words."""
     if isinstance(value, np.ndarray) and value.flags.c_contiguous:
-        kind = types.Array(numpy_support.from_dtype(value.dtype), value.ndim, "C")
-        return kind, [int(value.ctypes.data), *value.shape]
+        return _array_type(value.dtype, value.ndim), [int(value.ctypes.data), *value.shape]
     if isinstance(value, StructRef):
         return value._numba_type_, [value.address]
     if isinstance(value, float):
@@ -139,6 +139,12 @@ def _describe(name: str, value: Any) -> tuple[types.Type, list[int]]:
     if isinstance(value, int | np.integer):  # bool too
         return types.int64, [int(value)]
     raise TypeError(f"{name} is {type(value).__name__}; kernels can be referred to C-contiguous arrays and numbers")
+
+
+@cache
+def _array_type(dtype: np.dtype[Any], ndim: int) -> types.Type:
+    """Return numba's type of an array; to make one takes as long as to describe ten arrays by it."""
+    return types.Array(numpy_support.from_dtype(dtype), ndim, "C")
 
 
 @typeof_impl.register(StructRef)
