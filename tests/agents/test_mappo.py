@@ -2,13 +2,19 @@
 
 import numpy as np
 import pytest
+from late import late
 
 from crowd_env import CrowdEnv, ObservationLayout
-from crowd_env.agents.learned.mappo import CentralPolicy, CentralVecEnv, train_mappo
-from crowd_env.agents.learned.ppo import PPOSettings
 
+CentralPolicy, CentralVecEnv, train_mappo = late(
+    "crowd_env.agents.learned.mappo", "CentralPolicy", "CentralVecEnv", "train_mappo"
+)
+PPOSettings = late("crowd_env.agents.learned", "PPOSettings")
 SEEN = ObservationLayout(terms=("velocity", "travel_time", "ahead"))
-SETTINGS = PPOSettings(n_steps=8, batch_size=128, n_epochs=1, hidden=8)
+
+
+def settings():
+    return PPOSettings(n_steps=8, batch_size=128, n_epochs=1, hidden=8)
 
 
 def room(num_envs=2, **options):
@@ -54,7 +60,7 @@ class Counted:
 
 def test_training_begins_at_the_rule_and_moves_from_it_and_what_is_kept_does_not_move():
     watch = Counted(3)
-    train_mappo(room(), SETTINGS, 0, watch)
+    train_mappo(room(), settings(), 0, watch)
     env = room()
     observation, _ = env.reset(seed=1)
     first, *_, last = watch.policies
@@ -66,7 +72,7 @@ def test_training_begins_at_the_rule_and_moves_from_it_and_what_is_kept_does_not
 def test_the_actor_does_not_see_the_crowd(monkeypatch):
     kept = []
     monkeypatch.setattr("crowd_env.agents.learned.mappo.watch_ppo", lambda model, *_: kept.append(model))
-    train_mappo(room(), SETTINGS, 0, None)
+    train_mappo(room(), settings(), 0, None)
     policy = kept[0].policy
     assert isinstance(policy, CentralPolicy)
     import torch
@@ -85,4 +91,4 @@ def test_the_actor_does_not_see_the_crowd(monkeypatch):
 
 def test_actions_that_are_not_discrete_are_refused():
     with pytest.raises(ValueError, match="action 'continuous' is not discrete; take one such as 'speeds'"):
-        train_mappo(CrowdEnv("room-v0", autoreset=True), SETTINGS, 0, None)
+        train_mappo(CrowdEnv("room-v0", autoreset=True), settings(), 0, None)
