@@ -38,7 +38,7 @@ train: $(VENV)/.train
 	$(BIN)/python train.py $(ARGS)
 
 rules: $(VENV)/.train
-	$(BIN)/python -m crowd_env.agents.evaluation.shipped $(ARGS)
+	$(BIN)/crowd-env rules $(ARGS)
 
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal --durations 10 --durations-min 1
 

@@ -3,7 +3,7 @@
     P_c = h max(0, -k D_c - c w_c)     if D_c < 0, along the normal          a spring and a dashpot
     u+  = u + (h f + B^T P) / m,       q+ = q + h u+
 
-Try it:  crowd-env run room-v0 --physics examples/my_law.py:MyLaw    or in Python    CrowdEnv(physics=MyLaw())
+Try it:  crowd-env run room-v0 --scheme examples/my_law.py:MyLaw    or in Python    CrowdEnv(physics=MyLaw())
 """
 
 from collections.abc import Callable

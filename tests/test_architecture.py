@@ -71,7 +71,7 @@ def only_in_extras() -> set[str]:
         ),
         (
             "from crowd_env.cli.main import app; app(prog_name='crowd-env')",
-            {"COMP_WORDS": "crowd-env run room-v0 --physics hertz-", "COMP_CWORD": "4"},
+            {"COMP_WORDS": "crowd-env run room-v0 --scheme hertz-", "COMP_CWORD": "4"},
         ),
     ],
     ids=["import", "version", "help", "completion of a command", "completion of a name"],

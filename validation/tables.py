@@ -23,7 +23,7 @@ _SCHEMES = ("dem", "nsm1", "nsm2", "nsm2-printed")  # of tables that compare roo
 
 
 def _room(source: Source, scheme: str, options: str = "", place: str = "room-v0", runs: int = 50) -> dict[str, Any]:
-    return _left({"scheme": scheme, **source(f"crowd_env run {place} --physics {scheme}{options} --runs {runs}")})
+    return _left({"scheme": scheme, **source(f"crowd_env run {place} --scheme {scheme}{options} --runs {runs}")})
 
 
 def _left(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -93,7 +93,7 @@ def standing(source: Source) -> Rows:
 def strategies(source: Source) -> Rows:
     """One row a strategy and scheme, beside the shortest way on the same draws."""
     line = "--scenario two-exit-hall-v0 --policies shortest fastest comfortable nearest"
-    found = source(f"crowd_env evaluate {line} --physics dem nsm1 nsm2 nsm2-printed hertz --runs 20")
+    found = source(f"crowd_env evaluate {line} --scheme dem nsm1 nsm2 nsm2-printed hertz --runs 20")
     return map(_left, found["rows"])
 
 

@@ -1,24 +1,24 @@
 """What the rules did on the held-out draws of a task, shipped with it: nothing that is trained changes that.
 
 ``tasks/rules/TASK/RULE.npz`` holds when people got out and what was measured of each run, in single precision: no maps, and of
-ways the means alone.  ``make rules`` makes it.  It is good for a task of the same digest, where the code does the same: before
-it is used, every rule leads a few people out anew.  A hash of the sources would refuse it after every comment, and miss a new
-version of NumPy.
+ways the means alone.  ``crowd-env rules`` makes it.  It is good for a task of the same digest, where the code does the same:
+before it is used, every rule leads a few people out anew.  A hash of the sources would refuse it after every comment, and miss
+a new version of NumPy.
 
 Another processor may round otherwise.  There the rest of a draw would come out otherwise, as likely as what is shipped.  Times
 of computing are those of the computer that made it.
 """
 
 import shutil
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import typer
 
 from crowd_env import Scenario, make_scheme
-from crowd_env.core.console import friendly_errors, say
+from crowd_env.core.console import say
 from crowd_env.core.executors import Executor, Processes
 from crowd_env.core.files.store import Store
 from crowd_env.physics import ContactScheme
@@ -109,15 +109,8 @@ def _single(value: Any) -> Any:
     return value.astype(np.float32) if isinstance(value, np.ndarray) and value.dtype == np.float64 else value
 
 
-def main(tasks: Annotated[list[str] | None, typer.Argument()] = None) -> None:
+def ship_rules(tasks: Sequence[str] | None = None) -> None:
     """Make what ships of the rules in these tasks, by default in those with a shipped policy."""
-    with friendly_errors("the same command goes on"):
-        for task in [
-            make_task(name)
-            for name in tasks or dict.fromkeys(one.partition("/")[0] for one in PRETRAINED if "/" in one)
-        ]:
-            ship(task, executor=Processes())
-
-
-if __name__ == "__main__":
-    typer.run(main)
+    with_policy = dict.fromkeys(one.partition("/")[0] for one in PRETRAINED if "/" in one)
+    for task in [make_task(name) for name in tasks or with_policy]:
+        ship(task, executor=Processes())

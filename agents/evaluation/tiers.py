@@ -1,19 +1,18 @@
-"""Policies on the settings of the benchmark: ``python -m crowd_env.agents.evaluation.tiers``.
+"""Policies on the settings of the benchmark: ``crowd-env tiers``.
 
 A file for each setting holds the runs of all policies that were tried there; a policy that is finished is not run again.
 """
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import typer
 
 from crowd_env import Scenario
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import known
-from crowd_env.core.console import friendly_errors, say
+from crowd_env.core.console import say
 from crowd_env.core.files.json_file import json_number
 from crowd_env.core.files.store import Store
 
@@ -148,28 +147,14 @@ def _best(times: Mapping[str, Floats]) -> tuple[str, int, float]:
     return name, *order_of(times[name])
 
 
-_TIERS = f"Tiers: {', '.join(TIERS)}; default all."
-_POLICIES = "Policy to try, may be repeated; default rules, the search and what ships."
+def judge_tiers(tiers: Sequence[str], policies: Sequence[str] | None = None, folder: Path = FOLDER) -> None:
+    """Try policies in the settings of some tiers, by default those of `usual`; what is finished in the folder stays.
 
-
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-
-
-@app.command()
-def main(
-    tiers: Annotated[list[str] | None, typer.Argument(help=_TIERS)] = None,
-    policy: Annotated[list[str] | None, typer.Option(help=_POLICIES)] = None,
-    out: Annotated[Path, typer.Option(help="Folder of the results, a file for each setting.")] = FOLDER,
-) -> None:
-    """Try policies in the settings of the benchmark, and keep every one that is finished.
-
-    Then `python -m validation pages tiers` makes the table.
+    Raises
+    ------
+    ValueError
+        If a tier is unknown, or as `judge`.
     """
-    with friendly_errors("the same command goes on"):
-        chosen = [known("tier", one, TIERS) for one in tiers or TIERS]
-        for setting in (one for one in SETTINGS if one.tier in chosen):
-            judge(setting, policy or usual(setting), out)
-
-
-if __name__ == "__main__":
-    app()
+    chosen = [known("tier", one, TIERS) for one in tiers]
+    for setting in (one for one in SETTINGS if one.tier in chosen):
+        judge(setting, policies or usual(setting), folder)

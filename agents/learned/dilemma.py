@@ -3,11 +3,9 @@
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Any, cast
 
-import typer
-
-from crowd_env.core.console import friendly_errors, say
+from crowd_env.core.console import say
 from crowd_env.core.files.json_file import json_number, write_json
 from crowd_env.envs.settings import arguments_of
 from crowd_env.rendering import learning_curve
@@ -79,40 +77,32 @@ def best_response(crowd: Policy, task: str, seed: int = 0, steps: int = _STEPS) 
     return cast(LearnedPolicy, trained_in(env, network_of(model), config, spread_of(model)))
 
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-
-
-@app.command()
-def main(out: Annotated[Path, typer.Argument(help="Folder for results.json and dilemma.png.")]) -> None:
-    """Measure what crowds lose that push, what one gains who deviates, and what learning makes of it: a quarter of an hour."""
-    with friendly_errors():
-        task, push, queue = make_task(_DOOR), StrategyPolicy("shortest", name=RULE), make_policy("evolution")
-        out.mkdir(parents=True, exist_ok=True)
-        crowds = {"full speed": push, _QUEUES: queue, "`generalist`": make_policy("generalist")}
-        for name, how in _TRAINED.items():
-            say(f"training a crowd: {name} ...")
-            crowds[name] = train_crowd(*how)
-        rows: list[dict[str, Any]] = []
-        shares: list[dict[str, Any]] = []
-        all_push = follow(push, task, runs=_RUNS)
-        for name, crowd in crowds.items():
-            say(f"looking for who gains by deviating: {name} ...")
-            deviators = {"push": push, "queue": queue, "learned": best_response(crowd, _DOOR)}
-            all_follow = follow(crowd, task, runs=_RUNS)
-            gains = {
-                who: gain(all_follow, follow(crowd, task, runs=_RUNS, deviator=one)) for who, one in deviators.items()
-            }
-            price = price_of_anarchy(all_push, all_follow)
-            rows.append({"crowd": name, **payoffs(all_follow), "price": price, "gain": gains})
-            for share in SHARES if name == _QUEUES else ():
-                told: dict[str, Any] = {"runs": _RUNS, "deviator": push, "share": share}
-                some_push, price_of = follow(crowd, task, **told), deterrent(crowd, task, **told)
-                shares.append({"pushers": share, **payoffs(some_push), "deterrent": json_number(price_of)})
-        found = {"task": task.identity(), "rows": rows, "shares": shares, "versions": versions()}
-        write_json(out / "results.json", found)
-        all_alike = zip(("all push", "all follow"), rows, strict=False)
-        draw(out / "dilemma.png", shares, {name: row["mean_exit"]["mean"] for name, row in all_alike})
-    say(f"results.json and dilemma.png: {out}/")
+def measure(out: Path) -> None:
+    """Measure what crowds that push lose, what a deviator gains, and what learning makes of it; write both into a folder."""
+    task, push, queue = make_task(_DOOR), StrategyPolicy("shortest", name=RULE), make_policy("evolution")
+    out.mkdir(parents=True, exist_ok=True)
+    crowds = {"full speed": push, _QUEUES: queue, "`generalist`": make_policy("generalist")}
+    for name, how in _TRAINED.items():
+        say(f"training a crowd: {name} ...")
+        crowds[name] = train_crowd(*how)
+    rows: list[dict[str, Any]] = []
+    shares: list[dict[str, Any]] = []
+    all_push = follow(push, task, runs=_RUNS)
+    for name, crowd in crowds.items():
+        say(f"looking for who gains by deviating: {name} ...")
+        deviators = {"push": push, "queue": queue, "learned": best_response(crowd, _DOOR)}
+        all_follow = follow(crowd, task, runs=_RUNS)
+        gains = {who: gain(all_follow, follow(crowd, task, runs=_RUNS, deviator=one)) for who, one in deviators.items()}
+        price = price_of_anarchy(all_push, all_follow)
+        rows.append({"crowd": name, **payoffs(all_follow), "price": price, "gain": gains})
+        for share in SHARES if name == _QUEUES else ():
+            told: dict[str, Any] = {"runs": _RUNS, "deviator": push, "share": share}
+            some_push, price_of = follow(crowd, task, **told), deterrent(crowd, task, **told)
+            shares.append({"pushers": share, **payoffs(some_push), "deterrent": json_number(price_of)})
+    found = {"task": task.identity(), "rows": rows, "shares": shares, "versions": versions()}
+    write_json(out / "results.json", found)
+    all_alike = zip(("all push", "all follow"), rows, strict=False)
+    draw(out / "dilemma.png", shares, {name: row["mean_exit"]["mean"] for name, row in all_alike})
 
 
 def draw(path: Path, shares: list[dict[str, Any]], reference: dict[str, float]) -> None:
@@ -123,7 +113,3 @@ def draw(path: Path, shares: list[dict[str, Any]], reference: dict[str, float]) 
     told: dict[str, Any] = {"xlabel": "share of the people who push [%]", "ylabel": "mean exit time [s]"}
     told |= {"title": f"{_DOOR}: runs that cleared, 95 % intervals", "errors": errors}
     learning_curve(path, [100.0 * row["pushers"] for row in shares], series, reference=reference, **told)
-
-
-if __name__ == "__main__":
-    app()

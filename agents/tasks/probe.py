@@ -1,6 +1,6 @@
 """What a task does: a few numbers of its first draw, which are others where physics, ways or observation do something else.
 
-``python -m crowd_env.agents.tasks.probe`` writes digests and probes of all tasks, as they are now, into ``tasks.toml``.
+``crowd-env freeze`` writes digests and probes of all tasks, as they are now, into ``tasks.toml``.
 """
 
 import re
@@ -63,7 +63,3 @@ def freeze() -> None:
         told = f'frozen = "{task.digest()}"\nprobe = {probe(task)}\n'
         text = re.sub(rf"(\[{name}\]\n(?:[^\[].*\n)*?)frozen = .*\n(?:probe = .*\n)?", rf"\g<1>{told}", text)
     write_text(FILE, text)
-
-
-if __name__ == "__main__":
-    freeze()

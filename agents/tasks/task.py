@@ -3,7 +3,7 @@
 No task of ``tasks.toml`` changes but with its version: `Task.digest` sums up everything that a task comes to, defaults of the
 package included, and `crowd_env.agents.tasks.probe` what the code makes of it.  A test compares both with what is ``frozen``
 there.  Where a default has changed, write the old value into the task.  Where that cannot be, or where physics, ways or
-observation do other things, raise the version, freeze both anew (``python -m crowd_env.agents.tasks.probe``), and judge
+observation do other things, raise the version, freeze both anew (``crowd-env freeze``), and judge
 everything again: figures of two versions do not stand in one table.
 """
 

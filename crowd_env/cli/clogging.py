@@ -13,10 +13,12 @@ from crowd_env.analysis.exit_times import read_exits, write_gaps
 from crowd_env.analysis.figures import number, percent
 from crowd_env.analysis.results.folder import CONFIG, EXITS
 from crowd_env.cli.console import show_table
-from crowd_env.cli.options import AsJson, plain
+from crowd_env.cli.options import AsJson, new_app, plain
 from crowd_env.core.console import check_folder, friendly_errors, say
 from crowd_env.core.files.json_file import read_json
 from crowd_env.rendering.libraries import require_libraries
+
+app = new_app()
 
 _BLOCKED_AFTER = 120.0  # s, where the place does not say it
 _SOURCES = (
@@ -26,14 +28,17 @@ _SOURCES = (
 
 EXAMPLES = """Examples:
 
-crowd-env run lin-room-v0 --physics hertz --set speed=1.5 --runs 10 --out room
+crowd-env run lin-room-v0 --scheme hertz --set speed=1.5 --runs 10 --out room
 
 crowd-env clogging room
 
 crowd-env clogging room experiment.csv --out clogging
+
+crowd-env clogging hall --per-exit
 """
 
 
+@app.command("clogging", epilog=EXAMPLES)
 def clog(
     sources: Annotated[list[Path], typer.Argument(metavar="DIR|FILE...", help=_SOURCES)],
     pause: Annotated[float, plain("A gap of this many seconds ends a burst.")] = 2.0,

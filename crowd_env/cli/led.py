@@ -43,8 +43,8 @@ class Led(NamedTuple):
         return cls(entry, place)
 
 
-def led_by(policy: str, place: Scenario, crowd: str | None) -> Led:
-    """Return the crowd of a place under a policy; with a ``crowd`` its people walk as that says.
+def led_by(policy: str, place: Scenario, walking: str | None) -> Led:
+    """Return the crowd of a place under a policy; with ``walking`` its people walk as that says.
 
     Raises
     ------
@@ -52,4 +52,4 @@ def led_by(policy: str, place: Scenario, crowd: str | None) -> Led:
         If the policy is unknown, or does not fit the place.
     """
     (entry,) = make_entries([policy], place)
-    return Led.of(entry, place) if crowd is None else Led(entry, place)
+    return Led.of(entry, place) if walking is None else Led(entry, place)

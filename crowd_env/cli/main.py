@@ -1,110 +1,77 @@
-"""The command ``crowd-env``."""
+"""The command ``crowd-env``: a group whose commands are loaded when they are named."""
 
-import json
-import time
-from pathlib import Path
-from typing import Annotated
+from collections.abc import Mapping
+from importlib import import_module
+from types import MappingProxyType
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 import crowd_env
-from crowd_env.cli.agents import WithLearning
-from crowd_env.cli.clogging import EXAMPLES as CLOGGING_EXAMPLES
-from crowd_env.cli.clogging import clog
-from crowd_env.cli.console import show_table
-from crowd_env.cli.options import AsJson, CrowdName, plain
-from crowd_env.cli.plan import plan
-from crowd_env.cli.recorded import film, forces, replay
-from crowd_env.cli.report import report
-from crowd_env.cli.reproduce import reproduce
-from crowd_env.cli.run import EXAMPLES as RUN_EXAMPLES
-from crowd_env.cli.run import run
-from crowd_env.core.console import friendly_errors, progress_bar, say
-from crowd_env.core.files.atomic import check_suffix, write_text
-from crowd_env.physics import SCHEMES, make_scheme
-from crowd_env.scenarios import SCENARIOS, make_scenario
 
-app = typer.Typer(cls=WithLearning, no_args_is_help=True, pretty_exceptions_enable=False)
+# Command -> module of this package that has it in its ``app``, in the order of the help.
+COMMANDS: Mapping[str, str] = MappingProxyType(
+    {
+        "run": "run",
+        "list": "about",
+        "plan": "plan",
+        "film": "recorded",
+        "replay": "recorded",
+        "forces": "recorded",
+        "report": "report",
+        "warmup": "about",
+        "reproduce": "reproduce",
+        "clogging": "clogging",
+        "schema": "about",
+        "train": "agents.learn",
+        "evaluate": "agents.evaluate",
+        "show": "agents.show",
+        "submit": "agents.submit",
+        "export": "agents.export",
+        "ship": "agents.ship",
+        "benchmark": "agents.benchmark",
+        "tiers": "agents.upkeep",
+        "dilemma": "agents.upkeep",
+        "rules": "agents.upkeep",
+        "freeze": "agents.upkeep",
+    }
+)
 
 
-def _say_version(asked: bool) -> None:
+class LazyGroup(TyperGroup):
+    """A group that imports the module of a command when the command is named, since some libraries load slowly."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands, in the order of the help."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command; None if there is none of this name."""
+        if cmd_name not in COMMANDS:
+            return None
+        found = typer.main.get_command(import_module(f"crowd_env.cli.{COMMANDS[cmd_name]}").app)
+        command = found.commands[cmd_name] if isinstance(found, TyperGroup) else found
+        command.name = cmd_name
+        return command
+
+
+app = typer.Typer(cls=LazyGroup, no_args_is_help=True, pretty_exceptions_enable=False)
+
+
+def _print_version(asked: bool) -> None:
     if asked:
         typer.echo(f"crowd-env {crowd_env.__version__}")
         raise typer.Exit
 
 
 @app.callback()
-def say_about_itself(
+def about(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_say_version)
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_print_version)
     ] = False,
 ) -> None:
     """Crowds that really touch each other: run evacuations from the command line."""
-
-
-app.command(epilog=RUN_EXAMPLES)(run)
-
-
-@app.command("list")
-def list_names(as_json: AsJson = False) -> None:
-    """List the scenarios and contact schemes."""
-    places = {name: make_scenario(name) for name in SCENARIOS}
-    scenarios = {name: f"{place.title} ({place.reference})" for name, place in places.items()}
-    schemes = {name: f"{scheme.info.title} ({scheme.info.reference})" for name, scheme in SCHEMES.items()}
-    if as_json:
-        typer.echo(json.dumps({"scenarios": scenarios, "schemes": schemes}))
-        return
-    for title, names in (("scenarios", scenarios), ("contact schemes", schemes)):
-        show_table(title, {"": names})
-
-
-for looking in (plan, film, replay, forces, report):
-    app.command()(looking)
-
-
-@app.command()
-def warmup(
-    physics: Annotated[list[str] | None, plain("Contact scheme; may be repeated.", "all", among=SCHEMES)] = None,
-    crowd: CrowdName = None,
-    as_json: AsJson = False,
-) -> None:
-    """Compile the kernels now, so that the first step of every later program starts at once."""
-    from crowd_env.envs.crowd import CrowdEnv
-
-    seconds = {}
-    with friendly_errors():
-        chosen = [make_scheme(name) for name in physics or SCHEMES]
-        with progress_bar("compiling", len(chosen)) as progress:
-            for scheme in chosen:
-                begin = time.monotonic()
-                env = CrowdEnv("room-v0", physics=scheme, walking=crowd)
-                env.reset(seed=0)
-                env.step(None)
-                seconds[scheme.info.name] = round(time.monotonic() - begin, 2)
-                progress(1)
-    if as_json:
-        typer.echo(json.dumps({"seconds": seconds}))
-        return
-    for name, spent in seconds.items():
-        typer.echo(f"{name:14s} {spent:6.2f} s")
-
-
-app.command()(reproduce)
-app.command("clogging", epilog=CLOGGING_EXAMPLES)(clog)
-
-
-@app.command()
-def schema(out: Annotated[Path | None, typer.Option(help="File to write, .json; default: print it.")] = None) -> None:
-    """Give the JSON Schema of scenario files, with which editors complete keys and mark mistakes."""
-    with friendly_errors():
-        from crowd_env.scenarios.schema import json_schema
-
-        text = json.dumps(json_schema(), indent=2, ensure_ascii=False)
-        if out is None:
-            typer.echo(text)
-            return
-        write_text(check_suffix(out, (".json",)), text + "\n")
-        say(f"schema: {out}")
 
 
 def main() -> None:

@@ -51,6 +51,12 @@ _UNTIL = (
 Until = Annotated[str | None, of_runs(_UNTIL, metavar="PERCENT%")]
 Seed = Annotated[int, of_runs("Run k draws its people from seed + k.", min=0)]
 
+
+def new_app() -> typer.Typer:
+    """Return the application of a module, whose commands `crowd_env.cli.main` loads when they are named."""
+    return typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+
+
 # What a command line says of a place.
 PLACES = (
     f"Name of a scenario, a scenario file (.toml, .json), or a floor plan: {PLANS}; house.geojson:1 is its level 1."
@@ -70,15 +76,15 @@ Unit = Annotated[str | None, of_place(_UNIT)]
 _PEOPLE = f"Number of people; default the scenario's, or {PEOPLE} on a floor plan."
 PeopleCount = Annotated[int | None, of_people(_PEOPLE, names=("--people",), min=1)]
 Starts = Annotated[Path | None, of_people("CSV file with columns x,y: recorded starting positions.")]
-_CROWD = f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's."
-CrowdName = Annotated[str | None, of_people(_CROWD, names=("--crowd",), among=MANNERS)]
+_WALKING = f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's."
+WalkingName = Annotated[str | None, of_people(_WALKING, names=("--walking",), among=MANNERS)]
 _CHANGES = (
     "Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...) or the "
     "routing (signs); may be repeated. speed=1.5 is the same for all, speed=1.2,2 is drawn from a range."
 )
 Changes = Annotated[list[str] | None, of_people(_CHANGES, names=("--set",), metavar="NAME=VALUE")]
-ONE_PHYSICS = f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."
-PhysicsName = Annotated[str, of_physics(ONE_PHYSICS, names=("--physics",), among=SCHEMES)]
+ONE_SCHEME = f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."
+SchemeName = Annotated[str, of_physics(ONE_SCHEME, names=("--scheme",), among=SCHEMES)]
 _ROUTING = (
     "How people choose their route: shortest, nearest, fastest, comfortable, or the name of a route or an exit; default the "
     "scenario's; where that says nothing the fastest of several exits."
@@ -86,7 +92,7 @@ _ROUTING = (
 RoutingName = Annotated[str | None, of_people(_ROUTING, names=("--routing",), among=STRATEGIES)]
 _POLICY = (
     "Who decides how people walk: a policy by its name in crowd-env list, a network (.safetensors), or your own, "
-    "my_policy.py:MyPolicy. Without --crowd people keep the distance that it was trained with, else none."
+    "my_policy.py:MyPolicy. Without --walking people keep the distance that it was trained with, else none."
 )
 PolicyName = Annotated[str | None, of_people(_POLICY, names=("--policy",))]
 TimeLimit = Annotated[float | None, of_runs("People who are inside after this many seconds are unfinished.")]

@@ -1,10 +1,10 @@
-"""What a command is about: a place, the people there, the physics between them and the routes that they take."""
+"""The options that commands share: what they say of a place, the people there, the physics and the routes."""
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 from crowd_env.core.arrays.state import MOTIVATION
 from crowd_env.core.checks import flag, known
@@ -22,123 +22,168 @@ from crowd_env.scenarios.titles import with_manner
 if TYPE_CHECKING:
     from crowd_env.cli.led import Led
 
-# Names of --set that change people, and what they change in a population.
+# Names of --set that change pedestrians, and what they change in a population.
 _DRAWN = {"speed": "desired_speed", **{name: name for name in (*DRAWN, *MOTIVATION) if name != "desired_speed"}}
 _RUNNING = 4.0  # m/s
 _SWITCHES = {"yes": True, "no": False, "true": True, "false": False}
+_STORED = {"crowd": "walking", "physics": "scheme"}  # name in a config -> option, where it is another
 
 
-class Setting(NamedTuple):
-    """What a command line asks to be run."""
-
-    place: Scenario
-    scheme: ContactScheme
-    options: dict[str, Any]  # of a rollout: dt, max_drive, strategy, rules
-    led: "Led | None" = None  # by a policy
-
-
-def place_of(given: Mapping[str, Any]) -> Setting:
-    """Return what the options of a command stand for.
+@dataclass(frozen=True)
+class CrowdOptions:
+    """Options of a command by their names on the command line; None = as the place says.
 
     Parameters
     ----------
-    given : the options by their names; those that are missing, or None, are as the place or the physics says.
+    scenario : a scenario that ships with crowd_env, a scenario file, or a floor plan in a file.
+    exit : exits of a floor plan, in the forms of `crowd_env.geometry.parsing.parse_exit`.
+    unit : of a floor plan, of ``exit`` and of ``starts``.
+    people : number of pedestrians.
+    starts : CSV file of starting positions.
+    walking : manner of walking; competitive pedestrians on a floor plan are those of the papers, `TABLE_4`.
+    routing : strategy, route or exit.
+    policy : what decides how pedestrians walk.
+    scheme : contact scheme.
+    set : changes, each NAME=VALUE.
+    time_limit : s.
+    """
+
+    scenario: str = "room-v0"
+    exit: Sequence[str] | None = None
+    unit: str | None = None
+    people: int | None = None
+    starts: str | Path | None = None
+    walking: str | None = None
+    routing: str | None = None
+    policy: str | None = None
+    scheme: str = "nsm2"
+    set: Sequence[str] | None = None
+    time_limit: float | None = None
+
+    @classmethod
+    def of_config(cls, arguments: Mapping[str, Any]) -> "CrowdOptions":
+        """Return the options that the arguments of a config hold."""
+        names = {one.name for one in fields(cls)}
+        return cls(**{name: value for name, value in named_now(arguments).items() if name in names})
+
+    def files(self) -> dict[str, Path]:
+        """Return the files that the options name, by the names of the options."""
+        law = self.scheme.rpartition(":")[0] if names_own(self.scheme) else None
+        named = {
+            "scenario": None if self.scenario in SCENARIOS else self.scenario,
+            "starts": self.starts,
+            "scheme": law,
+        }
+        return {name: split_level(file)[0] for name, file in named.items() if file is not None}
+
+
+def named_now(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of a config by the names of the options."""
+    return {_STORED.get(name, name): value for name, value in arguments.items()}
+
+
+class Way(TypedDict, total=False):
+    """How the runs of a command are made: options of `crowd_env.envs.rollout.rollout`."""
+
+    strategy: str
+    rules: bool
+    dt: float | None  # s; None = the step of the scheme
+    max_drive: float  # N; where it is missing the place says it
+
+
+class Setting(NamedTuple):
+    """What the library takes of the options of a command."""
+
+    place: Scenario
+    scheme: ContactScheme
+    way: Way
+    led: "Led | None" = None  # by a policy
+
+
+def setting_of(options: CrowdOptions) -> Setting:
+    """Return what the options of a command stand for.
 
     Raises
     ------
     ValueError
         If there is no such place, something in its file is wrong, or an option does not suit it.
     """
-    changes = split_changes(given.get("set"))
-    named = given.get("physics") or "nsm2"
-    scheme = make_scheme(own_or_name("--physics", named))
+    changes = split_changes(options.set)
+    law = make_scheme(own_or_name("--scheme", options.scheme))
     owners = {
         "the crowd": ("outline", *_DRAWN),
-        f"the physics {named}": ("dt", "max_drive", *(one.name for one in fields(scheme) if one.init)),
+        f"the scheme {options.scheme}": ("dt", "max_drive", *(one.name for one in fields(law) if one.init)),
         "the routing": ("signs",),
     }
     for name in changes:
         if not any(name in names for names in owners.values()):
             there = "; ".join(f"{who} has {', '.join(names)}" for who, names in owners.items())
             raise ValueError(f"--set {name}: nothing has this name; {there}")
-    drawn, of_physics, _ = ({name: changes[name] for name in names if name in changes} for names in owners.values())
-    outline, social = drawn.pop("outline", None), of_physics.pop("social", None)
-    of_place = {name: given.get(name) for name in ("unit", "people", "starts", "time_limit", "crowd")}
-    found = read_place(given.get("scenario") or "room-v0", exits=given.get("exit"), drawn=drawn, **of_place)
-    place = with_manner(found, given.get("crowd"), outline)
-    numbers = {name: _value(text) for name, text in of_physics.items()}
-    options: dict[str, Any] = {"strategy": place.strategy_of_run(given.get("routing")), "dt": numbers.pop("dt", None)}
-    options |= {name: numbers.pop(name) for name in ("max_drive",) if name in numbers}
-    options["rules"] = flag("--set signs", _value(changes.get("signs", "yes")))
+    _, of_law, _ = ({name: changes[name] for name in names if name in changes} for names in owners.values())
+    scheme = make_scheme(law, of_law.pop("social", None))
+    numbers = {name: _value(text) for name, text in of_law.items()}
+    place = read_place(options)
+    way = Way(
+        strategy=place.strategy_of_run(options.routing),
+        rules=flag("--set signs", _value(changes.get("signs", "yes"))),
+        dt=numbers.pop("dt", None),
+    )
+    if "max_drive" in numbers:
+        way["max_drive"] = numbers.pop("max_drive")
     led = None
-    if given.get("policy") is not None:
+    if options.policy is not None:
         from crowd_env.cli.led import led_by
 
-        led = led_by(given["policy"], place, given.get("crowd"))
+        led = led_by(options.policy, place, options.walking)
         place = led.place
-    return Setting(place, replace(make_scheme(scheme, social), **numbers), options, led)
+    return Setting(place, replace(scheme, **numbers), way, led)
 
 
-def read_place(
-    name: str,
-    *,
-    exits: Sequence[str] | None = None,
-    unit: str | None = None,
-    people: int | None = None,
-    starts: str | Path | None = None,
-    time_limit: float | None = None,
-    drawn: Mapping[str, str] | None = None,
-    crowd: str | None = None,
-) -> Scenario:
-    """Return the place that a command line names, with its people changed as the options say; None = as they are.
-
-    Parameters
-    ----------
-    name : a scenario that ships with crowd_env, a scenario file, or a floor plan in a file of any kind that is read.
-    exits : of a floor plan, in the forms of `crowd_env.geometry.parsing.parse_exit`.
-    unit : of a floor plan, of ``exits`` and of ``starts``.
-    people : number of people.
-    starts : CSV file of starting positions.
-    time_limit : s.
-    drawn : radius, speed and other properties of people, each as "0.2" or "0.2,0.25".
-    crowd : manner of the people; competitive ones on a floor plan are those of the papers, `TABLE_4`.
+def read_place(options: CrowdOptions) -> Scenario:
+    """Return the place that a command names, its people changed as the options say.
 
     Raises
     ------
     ValueError
         If there is no such place, something in its file is wrong, or an option does not suit it.
     """
-    fields = people_options(people, starts, unit, drawn)
-    timing: dict[str, Any] = {} if time_limit is None else {"time_limit": time_limit}
-    options = plan_options(name, exits, unit)
-    if kind_of_place(name) == "plan":
-        plan = read_plan(name, **options)
-        return scenario_on(plan, people_on(plan, **{**(TABLE_4 if crowd == "competitive" else {}), **fields}), **timing)
-    population = {"population": make_scenario(name).population.changed(**fields)} if fields else {}
-    return make_scenario(name, **timing, **population)
+    changes = split_changes(options.set)
+    people = people_options(options, {name: changes[name] for name in _DRAWN if name in changes})
+    timing: dict[str, Any] = {} if options.time_limit is None else {"time_limit": options.time_limit}
+    of_plan = plan_options(options.scenario, options.exit, options.unit)
+    if kind_of_place(options.scenario) == "plan":
+        plan = read_plan(options.scenario, **of_plan)
+        usual = TABLE_4 if options.walking == "competitive" else {}
+        place = scenario_on(plan, people_on(plan, **{**usual, **people}), **timing)
+    else:
+        population = make_scenario(options.scenario).population.changed(**people) if people else None
+        place = make_scenario(options.scenario, **timing, **({"population": population} if population else {}))
+    return with_manner(place, options.walking, changes.get("outline"))
 
 
-def people_options(
-    people: int | None, starts: str | Path | None, unit: str | None, drawn: Mapping[str, str] | None = None
-) -> dict[str, Any]:
-    """Return the fields of a `Population` that options stand for; they are those of `read_place`.
+def people_options(options: CrowdOptions, drawn: Mapping[str, str]) -> dict[str, Any]:
+    """Return the fields of a `Population` that options stand for.
+
+    Parameters
+    ----------
+    drawn : radius, speed and other properties of pedestrians, each as "0.2" or "0.2,0.25".
 
     Raises
     ------
     ValueError
         If an option is not understood, or the file of starts cannot be read or holds another number of people.
     """
-    recorded = None if starts is None else unit_in_meters(unit) * read_starts(starts)
-    if recorded is not None and people not in (None, len(recorded)):
-        raise ValueError(f"--people is {people}, but {starts} holds {len(recorded)} positions")
-    found: dict[str, Any] = {} if recorded is None else {"starts": recorded, "start_region": None}
-    number = people if recorded is None else len(recorded)
-    if number is not None:
-        found["people"] = number
-    for name, text in (drawn or {}).items():
-        if name == "speed" and not 0.0 < _range(name, text).high <= _RUNNING:
+    found: dict[str, Any] = {} if options.people is None else {"people": options.people}
+    if options.starts is not None:
+        starts = unit_in_meters(options.unit) * read_starts(options.starts)
+        if options.people not in (None, len(starts)):
+            raise ValueError(f"--people is {options.people}, but {options.starts} holds {len(starts)} positions")
+        found = {"starts": starts, "start_region": None, "people": len(starts)}
+    for name, text in drawn.items():
+        field = _DRAWN[known("property of people", name, _DRAWN, "--set: ")]
+        found[field] = _range(name, text)
+        if name == "speed" and not 0.0 < found[field].high <= _RUNNING:
             warnings.warn(f"--set speed={text} is in m/s: people walk at 1.34 and run at 3 to 4", stacklevel=2)
-        found[_DRAWN[known("property of people", name, _DRAWN, "--set: ")]] = _range(name, text)
     return found
 
 
@@ -156,14 +201,6 @@ def plan_options(name: str, exits: Sequence[str] | None, unit: str | None) -> di
         if unit is not None:
             raise ValueError(f"{name} is in meters; --unit is for floor plans in files")
     return {**({"exits": list(exits)} if exits else {}), **({} if unit is None else {"unit": unit})}
-
-
-def files_of(given: Mapping[str, Any]) -> dict[str, Path]:
-    """Return the files that options name, by the names of the options."""
-    named = {} if given.get("scenario") in SCENARIOS else {"scenario": given["scenario"]}
-    named |= {"starts": given["starts"]} if given.get("starts") is not None else {}
-    named |= {"physics": given["physics"].rpartition(":")[0]} if names_own(given.get("physics", "")) else {}
-    return {name: split_level(file)[0] for name, file in named.items()}
 
 
 def split_changes(texts: Sequence[str] | None) -> dict[str, str]:

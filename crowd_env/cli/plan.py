@@ -3,14 +3,14 @@
 import json
 import warnings
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from crowd_env.analysis.plan_check import PlanCheck, cells, check_place, check_plan, plain_check
 from crowd_env.cli import options
 from crowd_env.cli.console import check_picture, show_table
-from crowd_env.cli.place import people_options, place_of, plan_options, split_changes
+from crowd_env.cli.place import CrowdOptions, people_options, plan_options, setting_of, split_changes
 from crowd_env.core.behaviors.outline import Outline, room_of
 from crowd_env.core.console import friendly_errors, noted, progress_bar, say
 from crowd_env.geometry.geometry import Geometry
@@ -18,11 +18,13 @@ from crowd_env.scenarios import kind_of_place
 from crowd_env.scenarios.floor_plan import people_on
 from crowd_env.scenarios.plans.reading import read_plan
 
+app = options.new_app()
+
 _PLACES = f"{options.PLACES} Several make a sheet."
 
 
+@app.command()
 def plan(
-    context: typer.Context,
     place: Annotated[list[str], typer.Argument(autocompletion=options.complete_scenario, help=_PLACES)],
     exit: options.Exits = None,
     unit: options.Unit = None,
@@ -57,8 +59,13 @@ def plan(
         checks, told = [], []
         with progress_bar("plans", 2 * len(place)) as progress:
             for name in place:
-                check, said = _understood({**context.params, "scenario": name})
-                checks.append(check)
+                with noted() as said:
+                    checks.append(
+                        _check(
+                            CrowdOptions(scenario=name, exit=exit, unit=unit, people=people, starts=starts, set=set),
+                            seed,
+                        )
+                    )
                 told.append(said)
                 progress(1)
             if picture is not None:
@@ -76,26 +83,19 @@ def plan(
         say(f"plan: {picture}")
 
 
-def _understood(given: dict[str, Any]) -> tuple[PlanCheck, list[str]]:
-    """Return a place as it was understood, and what was noted on the way."""
-    with noted() as said:
-        check = _check(given)
-    return check, said
-
-
-def _check(given: dict[str, Any]) -> PlanCheck:
-    name, exits, unit, seed = (given[key] for key in ("scenario", "exit", "unit", "seed"))
-    if kind_of_place(name) == "plan":
-        drawn = read_plan(name, **plan_options(name, exits, unit))
+def _check(asked: CrowdOptions, seed: int) -> PlanCheck:
+    """Return a place as it was understood; a floor plan may lack exits."""
+    if kind_of_place(asked.scenario) == "plan":
+        drawn = read_plan(asked.scenario, **plan_options(asked.scenario, asked.exit, asked.unit))
         if not drawn.exits:
             for note in drawn.notes:
                 warnings.warn(note, stacklevel=2)
-            changes = split_changes(given["set"])
+            changes = split_changes(asked.set)
             room = room_of(Outline.of(changes.pop("outline", None)))
-            crowd = people_on(drawn, **people_options(given["people"], given["starts"], unit, changes))
+            crowd = people_on(drawn, **people_options(asked, changes))
             try:
                 geometry = Geometry.from_polygon(drawn.walkable, regions=drawn.regions)
             except ValueError as error:
                 raise ValueError(f"{drawn.path}: {error}") from None
             return check_plan(drawn.name, geometry, crowd, title=drawn.title, room=room, seed=seed)
-    return check_place(place_of(given).place, seed)
+    return check_place(setting_of(asked).place, seed)

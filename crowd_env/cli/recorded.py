@@ -7,12 +7,14 @@ from typing import Annotated, NamedTuple
 import typer
 
 from crowd_env.cli.console import check_picture
-from crowd_env.cli.options import of_output, plain
+from crowd_env.cli.options import new_app, of_output, plain
 from crowd_env.core.checks import POSITIVE, counted, number
 from crowd_env.core.console import check_place, friendly_errors, progress_bar, say
 from crowd_env.core.files.atomic import check_suffix
 from crowd_env.recording import Recording, load
 from crowd_env.recording.formats import RECORDINGS, recordings_in
+
+app = new_app()
 
 _SOURCE = "Folder of crowd-env run --out, or recording (.sqlite, .h5)"
 Sources = Annotated[list[Path], typer.Argument(metavar="DIR...", help=f"{_SOURCE}; several compare.")]
@@ -97,6 +99,7 @@ def size_of(path: Path) -> str:
     return f"{path}, {f'{count / 1e6:.1f} MB' if count >= 1e6 else f'{count / 1e3:.0f} kB'}"
 
 
+@app.command()
 def film(
     sources: Sources,
     out: Annotated[Path | None, plain(_FILM, names=("--out", "-o"))] = None,
@@ -110,7 +113,7 @@ def film(
 
     crowd-env film room
 
-    crowd-env film nearest fastest -o compared.gif
+    crowd-env film nearest fastest -o compared.gif --width 960 --fps 10 --speed 2
     """
     with friendly_errors():
         recorded = find_recorded(sources, 4, "a film shows 4 at most")
@@ -123,6 +126,7 @@ def film(
         say(f"film: {size_of(path)}")
 
 
+@app.command()
 def replay(
     sources: Sources,
     out: Annotated[Path | None, plain("Page, .html; default replay.html there.", names=("--out", "-o"))] = None,
@@ -151,6 +155,7 @@ def replay(
         say(f"page: {size_of(page)}, {shown}")
 
 
+@app.command()
 def forces(
     source: Source,
     out: Annotated[Path | None, plain("Picture, .png; default forces.png there.", names=("--out", "-o"))] = None,

@@ -1,21 +1,30 @@
 """The command ``crowd-env report``."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from crowd_env.cli.console import check_picture
-from crowd_env.cli.options import AsJson, of_output
-from crowd_env.cli.place import place_of
+from crowd_env.cli.options import AsJson, new_app, of_output
+from crowd_env.cli.place import CrowdOptions, Setting, setting_of
 from crowd_env.core.console import check_place, friendly_errors, say
 from crowd_env.core.files.atomic import check_suffix
 from crowd_env.rendering.report.figures import differences
 from crowd_env.rendering.report.maps import measure
 from crowd_env.rendering.report.runs import load_runs, remarks_on
 
+app = new_app()
 
+
+def place_of(arguments: Mapping[str, Any]) -> Setting:
+    """Return what the arguments of a config stand for; ValueError if they name no place."""
+    return setting_of(CrowdOptions.of_config(arguments))
+
+
+@app.command()
 def report(
     folders: Annotated[
         list[Path],
@@ -34,7 +43,7 @@ def report(
 
     crowd-env run two-exit-hall-v0 --runs 20 --routing fastest --out fastest
 
-    crowd-env report nearest fastest -o report.html
+    crowd-env report nearest fastest -o report.html --title "Nearest or fastest exit"
     """
     with friendly_errors():
         check_suffix(out, (".html",))

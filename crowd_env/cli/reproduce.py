@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from crowd_env.cli.console import wide_console
-from crowd_env.cli.options import AsJson, plain, section
+from crowd_env.cli.options import AsJson, new_app, plain, section
 from crowd_env.core.console import check_folder, friendly_errors, interrupted, progress_bar, say
 from crowd_env.core.executors import Executor, Processes, RayCluster, Serial, all_cores
 from crowd_env.core.files.store import Store
@@ -22,14 +22,7 @@ from crowd_env.reproduce import FIGURES, PAPERS, Case, Figure, Result, Settings,
 from crowd_env.reproduce.evacuations import Interrupted, evacuate
 from crowd_env.reproduce.paper import flag
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-
-# What were options of their own.
-SETTINGS = {
-    f"--{one.name.replace('_', '-')}": f"--set {one.name}=VALUE"
-    for paper in PAPERS.values()
-    for one in fields(paper.settings)
-} | {"--n": "--set people=N"}
+app = new_app()
 
 _NAMES = f"{', '.join(FIGURES)}; those of one paper: {', '.join(PAPERS)}; of every paper: all; what they are: list."
 _RUNS = "Number of draws; default 10 (lin), 40 (moussaid), 50 (pecol), 100 (the theatre)."

@@ -1,7 +1,8 @@
 """The folder of ``crowd-env run --out``, and how a command is run again from the config in it."""
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -9,23 +10,19 @@ import typer
 
 from crowd_env.analysis.results.config import FREE, run_config
 from crowd_env.analysis.results.folder import ResultsFolder
-from crowd_env.cli.place import files_of
+from crowd_env.cli.place import CrowdOptions, Setting, named_now
 from crowd_env.core.checks import counted
 from crowd_env.core.console import check_folder, friendly_errors, say
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.files.store import difference
 from crowd_env.envs.rollout import Episode
-from crowd_env.physics import ContactScheme
 from crowd_env.rendering.libraries import require_libraries
 from crowd_env.scenarios.scenario import Scenario
 
 CURVES = "nt.png"
 
 # Options that decide the results: what a config keeps of a command line.
-_KEPT = (
-    *("scenario", "exit", "unit", "people", "starts", "crowd", "routing", "policy", "physics", "set"),
-    *("runs", "until", "seed", "time_limit"),
-)
+_KEPT = (*(one.name for one in fields(CrowdOptions)), "runs", "until", "seed")
 
 
 def again(context: typer.Context, path: Path | None) -> Path | None:
@@ -36,6 +33,7 @@ def again(context: typer.Context, path: Path | None) -> Path | None:
             arguments = config.get("arguments") if isinstance(config, dict) else None
             if not isinstance(arguments, dict):
                 raise ValueError(f"--config {path}: this is no config of crowd-env run, as it writes it into --out")
+            arguments = named_now(arguments)
             if not set(arguments) <= set(_KEPT):
                 version = config.get("version", "another version")
                 raise ValueError(f"--config {path}: its options are those of {version}; give them by their new names")
@@ -44,40 +42,46 @@ def again(context: typer.Context, path: Path | None) -> Path | None:
 
 
 def config_of(
-    given: Mapping[str, Any], place: Scenario, scheme: ContactScheme, options: Mapping[str, Any]
+    options: CrowdOptions, setting: Setting, *, runs: int, until: str | None, seed: int, like: Path | None = None
 ) -> dict[str, Any]:
     """Return all that decides the results of a command.
 
     Parameters
     ----------
-    given : the parameters of the command by their names.
-    options : of a rollout, see `crowd_env.cli.place.Setting`.
+    like : config that the command runs again; a note says in what this one differs.
 
     Raises
     ------
     ValueError
         If a file that the command names cannot be read.
     """
-    arguments = {name: given[name] for name in _KEPT if given[name] is not None}
-    files = files_of(given)
+    place, scheme, way, led = setting
+    given = {**vars(options), "runs": runs, "until": until, "seed": seed}
+    arguments = {name: value for name, value in given.items() if value is not None}
+    files = options.files()
     for name, file in files.items():  # wherever the config is taken up again
         arguments[name] = str(given[name]).replace(str(file), str(file.absolute()), 1)
     config = run_config(
         place,
         scheme,
-        given["runs"],
-        seed=given["seed"],
-        **{"max_drive": place.max_drive, **options},
+        runs,
+        seed=seed,
+        dt=way["dt"],
+        strategy=way["strategy"],
+        rules=way["rules"],
+        max_drive=way.get("max_drive", place.max_drive),
         command=["crowd-env", *sys.argv[1:]],
         arguments=arguments,
         files=list(files.values()),
     )
-    if "physics" in files:
-        config["law"] = config["files"][str(files["physics"].absolute())]
-    if given["config"] is not None:
-        other = difference(read_json(given["config"]), config, FREE)
+    if "scheme" in files:
+        config["law"] = config["files"][str(files["scheme"].absolute())]
+    if led is not None:
+        config["policy"] = led.facts
+    if like is not None:
+        other = difference(read_json(like), config, FREE)
         if other:
-            say(f"note: not what {given['config']} says: {other}", "yellow")
+            say(f"note: not what {like} says: {other}", "yellow")
     return config
 
 

@@ -6,6 +6,7 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -18,23 +19,24 @@ from crowd_env.analysis.figures import FEWEST, cells, doubts, report, runs_enoug
 from crowd_env.analysis.results.crowding import CrowdingRecorder
 from crowd_env.cli import options
 from crowd_env.cli.console import show_table
-from crowd_env.cli.place import place_of
+from crowd_env.cli.place import CrowdOptions, Setting, setting_of
 from crowd_env.cli.results_folder import again, config_of, keep_in, open_folder, write_results
 from crowd_env.core.checks import counted, whole
 from crowd_env.core.console import friendly_errors, interrupted, noted, progress_bar, say
 from crowd_env.core.executors import Processes, all_cores
 from crowd_env.envs.metrics import t_quantile
 from crowd_env.envs.rollout import Episode, Recorder, Recorders, RunsInterrupted, run_episodes
-from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.titles import run_title
+
+app = options.new_app()
 
 EXAMPLES = """Examples:
 
-crowd-env run room-v0 --physics nsm2 --runs 50 --json
+crowd-env run room-v0 --scheme nsm2 --runs 50 --json
 
 crowd-env run my_room.wkt --exit 5,2,5,3 --people 40 --set speed=1.5
 
-crowd-env run my_room.wkt --exit 5,2,5,3 --people 40 --out results
+crowd-env run my_room.wkt --exit 5,2,5,3 --people 40 --time-limit 600 --out results
 """
 _CONFIG = "Run what the config.json of an --out says; options beside it come first."
 _OUT = (
@@ -45,6 +47,7 @@ _RECORD = "Record the first N runs, or all, into --out: who is where when; defau
 _NO_CONTACTS = "Record no contacts and forces: smaller files."
 
 
+@app.command(epilog=EXAMPLES)
 def run(
     context: typer.Context,
     scenario: options.PlaceName = "room-v0",
@@ -52,10 +55,10 @@ def run(
     unit: options.Unit = None,
     people: options.PeopleCount = None,
     starts: options.Starts = None,
-    crowd: options.CrowdName = None,
+    walking: options.WalkingName = None,
     routing: options.RoutingName = None,
     policy: options.PolicyName = None,
-    physics: options.PhysicsName = "nsm2",
+    scheme: options.SchemeName = "nsm2",
     set: options.Changes = None,
     runs: options.Runs = 50,
     until: options.Until = None,
@@ -69,17 +72,29 @@ def run(
     as_json: options.AsJson = False,
 ) -> None:
     """Evacuate a place many times and report how it went; keep the runs in a folder."""
+    asked = CrowdOptions(
+        scenario=scenario,
+        exit=exit,
+        unit=unit,
+        people=people,
+        starts=starts,
+        walking=walking,
+        routing=routing,
+        policy=policy,
+        scheme=scheme,
+        set=set,
+        time_limit=time_limit,
+    )
     with friendly_errors():
         recorded, share = _recorded(record, runs, out), _share(until)
         with noted() as notes:
-            place, scheme, way, led = place_of(context.params)
+            setting = setting_of(asked)
+        place, law, way, led = setting
         walk, start = place.longest_walk()
         if walk > place.time_limit:
             where = f"({start[0]:.1f}, {start[1]:.1f})"
             say(f"note: from {where} it takes up to {walk:.0f} s to walk out; the time limit is {place.time_limit:g} s")
-        here = config_of(context.params, place, scheme, way) | {"notes": notes}
-        if led is not None:
-            here["policy"] = led.facts
+        here = config_of(asked, setting, runs=runs, until=until, seed=seed, like=config) | {"notes": notes}
         folder, kept = (None, []) if out is None else open_folder(context, out, here)
         recorder = None
         if out is not None:
@@ -96,8 +111,7 @@ def run(
             recorder = Recorders(**seen)
         begin = time.monotonic()
         done = evacuate(
-            run_title(place, scheme.info.name),
-            place,
+            setting,
             runs,
             until=share,
             seed=seed,
@@ -106,11 +120,8 @@ def run(
             recorded=recorded,
             kept=kept,
             keep=None if folder is None else keep_in(folder),
-            scheme=scheme,
-            **({} if led is None else {"driver": led.driver(scheme, **way)}),
-            **way,
         )
-        figures = report(place, scheme, done.episodes, dt=way["dt"], strategy=way["strategy"])
+        figures = report(place, law, done.episodes, dt=way["dt"], strategy=way["strategy"])
         if led is not None:
             figures["policy"] = led.name
         if share is not None:
@@ -123,7 +134,7 @@ def run(
         typer.echo(json.dumps(figures))
     else:
         who = counted(figures["people"], "person", "people"), counted(figures["runs"], "run", "runs")
-        title = run_title(place, scheme.info.name, people=who[0], runs=who[1])
+        title = run_title(place, law.info.name, people=who[0], runs=who[1])
         title += "" if led is None else f", led by {led.name}"
         took = f"{time.monotonic() - begin:.1f} s of computing"
         settings = f"seed {seed}, step {figures['dt']:g} s, {figures['strategy']}; {took}"
@@ -132,16 +143,16 @@ def run(
             Console(highlight=False).print(f"[yellow]check:[/] {escape(figures['doubts'])}", soft_wrap=True)
     with friendly_errors():
         recordings = {number: records["recording"] for number, records in sorted(done.records.items())}
-        for number, record in recordings.items():
-            if isinstance(record, OSError):
-                say(f"note: run {number} is not recorded: {record}", "yellow")
+        for number, record_of in recordings.items():
+            if isinstance(record_of, OSError):
+                say(f"note: run {number} is not recorded: {record_of}", "yellow")
         if folder is not None:
             if done.enough is not None:
                 folder.end_at(done.enough)
-            write_results(folder, place, run_title(place, scheme.info.name), figures, done.episodes)
-        for record in recordings.values():
-            if not isinstance(record, OSError):
-                say(f"recording: {record}")
+            write_results(folder, place, run_title(place, law.info.name), figures, done.episodes)
+        for record_of in recordings.values():
+            if not isinstance(record_of, OSError):
+                say(f"recording: {record_of}")
         if done.stopped is not None:
             said = f"{done.stopped}; the figures are of these, and lean to short evacuations"
             interrupted(said if folder is None else f"{said}; to go on: {shlex.join(['crowd-env', *sys.argv[1:]])}")
@@ -199,17 +210,16 @@ class Evacuations(NamedTuple):
 
 
 def evacuate(
-    title: str,
-    place: Scenario,
+    setting: Setting,
     runs: int,
     *,
+    seed: int = 0,
     until: float | None = None,
     workers: int | None = None,
     kept: Sequence[Episode] = (),
     keep: Callable[[Sequence[Episode]], object] | None = None,
     recorder: Recorder | None = None,
     recorded: Collection[int] = (),
-    **options: Any,
 ) -> Evacuations:
     """Run evacuations under a bar; without a single one an interruption ends the command.
 
@@ -223,7 +233,6 @@ def evacuate(
     kept : runs that were finished before.
     keep : is given the runs that have just ended, with what was recorded of them.
     recorder : sees all runs, and keeps something of those that are ``recorded``, which are run again if they were kept.
-    **options : of `crowd_env.envs.rollout.rollout`.
 
     Raises
     ------
@@ -231,11 +240,15 @@ def evacuate(
         If the number of runs or the seed is out of range, the crowd does not fit, or a process has died.
     """
     whole("runs", runs)
+    place, law, way, led = setting
+    evacuated = partial(run_episodes, place, runs, seed=seed, scheme=law, recorder=recorder, **way)
+    if led is not None:
+        evacuated = partial(evacuated, driver=led.driver(law, **way))
     found = {episode.run: episode for episode in kept}
     records: dict[int, Any] = {}
     todo = [run for run in range(runs) if run not in found or run in recorded]
     stopped: RunsInterrupted | None = None
-    with progress_bar(f"{title}, runs", len(todo)) as progress:
+    with progress_bar(f"{run_title(place, law.info.name)}, runs", len(todo)) as progress:
 
         def take(episodes: Sequence[Episode]) -> None:
             records.update({episode.run: episode.record for episode in episodes if episode.run in recorded})
@@ -247,7 +260,7 @@ def evacuate(
         try:
             begin = time.monotonic()
             if todo and _enough(found, until) is None:
-                run_episodes(place, runs, only=todo[:1], recorder=recorder, keep=take, **options)
+                evacuated(only=todo[:1], keep=take)
             a_run = time.monotonic() - begin  # s
             rest = todo[1:]
             while rest and _enough(found, until) is None:
@@ -257,8 +270,7 @@ def evacuate(
                 processes = min(all_cores() if workers is None else workers, len(now))
                 executor = Processes(processes) if processes > 1 and work > _WORTH_A_PROCESS else None
                 at_once = -(-len(now) // (_BATCHES * processes))
-                way: dict[str, Any] = {"executor": executor, "at_once": at_once, "recorder": recorder, "keep": take}
-                run_episodes(place, runs, only=now, **way, **options)
+                evacuated(only=now, keep=take, executor=executor, at_once=at_once)
         except KeyboardInterrupt:
             stopped = RunsInterrupted([found[run] for run in sorted(found)], runs)
     if stopped is not None and not found:

@@ -11,5 +11,5 @@ from crowd_env.cli.place import read_place
 def small(monkeypatch):
     """Let the name "hall" stand for the small hall."""
     monkeypatch.setattr(
-        evaluate, "read_place", lambda name, **options: SMALL if name == "hall" else read_place(name, **options)
+        evaluate, "read_place", lambda options: SMALL if options.scenario == "hall" else read_place(options)
     )

@@ -118,7 +118,7 @@ def printed(*tables):
 
 @pytest.mark.more
 def test_one_json_object_with_a_row_for_each_policy_and_scheme(small):
-    asked = ("--scenario", "hall", "--policies", "shortest", "east", "--physics", "dem", "nsm1", "--runs", 3, "--json")
+    asked = ("--scenario", "hall", "--policies", "shortest", "east", "--scheme", "dem", "nsm1", "--runs", 3, "--json")
     code, out, _ = call(*asked)
     assert code == 0
     told = json.loads(out)
@@ -198,7 +198,7 @@ class Soft(Hertz):
 """
     )
     law, out = f"{tmp_path}/law_of_ones_own.py:Soft", tmp_path / "out"
-    words = ("--scenario", "room-v0", "--people", 6, "--policies", "shortest", "--runs", 1, "--json", "--physics", law)
+    words = ("--scenario", "room-v0", "--people", 6, "--policies", "shortest", "--runs", 1, "--json", "--scheme", law)
     code, told, error = call(*words, "hertz", "--out", out)
     assert code == 0, error
     own, usual = json.loads(told)["rows"]
@@ -208,7 +208,7 @@ class Soft(Hertz):
     config = default_config("room-v0", law, seed=0, envs=1, steps=1, minutes=1.0, people=6)
     check_config(config)
     assert make_env(config).simulation.scheme.info.name == task_of(config).scheme == "soft"
-    with pytest.raises(ValueError, match=r"--physics .*:Hard: .* has no Hard"):
+    with pytest.raises(ValueError, match=r"--scheme .*:Hard: .* has no Hard"):
         default_config("room-v0", law.replace("Soft", "Hard"), seed=0, envs=1, steps=1, minutes=1.0)
 
 
@@ -227,7 +227,7 @@ def test_tables_fit_into_a_hundred_columns():
         (("--policies", "dance"), r"unknown policy 'dance'; known: shortest.*rules.*door.*stand-still"),
         (("--policies", "shortest", "shortest"), "'shortest' is named twice"),
         (("--policies", "none.safetensors"), r"cannot read the network none\.safetensors"),
-        (("--physics", "glue"), "unknown contact scheme 'glue'; known: dem"),
+        (("--scheme", "glue"), "unknown contact scheme 'glue'; known: dem"),
         (("--scenario", "moon-v0"), "unknown scenario 'moon-v0'; known: room-v0"),
         (("--runs", "0"), "--runs is 0"),
         (("--runs", "1000000"), "--runs is 1000000; it must be 1 to 999999"),
@@ -254,7 +254,7 @@ def test_a_folder_that_cannot_be_written_is_said_in_one_line(tmp_path):
 @pytest.mark.nightly
 def test_the_command_as_it_is_written(tmp_path):
     words = (
-        f"--scenario room-v0 --policies shortest fastest stand-still --physics dem nsm2 --runs 2 --out {tmp_path}/out"
+        f"--scenario room-v0 --policies shortest fastest stand-still --scheme dem nsm2 --runs 2 --out {tmp_path}/out"
     )
     program = [sys.executable, "-m", "crowd_env", "evaluate", *words.split()]
     result = subprocess.run(program, cwd=ROOT, capture_output=True, text=True, check=True)

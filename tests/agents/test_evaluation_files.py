@@ -32,7 +32,7 @@ def everything(folder):
     return told, (folder / "runs.csv").read_text()
 
 
-ASKED = ("--scenario", "hall", "--policies", "shortest", "east", "--physics", "nsm2", "dem", "--runs", 2)
+ASKED = ("--scenario", "hall", "--policies", "shortest", "east", "--scheme", "nsm2", "dem", "--runs", 2)
 
 
 @pytest.mark.more

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from crowd_env import ObservationLayout
 from crowd_env.agents.networks import MLP, BetweenMLP
+from crowd_env.agents.onnx_graph import to_onnx
 from crowd_env.agents.trained import LearnedController, LearnedPolicy
 from crowd_env.cli.agents import export
 from crowd_env.envs.action import SpeedTable, make_action
@@ -192,4 +193,4 @@ def test_a_kind_of_network_without_a_graph_is_refused():
     found.network = Other(inner.weights, inner.biases)
     pytest.importorskip("onnx", reason="the test writes ONNX files: pip install onnx")
     with pytest.raises(ValueError, match="unknown kind of network with an ONNX graph 'other'; known: mlp"):
-        export.to_onnx(found)
+        to_onnx(found)

@@ -47,9 +47,9 @@ def test_a_folder_holds_one_manner(tmp_path):
 
 
 def test_the_command_takes_a_manner_and_prints_it():
-    code, out, _ = call("--policies", "shortest", "--runs", 2, "--crowd", "calm", "--json")
+    code, out, _ = call("--policies", "shortest", "--runs", 2, "--walking", "calm", "--json")
     assert code == 0 and json.loads(out)["manner"] == "calm"
-    code, _, err = call("--crowd", "slow")
+    code, _, err = call("--walking", "slow")
     assert code == 2 and f"unknown manner 'slow'; known: {', '.join(MANNERS)}" in err
 
 
@@ -66,7 +66,7 @@ def test_training_keeps_its_manner():
         make_env(usual).simulation.behaviors["manner"] is None
         and make_env(calm).simulation.behaviors["manner"] == MANNERS["calm"]
     )
-    with pytest.raises(ValueError, match="--crowd is hurried, but x was begun with calm"):
+    with pytest.raises(ValueError, match="--walking is hurried, but x was begun with calm"):
         extended(calm, {"manner": "hurried"}, [], "x")
     with pytest.raises(ValueError, match="unknown manner 'slow'"):
         default_config("room-v0", "nsm2", 0, 2, 100, 1.0, manner="slow")

@@ -67,7 +67,7 @@ def test_training_keeps_its_outline(tmp_path, monkeypatch):
 
 
 def test_the_command_takes_an_outline_and_refuses_it_before_anything_is_run():
-    code, out, _ = call("--policies", "shortest", "--physics", "hertz", "--runs", 1, "--set", "outline=torso", "--json")
+    code, out, _ = call("--policies", "shortest", "--scheme", "hertz", "--runs", 1, "--set", "outline=torso", "--json")
     assert code == 0 and json.loads(out)["outline"] == "torso"
-    code, _, err = call("--physics", "hertz", "nsm2", "--set", "outline=torso")
+    code, _, err = call("--scheme", "hertz", "nsm2", "--set", "outline=torso")
     assert code == 2 and "nsm2 does not turn bodies, so it cannot have the outline 'torso'" in err

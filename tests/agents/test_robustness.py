@@ -129,7 +129,7 @@ def test_a_controller_is_left_out_where_its_regions_are_others(tmp_path):
     [
         ((), "--robustness varies a task; name one by --task"),
         (("--task", "small", "--people", "5"), "--robustness says itself what it varies, --people among it"),
-        (("--task", "small", "--physics", "dem"), "says itself what it varies, --physics among it"),
+        (("--task", "small", "--scheme", "dem"), "says itself what it varies, --scheme among it"),
         (("--task", "small", "--set", "learned=0.2"), "--set learned among it"),
         (("--task", "small", "--policies", "dance"), "unknown policy 'dance'"),
         (("--task", "small", "--runs", "0"), "--runs is 0"),

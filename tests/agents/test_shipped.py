@@ -13,19 +13,19 @@ from typer import Typer
 from typer.testing import CliRunner
 
 from crowd_env import ObservationLayout, agents
-from crowd_env.agents import PRETRAINED, load, make_policy
+from crowd_env.agents import PRETRAINED, load, make_policy, shipping
 from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.networks import network_digest
 from crowd_env.agents.tasks import TASKS, make_task
 from crowd_env.agents.trained import LearnedController, LearnedPolicy
-from crowd_env.cli.agents import ship
+from crowd_env.cli.agents.ship import main
 from crowd_env.core.files.json_file import read_json, write_json
 
 LAYOUT = ObservationLayout(terms=("direction", "neighbors"), neighbors=2)
 ROOM = TASKS["room"]
 
 app = Typer(pretty_exceptions_enable=False)
-app.command()(ship.main)
+app.command()(main)
 
 
 def call(*arguments):
@@ -40,7 +40,7 @@ def policy(task=ROOM, seed=0):
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """Return a folder of shipped policies of its own, in which there are none."""
-    monkeypatch.setattr(ship, "FOLDER", tmp_path / "pretrained")
+    monkeypatch.setattr(shipping, "FOLDER", tmp_path / "pretrained")
     return tmp_path / "pretrained"
 
 
@@ -96,7 +96,7 @@ def test_a_shipped_policy_fits_its_task_as_it_stands(name):
 
 
 def test_there_is_a_card_beside_every_network_and_no_other_file():
-    files = {path for path in ship.FOLDER.rglob("*") if path.is_file() and path.suffix not in (".py", ".pyc")}
+    files = {path for path in shipping.FOLDER.rglob("*") if path.is_file() and path.suffix not in (".py", ".pyc")}
     assert files == {path.with_suffix(suffix) for path in PRETRAINED.values() for suffix in (".safetensors", ".json")}
 
 
@@ -208,7 +208,7 @@ def test_a_run_of_train_py_can_be_shipped(tmp_path, folder, monkeypatch):
     config["ppo"] |= {"n_steps": 32, "batch_size": 256, "n_epochs": 1}
     assert learn.train(run, config)
     trained_run.judge(run, config, 2, 1)
-    path = ship.ship(run, "room/ppo")
+    path = shipping.ship(run, "room/ppo")
     card, found = read_json(path.with_suffix(".json")), LearnedPolicy.load(path)
     assert found.trained["task"] == card["task"] == ROOM.identity() and card["config"] == config
     assert card["spent"]["steps"] >= 1500 and card["spent"]["cpu_seconds"] > 0

@@ -55,7 +55,7 @@ def test_a_task_does_what_it_did_when_it_was_frozen(name):
     task = TASKS[name]
     assert probe(task) == pytest.approx(task.probe, rel=1e-5), (
         f"physics, ways or observation do something else in the task {name} than when it was frozen.  If that is meant, raise "
-        "its version, freeze it anew (python -m crowd_env.agents.tasks.probe), and judge everything again.  If a term of the "
+        "its version, freeze it anew (crowd-env freeze), and judge everything again.  If a term of the "
         "observation was added that nobody reads, freeze it anew alone."
     )
 
@@ -219,7 +219,7 @@ def test_a_task_is_a_named_set_of_options(small_task):
 
 
 def test_people_runs_and_scheme_of_a_task_can_be_others(small_task):
-    code, out, _ = call("--task", "small", "--people", 6, "--runs", 1, "--physics", "dem", "--json")
+    code, out, _ = call("--task", "small", "--people", 6, "--runs", 1, "--scheme", "dem", "--json")
     assert code == 0
     told = json.loads(out)
     (row,) = told["rows"]

@@ -121,7 +121,7 @@ def test_the_physics_step_is_that_of_the_scheme(scheme):
 
 
 @pytest.mark.more
-@looped(("asked", "dt"), [(("--physics", "dem", "--set", "dt=0.005"), 0.005), (("--physics", "hertz"), 0.005)])
+@looped(("asked", "dt"), [(("--scheme", "dem", "--set", "dt=0.005"), 0.005), (("--scheme", "hertz"), 0.005)])
 def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monkeypatch, asked, dt):
     seen, init = set(), Simulation.__init__
     default = training_config.default_config
@@ -245,7 +245,7 @@ def test_the_same_seed_trains_the_same_policy_however_fast_the_machine_is(tmp_pa
     ("args", "words"),
     [
         (("--scenario", "hall"), "hall room-v0"),
-        (("--physics", "glue"), "glue nsm2"),
+        (("--scheme", "glue"), "glue nsm2"),
         (("--seed", -1), "seed -1"),
         (("--seed", 1_000_000), "seed 999999"),
         (("--minutes", 0), "--minutes > 0"),

@@ -80,14 +80,14 @@ def test_a_budget_beside_resume_is_honoured(root, monkeypatch):
     assert call("--resume", root / "tiny", "--steps", 9000, "--minutes", 6).exit_code == 130
     kept = json.loads((root / "tiny" / "config.json").read_text())
     assert kept == trained[0] and (kept["steps"], kept["minutes"], kept["envs"]) == (9000, 6.0, 2)
-    assert call("--resume", root / "tiny", "--physics", "nsm2", "--envs", 2).exit_code == 130  # as it was begun
+    assert call("--resume", root / "tiny", "--scheme", "nsm2", "--envs", 2).exit_code == 130  # as it was begun
 
 
 @looped(
     ("args", "words"),
     [
         (("--envs", 4), "--envs 4 2 another run"),
-        (("--physics", "dem"), "--physics dem nsm2 another run"),
+        (("--scheme", "dem"), "--scheme dem nsm2 another run"),
         (("--scenario", "bottleneck-v0"), "--task room-v0 another run"),
         (("--seed", 8), "--seed 8 3 another run"),
         (("--set", "dt=0.005"), "--set dt 0.005 0.01 another run"),

@@ -15,7 +15,7 @@ DOOR = "--exit 6,2,6,3"
 CASES = [
     # names, numbers and options
     ("run moon-v0", "unknown scenario 'moon-v0' room-v0 .wkt"),
-    ("run --physics glue", "glue nsm2"),
+    ("run --scheme glue", "glue nsm2"),
     ("run --set social=glue", "glue"),
     ("run --routing glue", "glue shortest"),
     ("run --runs 0", "runs 0 at least 1"),
@@ -44,7 +44,7 @@ CASES = [
     ("run --set dt=-1", "dt > 0"),
     ("run --set dt=nan", "dt > 0"),
     ("run --set dt=0.03", "0.03 whole number"),
-    ("run --set dt=0.1 --physics dem", "dem stable step"),
+    ("run --set dt=0.1 --scheme dem", "dem stable step"),
     ("run --time-limit 0", "time limit > 0"),
     ("run --time-limit nan", "time limit > 0"),
     ("run --time-limit inf", "time limit finite"),
@@ -52,7 +52,7 @@ CASES = [
     ("run --unit cm", "room-v0 meters --unit"),
     ("run good.toml --unit mm", "good.toml meters --unit"),
     ("run good.toml --exit 6,2,6,3", "good.toml --exit"),
-    ("warmup --physics glue", "glue nsm2"),
+    ("warmup --scheme glue", "glue nsm2"),
     # plans
     ("run none.wkt --exit 6,2,6,3", "none.wkt No such file"),
     (f"run . {DOOR}", "cannot read"),
@@ -210,12 +210,12 @@ USAGE = [
     "run a b",
     "run --fly",
 ]
-USAGE += ["clogging", "reproduce", "plan", "warmup --physics", "run --unit"]
+USAGE += ["clogging", "reproduce", "plan", "warmup --scheme", "run --unit"]
 
 NOTES = [
     ("run --set speed=9 --time-limit 3", "--set speed=9 m/s walk 1.34"),
-    ("run long.wkt --exit 320,0,320,2 --time-limit 450 --physics dem", "320 m x 2 m cm --unit cm"),
-    ("run wide.wkt --exit 25,0,25,22 --time-limit 450 --physics dem", "exit 22 m wide cm --unit cm"),
+    ("run long.wkt --exit 320,0,320,2 --time-limit 450 --scheme dem", "320 m x 2 m cm --unit cm"),
+    ("run wide.wkt --exit 25,0,25,22 --time-limit 450 --scheme dem", "exit 22 m wide cm --unit cm"),
     ("run two.wkt --exit 6,2,6,3", "no exit can be reached from a part of 10 m2 left out"),
     ("run shaft.wkt --exit 6,2,6,3", "no exit can be reached from a part of left out"),
     ("run gap.wkt --exit 8,2,8,3", "less than 1 cm apart are joined 1 mm"),
@@ -232,7 +232,7 @@ QUIET = [
     "run --starts excel_de.csv",
     "run --starts capitals.csv",
     "run --starts tabs.csv",
-    "run long.wkt --exit 320,0,320,2 --time-limit 450 --physics dem --unit m",
+    "run long.wkt --exit 320,0,320,2 --time-limit 450 --scheme dem --unit m",
 ]
 
 

@@ -16,7 +16,7 @@ from crowd_env.cli.agents import learn as learning
 from crowd_env.cli.main import app
 from crowd_env.core.files.store import claimed
 
-RUN = "run room-v0 --people 3 --runs 1 --physics dem"
+RUN = "run room-v0 --people 3 --runs 1 --scheme dem"
 EVALUATE = "evaluate --scenario room-v0 --people 3 --policies shortest --runs 1"
 # Takes a lock, says so, and waits until it is killed.
 HOLDS = """

@@ -72,7 +72,7 @@ KEYS = {
 @pytest.mark.more
 @looped("scheme", SCHEMES)
 def test_run_prints_one_json_object_with_the_documented_keys(scheme):
-    told = figures(f"run room-v0 --physics {scheme} --runs 3 --seed 5 --time-limit 30")
+    told = figures(f"run room-v0 --scheme {scheme} --runs 3 --seed 5 --time-limit 30")
     assert set(told) == set(KEYS)
     for name, parts in KEYS.items():
         assert parts is None or set(told[name]) == parts
@@ -96,7 +96,7 @@ def test_run_says_when_its_figures_are_doubtful():
 
 
 def test_run_prints_a_table():
-    result = call("run --runs 2 --people 5 --physics dem")
+    result = call("run --runs 2 --people 5 --scheme dem")
     assert result.exit_code == 0 and result.stderr == ""
     for words in ("room-v0: 5 people, dem, 2 runs", "evacuation time", "flow", "0 people in 0 runs", "overlap", "1/s"):
         assert words in result.stdout
@@ -144,9 +144,9 @@ def test_list_names_everything():
 
 @pytest.mark.more
 def test_warmup_compiles_what_is_asked_for():
-    told = json.loads(call("warmup --physics nsm2 --json").stdout)
+    told = json.loads(call("warmup --scheme nsm2 --json").stdout)
     assert set(told) == {"seconds"} and set(told["seconds"]) == {"nsm2"} and told["seconds"]["nsm2"] >= 0
-    assert call("warmup --physics dem").stdout.startswith("dem")
+    assert call("warmup --scheme dem").stdout.startswith("dem")
 
 
 @pytest.mark.more

@@ -66,7 +66,7 @@ KEYS = {
 def folder(tmp_path_factory):
     """The folder of four runs."""
     folder = tmp_path_factory.mktemp("runs") / "room"
-    result = CliRunner().invoke(app, f"run room-v0 --physics dem --runs 4 --seed 0 --record 0 --out {folder}".split())
+    result = CliRunner().invoke(app, f"run room-v0 --scheme dem --runs 4 --seed 0 --record 0 --out {folder}".split())
     assert result.exit_code == 0, result.output
     return folder
 

@@ -23,12 +23,12 @@ def proposed(line):
 @looped(
     ("line", "names"),
     [
-        ("ru", ["run"]),
+        ("ru", ["run", "rules"]),
         ("sho", ["show"]),
         ("run two-exit", ["two-exit-hall-v0"]),
-        ("run room-v0 --physics hertz-", ["hertz-literal"]),
+        ("run room-v0 --scheme hertz-", ["hertz-literal"]),
         ("run room-v0 --routing n", ["nearest"]),
-        ("run room-v0 --crowd comp", ["competitive"]),
+        ("run room-v0 --walking comp", ["competitive"]),
         ("run my_plan.wk", []),  # a file: the shell's own
         ("show competitive", ["competitive-door"]),
         ("evaluate --task narrow", ["narrow-door"]),
@@ -42,7 +42,7 @@ def test_names_are_completed(line, names):
 
 def test_all_names_are_proposed_where_nothing_is_begun():
     assert proposed("run ") == list(SCENARIOS)
-    assert proposed("warmup --physics ") == list(SCHEMES)
+    assert proposed("warmup --scheme ") == list(SCHEMES)
 
 
 @pytest.mark.more

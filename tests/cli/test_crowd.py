@@ -1,12 +1,11 @@
-"""Who walks and how at the command line: ``--crowd``, ``--physics``, ``--routing`` and ``--set``."""
+"""Who walks and how at the command line: ``--walking``, ``--scheme``, ``--routing`` and ``--set``."""
 
 import pytest
 from cases import looped
 from commands import call, figures
 
 from crowd_env import MANNERS, OUTLINES, CrowdEnv, Outline
-from crowd_env.cli.agents import RENAMED
-from crowd_env.cli.place import place_of
+from crowd_env.cli.place import CrowdOptions, setting_of
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.titles import run_title, with_manner
 
@@ -39,17 +38,17 @@ def place(tmp_path):
 
 
 def test_run_walks_as_it_is_told_and_says_so():
-    usual, calm = figures("run room-v0 --people 8 --runs 2"), figures("run room-v0 --people 8 --runs 2 --crowd calm")
+    usual, calm = figures("run room-v0 --people 8 --runs 2"), figures("run room-v0 --people 8 --runs 2 --walking calm")
     assert (usual["manner"], calm["manner"]) == ("competitive", "calm")
     assert calm["evacuation_time"]["mean"] > usual["evacuation_time"]["mean"]
-    told = call("run room-v0 --people 8 --runs 2 --crowd calm --physics hertz --set outline=torso")
+    told = call("run room-v0 --people 8 --runs 2 --walking calm --scheme hertz --set outline=torso")
     assert "room-v0: 8 people, hertz, calm, torso, 2 runs" in " ".join(told.output.split())
 
 
 def test_a_file_says_how_people_walk_unless_the_command_does(place):
     path = place(TWO)
-    line = f"run {path} --runs 1 --physics hertz"
-    own, named = figures(line), figures(f"{line} --crowd competitive --set outline=disc")
+    line = f"run {path} --runs 1 --scheme hertz"
+    own, named = figures(line), figures(f"{line} --walking competitive --set outline=disc")
     assert own["manner"]["time_gap"] == 0.7 and own["outline"]["turning_time"] == 0.3
     assert (named["manner"], named["outline"]) == ("competitive", "disc")
     assert make_scenario(path).outline == Outline(((0, 0.1, 0.1), (0, -0.1, 0.1)), turning_time=0.3)
@@ -60,7 +59,7 @@ def test_a_file_says_how_people_walk_unless_the_command_does(place):
 
 def test_what_is_set_reaches_the_people_the_physics_and_the_routing():
     changes = ["speed=0.5", "radius=0.2,0.22", "dt=0.005", "max_drive=300", "max_iterations=40", "signs=no"]
-    place, scheme, options, _ = place_of({"scenario": "floor-v0", "set": changes, "routing": "nearest"})
+    place, scheme, options, _ = setting_of(CrowdOptions(scenario="floor-v0", set=changes, routing="nearest"))
     people = place.population
     assert (people.desired_speed.low, people.desired_speed.high) == (0.5, 0.5)
     assert (people.radius.low, people.radius.high) == (0.2, 0.22)
@@ -71,11 +70,11 @@ def test_what_is_set_reaches_the_people_the_physics_and_the_routing():
 def test_a_law_of_ones_own_is_named_by_its_file(tmp_path):
     (tmp_path / "my_law_of_a_test.py").write_text(LAW)
     for name in ("MyLaw", "gentle"):
-        _, scheme, *_ = place_of({"physics": f"{tmp_path}/my_law_of_a_test.py:{name}", "set": ["social=lin"]})
+        _, scheme, *_ = setting_of(CrowdOptions(scheme=f"{tmp_path}/my_law_of_a_test.py:{name}", set=["social=lin"]))
         assert scheme.info.name.startswith("hertz") and scheme.social is not None
     for wrong, words in (("none.py:MyLaw", "there is no file"), ("my_law_of_a_test.py:Glue", "has no Glue")):
         with pytest.raises(ValueError, match=words):
-            place_of({"physics": f"{tmp_path}/{wrong}"})
+            setting_of(CrowdOptions(scheme=f"{tmp_path}/{wrong}"))
 
 
 @pytest.mark.more
@@ -88,20 +87,20 @@ def test_warmup_compiles_the_crowd_that_is_asked_for(monkeypatch):
             seen.append(self.simulation.behaviors["manner"])
 
     monkeypatch.setattr("crowd_env.envs.crowd.CrowdEnv", Watched)
-    assert call("warmup --physics dem --physics nsm2 --crowd calm").exit_code == 0
+    assert call("warmup --scheme dem --scheme nsm2 --walking calm").exit_code == 0
     assert seen == [MANNERS["calm"], MANNERS["calm"]]
 
 
 @looped(
     ("options", "says"),
     [
-        ("--crowd slow", f"unknown manner 'slow'; known: {', '.join(MANNERS)}"),
+        ("--walking slow", f"unknown manner 'slow'; known: {', '.join(MANNERS)}"),
         ("--set outline=square", f"unknown outline 'square'; known: {', '.join(OUTLINES)}"),
-        ("--physics dem --set outline=torso", "dem does not turn bodies, so it cannot have the outline 'torso'"),
+        ("--scheme dem --set outline=torso", "dem does not turn bodies, so it cannot have the outline 'torso'"),
         ("--set spede=2", "--set spede: nothing has this name; the crowd has outline, speed, "),
         ("--set speed", "--set speed: this must be NAME=VALUE, such as speed=1.5"),
         ("--set speed=1 --set speed=2", "--set speed=2: speed is set twice"),
-        ("--physics nsm2 --set tolerance=much", "tolerance is 'much'"),
+        ("--scheme nsm2 --set tolerance=much", "tolerance is 'much'"),
         ("--set signs=maybe", "--set signs is 'maybe'"),
     ],
 )
@@ -112,14 +111,17 @@ def test_what_is_unknown_is_answered_by_whom_it_concerns(options, says):
     assert says in line
 
 
-def test_options_of_before_are_answered_with_those_of_now():
-    for old, new in RENAMED.items():
-        result = call(f"run room-v0 {old} 1")
-        assert result.exit_code == 2, old
-        told = " ".join(result.stderr.replace("│", " ").split())
-        assert f"{old} is no option of run any more; give {new.split()[0]}" in told, told
+@looped(
+    ("misspelt", "meant"),
+    [("--peple", "--people"), ("--walkin", "--walking"), ("--schme", "--scheme"), ("--seeds", "--seed")],
+)
+def test_a_misspelt_option_is_answered_with_the_nearest_one(misspelt, meant):
+    result = call(f"run room-v0 {misspelt} 1")
+    assert result.exit_code == 2
+    told = " ".join(result.stderr.replace("│", " ").split())
+    assert f"No such option: {misspelt}" in told and meant in told.partition("Possible options")[2], told
 
 
 def test_papers_are_reproduced_as_they_are():
-    result = call("reproduce table3 --crowd calm")
-    assert result.exit_code == 2 and "--crowd" in result.stderr
+    result = call("reproduce table3 --walking calm")
+    assert result.exit_code == 2 and "--walking" in result.stderr

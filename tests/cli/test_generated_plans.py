@@ -30,7 +30,7 @@ def test_policies_are_judged_and_kept(tmp_path):
     assert "3 generated places" in invoke(*words).stdout
 
 
-@pytest.mark.parametrize("words", [("--people", "20"), ("--physics", "dem"), ("--robustness",), ("--seed", "3")])
+@pytest.mark.parametrize("words", [("--people", "20"), ("--scheme", "dem"), ("--robustness",), ("--seed", "3")])
 def test_what_a_place_draws_itself_is_refused(words):
     done = invoke(*words)
     assert done.exit_code != 0 and words[0] in done.output and "Traceback" not in done.output

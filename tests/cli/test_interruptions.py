@@ -52,7 +52,7 @@ def stop_after(monkeypatch):
 def test_run_reports_what_is_finished(stop_after, stop):
     stop_after(3, stop)
     before = signal.getsignal(signal.SIGTERM)
-    result = call("run --physics dem --people 4 --runs 8 --seed 2 --json")
+    result = call("run --scheme dem --people 4 --runs 8 --seed 2 --json")
     assert result.exit_code == 130, result.output
     told = json.loads(result.stdout)
     assert 3 <= told["runs"] < 8 and told["interrupted_of"] == 8
@@ -66,7 +66,7 @@ def test_run_reports_what_is_finished(stop_after, stop):
 def test_without_a_finished_run_there_are_no_figures(monkeypatch):
     monkeypatch.setattr("crowd_env.envs.crowd.CrowdEnv.step", lambda *_: ctrl_c())
     for options in ("", " --json"):
-        result = call("run --physics dem --people 4 --runs 2" + options)
+        result = call("run --scheme dem --people 4 --runs 2" + options)
         assert result.exit_code == 130 and result.stdout == ""
         assert result.stderr == "interrupted: 0 of 2 runs were finished\n"
 
@@ -109,4 +109,4 @@ def test_warnings_are_notes_without_lines_of_code(capsys):
 
 def test_one_is_one(capsys):
     assert (counted(1, "run", "runs"), counted(0, "run", "runs")) == ("1 run", "0 runs")
-    assert "room-v0: 1 person, dem, 1 run" in call("run --physics dem --people 1 --runs 1").stdout
+    assert "room-v0: 1 person, dem, 1 run" in call("run --scheme dem --people 1 --runs 1").stdout

@@ -31,7 +31,7 @@ def test_a_policy_leads_the_people_of_a_plan_as_it_does_in_python(hall):
     assert found["policy"] == POLICY and found["manner"] == "competitive"
     usual = figures(f"run {hall} --runs 2 --json")
     assert usual["evacuation_time"]["mean"] != found["evacuation_time"]["mean"] and usual["manner"] == "hurried"
-    assert figures(f"run {hall} --policy {POLICY} --crowd calm --runs 1 --json")["manner"] == "calm"
+    assert figures(f"run {hall} --policy {POLICY} --walking calm --runs 1 --json")["manner"] == "calm"
 
 
 @pytest.mark.more

@@ -10,7 +10,7 @@ from commands import call, figures
 from crowd_env.cli import run as running
 from crowd_env.recording import load
 
-RUN = "run room-v0 --people 8 --physics dem --seed 4"
+RUN = "run room-v0 --people 8 --scheme dem --seed 4"
 
 
 def test_the_first_run_is_recorded_and_the_figures_stay(tmp_path):

@@ -8,9 +8,10 @@ from commands import call, figures
 from plan_files import room_drawing
 
 from crowd_env.cli import run as running
+from crowd_env.cli.place import CrowdOptions, setting_of
 from crowd_env.envs.rollout import RunsInterrupted, run_episodes
 
-RUN = "run two-exit-hall-v0 --physics dem --people 6 --seed 3"
+RUN = "run two-exit-hall-v0 --scheme dem --people 6 --seed 3"
 FILES = {"crowding", "config.json", "exits.csv", "nt.csv", "nt.png", "recordings", "runs", "runs.csv", "summary.json"}
 
 
@@ -162,12 +163,21 @@ def test_a_plan_in_a_file_is_found_from_anywhere(tmp_path, monkeypatch):
 def test_what_was_noted_of_a_plan_stays_with_its_results(tmp_path):
     """Whoever reads the results later has to know in which unit the plan was taken."""
     drawing = room_drawing(tmp_path / "room.dxf", 2, 3.28)
-    told = call(f"run {drawing} --people 2 --runs 1 --physics dem --out {tmp_path / 'out'}")
+    told = call(f"run {drawing} --people 2 --runs 1 --scheme dem --out {tmp_path / 'out'}")
     (note,) = json.loads((tmp_path / "out" / "config.json").read_text())["notes"]
     assert note.startswith("taken as feet, as the file says") and f"note: {note}" in told.stderr
 
 
-@looped("text", ["", "[1]", "{}", '{"version": "0.1.0", "arguments": {"scheme": "dem"}}'])
+def test_a_config_that_names_options_otherwise_is_run_again(tmp_path):
+    arguments = {"scenario": "room-v0", "crowd": "calm", "physics": "dem", "people": 4}
+    (tmp_path / "config.json").write_text(json.dumps({"version": "0.1.0", "arguments": arguments}))
+    again = figures(f"run --config {tmp_path / 'config.json'} --runs 1")
+    assert (again["manner"], again["scheme"], again["people"]) == ("calm", "dem", 4)
+    place, scheme, *_ = setting_of(CrowdOptions.of_config(arguments))
+    assert (place.manner, scheme.info.name, place.population.people) == ("calm", "dem", 4)
+
+
+@looped("text", ["", "[1]", "{}", '{"version": "0.1.0", "arguments": {"law": "dem"}}'])
 def test_what_is_no_config_is_refused(text, tmp_path):
     (tmp_path / "config.json").write_text(text)
     refused = call(f"run --config {tmp_path / 'config.json'}")
@@ -191,7 +201,7 @@ def test_results_do_not_depend_on_the_number_of_processes(whole, monkeypatch, tm
 
 def test_a_handful_of_small_runs_starts_no_process(monkeypatch):
     monkeypatch.setattr(running, "Processes", None)
-    assert figures("run --physics dem --people 5 --runs 20 --workers 8")["runs"] == 20
+    assert figures("run --scheme dem --people 5 --runs 20 --workers 8")["runs"] == 20
 
 
 def test_an_interruption_keeps_runs_of_a_batch_that_were_finished():

@@ -11,7 +11,7 @@ from reported_pages import command
 from crowd_env.analysis.figures import FEWEST, runs_enough
 from crowd_env.envs.metrics import summarise
 
-ROOM = ("run", "room-v0", "--people", 4, "--physics", "dem")
+ROOM = ("run", "room-v0", "--people", 4, "--scheme", "dem")
 
 
 def half(times):

@@ -48,7 +48,7 @@ def test_examples_run(name, monkeypatch, tmp_path):
 
 @pytest.mark.more
 def test_a_law_of_your_own_leads_people_out():
-    law = load_own("--physics", f"{ROOT / 'examples' / 'my_law.py'}:MyLaw")
+    law = load_own("--scheme", f"{ROOT / 'examples' / 'my_law.py'}:MyLaw")
     env = CrowdEnv("room-v0", people=10, physics=law)
     env.reset(seed=0)
     while not env.finished.all():

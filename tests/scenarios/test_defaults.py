@@ -1,5 +1,7 @@
 """Who walks if nobody says it: adults who keep a distance, but for the places of the papers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cases import looped
@@ -17,7 +19,7 @@ from crowd_env import (
     Scenario,
     make_scenario,
 )
-from crowd_env.cli.place import read_place
+from crowd_env.cli.place import CrowdOptions, read_place
 from crowd_env.envs.rollout import run_episodes
 
 HALL = Geometry.from_polygon(box(0, 0, 8, 8), exits={"door": [(8, 3.5), (8, 4.5)]})
@@ -88,9 +90,10 @@ def test_the_drive_is_that_of_the_place_unless_the_physics_says_another():
 
 def test_competitive_people_on_a_plan_are_those_of_the_papers(tmp_path):
     (tmp_path / "hall.wkt").write_text("POLYGON ((0 0, 8 0, 8 8, 0 8, 0 0))")
-    place = read_place(str(tmp_path / "hall.wkt"), exits=["8,3,8,5"], crowd="competitive")
+    options = CrowdOptions(scenario=str(tmp_path / "hall.wkt"), exit=["8,3,8,5"], walking="competitive")
+    place = read_place(options)
     assert place.population.radius.high == 0.25 and place.population.desired_speed.high == 2.0
-    place = read_place(str(tmp_path / "hall.wkt"), exits=["8,3,8,5"], crowd="competitive", drawn={"radius": "0.3"})
+    place = read_place(replace(options, set=["radius=0.3"]))
     assert place.population.radius.high == 0.3 and place.population.desired_speed.high == 2.0
 
 

@@ -11,7 +11,7 @@ from crowds import clear
 from evacuations import evacuated
 
 from crowd_env import SCENARIOS, Routing, make_scenario
-from crowd_env.cli.place import read_place
+from crowd_env.cli.place import CrowdOptions, read_place
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.scenarios import options_of
 from crowd_env.scenarios.scenario import COMMON
@@ -131,11 +131,11 @@ def test_run_takes_a_strategy_and_leaves_out_rules():
 
 @pytest.mark.more
 def test_run_keeps_seats_and_shares_people_out(tmp_path):
-    seated = read_place("classroom-v0", people=6).population
+    seated = read_place(CrowdOptions(scenario="classroom-v0", people=6)).population
     assert (seated.people, len(seated.starts)) == (6, 24)
     assert figures("run counter-flow-v0 --runs 1 --people 8 --set radius=0.2")["people"] == 8
     (tmp_path / "starts.csv").write_text("x,y\n15,6\n16,6\n")
-    elsewhere = read_place("two-exit-hall-v0", starts=tmp_path / "starts.csv").population
+    elsewhere = read_place(CrowdOptions(scenario="two-exit-hall-v0", starts=tmp_path / "starts.csv")).population
     assert elsewhere.starts.tolist() == [[15, 6], [16, 6]]
 
 

@@ -146,7 +146,7 @@ def test_tables_of_commands_have_the_heads_that_are_stored(tmp_path):
 
     for name in ("schemes", "clogging", "strategies", "scenarios", "bodies"):
         assert MAKERS[name](Source(command, tmp_path))[0] == read_table(name)[0], name
-    assert asked[:2] == [f"crowd_env run room-v0 --physics dem{step} --runs 50" for step in ("", " --set dt=0.001")]
+    assert asked[:2] == [f"crowd_env run room-v0 --scheme dem{step} --runs 50" for step in ("", " --set dt=0.001")]
 
 
 def made_of(folder, name, *rows):

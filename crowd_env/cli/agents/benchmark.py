@@ -10,7 +10,7 @@ from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.tasks import PRESETS, make_preset, make_task
 from crowd_env.agents.training_config import RUNS, check_budget, check_libraries
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
-from crowd_env.cli.options import plain
+from crowd_env.cli.options import new_app, plain
 from crowd_env.core.checks import Range, known, whole
 from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.files.atomic import write_text
@@ -21,7 +21,7 @@ _FOLDER = Path("benchmarks/results/learning")
 _ABOUT = "; ".join(f"{name}: {one.about}" for name, one in ALGORITHMS.items())
 _BESIDE = "Policies to judge beside them."
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = new_app()
 
 
 @app.command(cls=ListsOfNames)
@@ -39,7 +39,9 @@ def main(
 
     An interrupted command goes on, and more seeds or algorithms can be added later.
 
-    Example: crowd-env benchmark --task competitive-door --algorithms ppo evolution --seeds 10
+    Examples: crowd-env benchmark --task competitive-door --algorithms ppo evolution --seeds 10
+
+    crowd-env benchmark --task narrow-door --algorithms ppo --baselines rule follow --seeds 3
     """
     folder = _FOLDER / task if out is None else out
     with friendly_errors("the same command goes on"):

@@ -23,8 +23,8 @@ from crowd_env.agents.tasks.presets import ALL_PLACES
 from crowd_env.agents.training_config import GENERATED, RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
 from crowd_env.cli.agents.options import People, Place, Policies, changes
-from crowd_env.cli.options import AsJson, CrowdName, Exits, Unit, of_output, of_people, of_physics, of_runs
-from crowd_env.cli.place import read_place
+from crowd_env.cli.options import AsJson, Exits, Unit, WalkingName, new_app, of_output, of_people, of_physics, of_runs
+from crowd_env.cli.place import CrowdOptions, read_place
 from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import Range, number, whole
 from crowd_env.core.console import friendly_errors, progress_bar, say
@@ -41,9 +41,9 @@ _SCENARIO, _NAMED, _SCHEME, _RUNS = "room-v0", ("shortest", "fastest"), "nsm2", 
 _SET = {"outline": str, "learned": float, "threads": int}
 _CHANGES = (
     "outline=NAME, the shape of bodies; learned=SHARE, so many of the people follow the policy, the others the "
-    "rule (--crowd is then theirs alone); threads=N of the simulation, which results do not depend on."
+    "rule (--walking is then theirs alone); threads=N of the simulation, which results do not depend on."
 )
-_PHYSICS = f"Contact schemes: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."
+_SCHEMES = f"Contact schemes: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."
 _USUAL = f"{_SCHEME}; of a task its own"
 _RAY = "Spread the draws over a Ray cluster; results do not depend on it."
 _ROBUSTNESS = (
@@ -52,7 +52,7 @@ _ROBUSTNESS = (
 )
 _OUT = "Folder for tables, curves and maps; an interrupted one goes on there."
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = new_app()
 
 
 @app.command(cls=ListsOfNames)
@@ -62,9 +62,11 @@ def main(
     exit: Exits = None,
     unit: Unit = None,
     people: People = None,
-    crowd: CrowdName = None,
+    walking: WalkingName = None,
     set: Annotated[list[str] | None, of_people(_CHANGES, metavar="NAME=VALUE")] = None,
-    physics: Annotated[list[str] | None, of_physics(_PHYSICS, _USUAL, among=SCHEMES, metavar="NAME ...")] = None,
+    scheme: Annotated[
+        list[str] | None, of_physics(_SCHEMES, _USUAL, names=("--scheme",), among=SCHEMES, metavar="NAME ...")
+    ] = None,
     policies: Policies = None,
     runs: Annotated[int | None, of_runs("Evacuations of each policy and scheme.", f"{_RUNS}; those of a task")] = None,
     seed: Annotated[int, of_runs("Other draws; all are held out from training.")] = 0,
@@ -83,7 +85,7 @@ def main(
 
     crowd-env evaluate --task competitive-door --policies rule follow competitive-door/ppo --robustness
 
-    crowd-env evaluate --scenario two-exit-hall-v0 --policies shortest fastest --physics dem nsm2 --runs 20
+    crowd-env evaluate --scenario two-exit-hall-v0 --policies shortest fastest --scheme dem nsm2 --runs 20
 
     crowd-env evaluate --task generated --policies rule follow generalist --runs 200 --out runs/plans
 
@@ -92,17 +94,15 @@ def main(
     with friendly_errors("" if out is None else "the same command goes on"):
         task = TASKS.get(place or "")
         changed = changes(set, _SET)
-        threads = whole("--set threads", changed.get("threads", 1))
+        threads = whole("--set threads", changed.pop("threads", 1))
         if out is not None:
             context.with_resource(Store(out).alone())
+        given = {"--scheme": scheme, "--people": people, "--walking": walking, "--exit": exit, "--unit": unit}
+        given |= {f"--set {name}": value for name, value in changed.items()}
         if place == GENERATED:
-            given = {"--physics": physics, "--people": people, "--crowd": crowd, "--exit": exit, "--unit": unit}
             given |= {"--robustness": vary or None, "--seed": seed or None}
-            given |= {f"--set {name}": changed[name] for name in changed if name != "threads"}
-            if beside := [name for name, value in given.items() if value is not None]:
-                raise ValueError(
-                    f"--task {GENERATED} draws places, people and laws itself, {beside[0]} too; leave it out"
-                )
+            if beside := _first_given(given):
+                raise ValueError(f"--task {GENERATED} draws places, people and laws itself, {beside} too; leave it out")
             count = whole("--runs", plans.PLANS if runs is None else runs, RUNS)
             with closing(Processes(threads) if threads > 1 and not ray else _executor(ray, 1)) as executor:
                 _judge_plans(policies or plans.RULES, count, out, as_json, executor)
@@ -110,47 +110,56 @@ def main(
         if vary:
             if task is None:
                 raise ValueError("--robustness varies a task; name one by --task")
-            given = {"--physics": physics, "--people": people, "--crowd": crowd, "--exit": exit, "--unit": unit}
-            given |= {f"--set {name}": changed[name] for name in changed if name != "threads"}
-            if beside := [name for name, value in given.items() if value is not None]:
-                raise ValueError(f"--robustness says itself what it varies, {beside[0]} among it; leave one out")
+            if beside := _first_given(given):
+                raise ValueError(f"--robustness says itself what it varies, {beside} among it; leave one out")
             with closing(_executor(ray, threads)) as executor:
                 how = {"seed": seed, "threads": threads, "out": out}
                 _vary(task, policies or [RULE], as_json, executor, runs, **how)
             return
-        where = with_manner(_place(task, place, people, exit, unit), crowd, changed.get("outline"))
+        if task is None:
+            where = read_place(CrowdOptions(scenario=place or _SCENARIO, exit=exit, unit=unit, people=people))
+        elif beside := _first_given({"--exit": exit, "--unit": unit}):
+            raise ValueError(f"{beside} is for floor plans in files, but --task {task.name} says where people walk")
+        else:
+            where = task.place(people)
+        where = with_manner(where, walking, changed.get("outline"))
         policies = policies or list(_NAMED if task is None else (RULE,))
-        named = dict.fromkeys(physics or [_SCHEME if task is None else task.scheme])
-        schemes = [make_scheme(own_or_name("--physics", one)) for one in named]
+        named = dict.fromkeys(scheme or [_SCHEME if task is None else task.scheme])
+        schemes = [make_scheme(own_or_name("--scheme", one)) for one in named]
         count = _RUNS if task is None else task.runs
         runs = whole("--runs", count if runs is None else runs, RUNS)
         whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
         learned = changed.get("learned")
         if learned is not None:
             learned = number("--set learned", learned, Range(0.0, 1.0, above=True))
-        for scheme in schemes:
-            check_behaviors({"outline": where.behavior(Outline)}, scheme)
+        for law in schemes:
+            check_behaviors({"outline": where.behavior(Outline)}, law)
         entries = make_entries(policies, where, task, learned_share=learned)
         if "rules" in policies and not where.rules:
             say(f"note: {where.name} has no control rules; rules is shortest there")
         settings = settings_of(where, runs, seed, task, learned)
         folder = None
         if out is not None:
-            require_libraries(".png")  # says now, not after the work, that the drawing library is missing
+            require_libraries(".png")  # before the work, not after it
             folder = EvaluationFolder(out, settings)
         with closing(_executor(ray, threads)) as executor:
             options: dict[str, Any] = {"seed": seed, "threads": threads, "folder": folder, "executor": executor}
             results = compare(entries, where, schemes, runs=runs, **options)
         figures = summary(results, where, settings, task)
         if folder is not None:
-            _write(folder, results, figures, where, HELD_OUT_SEED + seed)
-    if as_json:
-        typer.echo(json.dumps(figures, allow_nan=False))
-    else:
-        title = run_title(where, people=f"{where.population.people} people", runs=f"{runs} runs each")
-        if learned is not None:
-            title += f", {100 * learned:g} % learned"
-        _show(results, title, where, task, {one.name: starts_from(str(one.source or one.name)) for one in entries})
+            write_json(folder.folder / "rows.json", figures)
+            folder.write_runs(results, HELD_OUT_SEED + seed)
+            pictures = folder.draw(results, where)
+            say(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.folder}/")
+    title = run_title(where, people=f"{where.population.people} people", runs=f"{runs} runs each")
+    title += "" if learned is None else f", {100 * learned:g} % learned"
+    starts = {one.name: starts_from(str(one.source or one.name)) for one in entries}
+    _print(figures, as_json, *_tables(results, title, where, task, starts))
+
+
+def _first_given(given: Mapping[str, Any]) -> str | None:
+    """Return the first option that the command line gives, if any."""
+    return next((name for name, value in given.items() if value is not None), None)
 
 
 def _executor(ray: bool, threads: int) -> Executor:
@@ -159,7 +168,7 @@ def _executor(ray: bool, threads: int) -> Executor:
 
 
 def _vary(task: Task, policies: Sequence[str], as_json: bool, executor: Executor, runs: int | None, **how: Any) -> None:
-    """Judge policies on a task and its variations, ``how`` is that of `judge_trial`, and say what came out."""
+    """Judge policies on a task and its variations, ``how`` is that of `judge_trial`, and print what came out."""
     runs = whole("--runs", robustness.few_runs(task) if runs is None else runs, RUNS)
     whole("--seed", how["seed"], Range(0, HELD_OUT_SEED - runs - 1))
     trials, on = robustness.make_trials(task, policies), partial(compare, executor=executor)
@@ -167,59 +176,39 @@ def _vary(task: Task, policies: Sequence[str], as_json: bool, executor: Executor
     figures = robustness.summary_of_trials(task, found, runs, how["seed"])
     if how["out"] is not None:
         write_json(how["out"] / "robustness.json", figures)
-    if as_json:
-        typer.echo(json.dumps(figures, allow_nan=False))
-        return
     title = f"{task.name}, version {task.version}, and its variations: {runs} runs each"
-    _print([robustness.robustness_table(found, title)], robustness.lines_of_trials(found))
+    _print(figures, as_json, [robustness.robustness_table(found, title)], robustness.lines_of_trials(found))
 
 
 def _judge_plans(policies: Sequence[str], count: int, out: Path | None, as_json: bool, executor: Executor) -> None:
-    """Judge policies in generated places, and say what came out."""
+    """Judge policies in generated places, and print what came out."""
     with progress_bar("judging in generated places", count * len(policies)) as progress:
         found = plans.judge_plans(policies, count, folder=out, executor=executor, progress=progress)
     rows = plans.figures(found)
     figures = {"task": dict(ALL_PLACES), "plans": count, "rows": rows}
     if out is not None:
         write_json(out / "rows.json", figures)
-    if as_json:
-        typer.echo(json.dumps(figures, allow_nan=False))
-    else:
-        _print([plans.table(rows, f"{count} generated places that training never draws")], [])
+    _print(figures, as_json, [plans.table(rows, f"{count} generated places that training never draws")], [])
 
 
-def _place(
-    task: Task | None, scenario: str | None, people: int | None, exits: list[str] | None, unit: str | None
-) -> Scenario:
-    """Return the scenario of a task, or the one that is named, with so many people if a number is given."""
-    if task is None:
-        return read_place(_SCENARIO if scenario is None else scenario, exits=exits, unit=unit, people=people)
-    for name, value in (("--exit", exits), ("--unit", unit)):
-        if value:
-            raise ValueError(f"{name} is for floor plans in files, but --task {task.name} says where people walk")
-    return task.place(people)
-
-
-def _write(
-    folder: EvaluationFolder, results: list[Evaluation], figures: dict[str, Any], scenario: Scenario, first_seed: int
-) -> None:
-    write_json(folder.folder / "rows.json", figures)
-    folder.write_runs(results, first_seed)
-    pictures = folder.draw(results, scenario)
-    say(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.folder}/")
-
-
-def _show(results: list[Evaluation], title: str, place: Scenario, task: Task | None, starts: Mapping[str, str]) -> None:
-    judged, credible = [report.times_table(results, title), report.left_table(results)], []
+def _tables(
+    results: list[Evaluation], title: str, place: Scenario, task: Task | None, starts: Mapping[str, str]
+) -> tuple[list[Table | None], list[str]]:
+    """Return the tables of a comparison, and the lines below them."""
+    judged, credible = [report.times_table(results, title), report.left_table(results)], list[str]()
     if task is not None:
         heading = f"{task.name}, version {task.version}: {title}"
         judged = [task_table(report.by_scheme(results), heading, starts=starts)]
         credible = credible_lines(results, place)
     tables = [*judged, report.exits_table(results), report.crowding_table(results)]
-    _print(tables, [*report.ranking_lines(results), *credible])
+    return tables, [*report.ranking_lines(results), *credible]
 
 
-def _print(tables: Sequence[Table | None], lines: Sequence[str]) -> None:
+def _print(figures: Mapping[str, Any], as_json: bool, tables: Sequence[Table | None], lines: Sequence[str]) -> None:
+    """Print figures as one JSON object, or as tables with lines below them."""
+    if as_json:
+        typer.echo(json.dumps(figures, allow_nan=False))
+        return
     console = report.table_console()
     console.print(*(table for table in tables if table is not None))
     for line in lines:

@@ -14,7 +14,7 @@ from crowd_env.agents.evaluation.trained_run import draw, judge, judge_in_plans,
 from crowd_env.agents.runs import new_folder
 from crowd_env.agents.tasks import TASKS
 from crowd_env.cli.agents.options import People, Place, Threads, changes, of_learning
-from crowd_env.cli.options import ONE_PHYSICS, CrowdName, Exits, Unit, of_output, of_people, of_physics, of_runs
+from crowd_env.cli.options import ONE_SCHEME, Exits, Unit, WalkingName, of_output, of_people, of_physics, of_runs
 from crowd_env.cli.place import plan_options
 from crowd_env.core.checks import known, whole
 from crowd_env.core.console import friendly_errors, say
@@ -82,9 +82,9 @@ def main(
     exit: Exits = None,
     unit: Unit = None,
     people: People = None,
-    crowd: CrowdName = None,
+    walking: WalkingName = None,
     set: Annotated[list[str] | None, of_people(_CHANGES, metavar="NAME=VALUE")] = None,
-    physics: Annotated[str | None, of_physics(ONE_PHYSICS, "the task's, or nsm2", among=SCHEMES)] = None,
+    scheme: Annotated[str | None, of_physics(ONE_SCHEME, "the task's, or nsm2", among=SCHEMES)] = None,
     decides: Annotated[str, of_learning(_WHO_DECIDES, among=_DECIDES)] = _DECIDES[0],
     start: Annotated[str | None, of_learning(_START, "the preset's, or rule")] = None,
     minutes: Annotated[float | None, of_learning("Training stops after so long.", "the preset's")] = None,
@@ -104,11 +104,11 @@ def main(
     --------
     crowd-env train
 
-    crowd-env train --task narrow-door --seed 1
+    crowd-env train --task narrow-door --seed 1 --threads 4
 
     crowd-env train --task two-exit-hall --decides routing
 
-    crowd-env train --scenario my_office.dxf --people 40 --physics dem --minutes 3
+    crowd-env train --scenario my_office.dxf --people 40 --scheme dem --minutes 3
     """
     folder: Path | None = None
 
@@ -202,8 +202,8 @@ def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
 
 def _asked(given: dict[str, Any]) -> dict[str, Any]:
     """Return the parameters of a run that options stand for."""
-    names = {"crowd": "manner", "physics": "scheme"}
-    of_run = ("people", "crowd", "outline", "physics", "dt", "start", "minutes", "steps", "envs", *_ROUTING)
+    names = {"walking": "manner"}
+    of_run = ("people", "walking", "outline", "scheme", "dt", "start", "minutes", "steps", "envs", *_ROUTING)
     return {names.get(option, option): given[option] for option in of_run if option in given}
 
 

@@ -15,9 +15,9 @@ from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.tasks import TASKS, Task, make_task
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
 from crowd_env.cli.led import Led
-from crowd_env.cli.options import Exits, PeopleCount, Unit, complete_from, of_output, plain
-from crowd_env.cli.place import read_place
-from crowd_env.cli.recorded import FilmFps, FilmSpeed, FilmWidth, film_file, size_of
+from crowd_env.cli.options import Exits, PeopleCount, Unit, complete_from, new_app, of_output, plain
+from crowd_env.cli.place import CrowdOptions, read_place
+from crowd_env.cli.recorded import FilmFps, FilmWidth, film_file, size_of
 from crowd_env.core.checks import Range, whole
 from crowd_env.core.console import friendly_errors, progress_bar, say
 from crowd_env.envs.rollout import Driver
@@ -32,7 +32,7 @@ _OF_TASK = "rule and what was learned for the task; of a place how people walk b
 _NAMES = (RULE, *POLICIES, *PRETRAINED)
 _BLOCKED = "one in which the rule blocks the door, or 0"
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = new_app()
 
 
 @app.command(cls=ListsOfNames)
@@ -50,7 +50,6 @@ def main(
     film: Annotated[Path | None, of_output("Where: .mp4 or .gif.", "TASK.mp4 here")] = None,
     film_width: FilmWidth = None,
     film_fps: FilmFps = None,
-    film_speed: FilmSpeed = None,
 ) -> None:
     """Film how people walk out of a task: as the rule says, and beside it as a shipped policy does.
 
@@ -60,6 +59,8 @@ def main(
 
     crowd-env show competitive-door --policies rule follow competitive-door/ppo --seed 5 --film door.gif
 
+    crowd-env show narrow-door --film door.gif --film-width 480 --film-fps 10
+
     crowd-env show examples/office.dxf --people 40 --policies fastest competitive-door/ppo
     """
     with friendly_errors():
@@ -67,7 +68,7 @@ def main(
         chosen = None if task not in TASKS and _is_place(task) else make_task(task)
         name = task
         if chosen is None:
-            place = read_place(task, exits=exit, unit=unit, people=people)
+            place = read_place(CrowdOptions(scenario=task, exit=exit, unit=unit, people=people))
             name = place.name
             entries = make_entries(policies or [place.strategy_of_run()], place)
         else:
@@ -86,7 +87,7 @@ def main(
             told = f"{inside} still inside after" if inside else "all out after"
             typer.echo(f"{one.facts['shown_as']}: {told} {one.end:.1f} s")
         with progress_bar("film, frames") as progress:
-            write_beside(path, films, width=film_width, fps=film_fps, speed=film_speed, progress=progress)
+            write_beside(path, films, width=film_width, fps=film_fps, progress=progress)
         say(f"film: {size_of(path)}")
 
 

@@ -25,7 +25,7 @@ from crowd_env.agents.trained import SAMPLED
 from crowd_env.agents.training_config import RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
 from crowd_env.cli.agents.options import OneTask
-from crowd_env.cli.options import plain
+from crowd_env.cli.options import new_app, plain
 from crowd_env.core.checks import Range, whole
 from crowd_env.core.console import check_folder, friendly_errors
 
@@ -35,7 +35,7 @@ _RUNS = "Other draws are no submission, but a trial of one."
 _CHECKED = 10  # draws of the rule that are held against those that lie there
 _FEW = "Draws of each variation of the task; 0: none."
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+app = new_app()
 
 
 @app.command(cls=ListsOfNames)
@@ -46,7 +46,6 @@ def main(
     folder: Annotated[Path | None, plain(_FOLDER)] = None,
     runs: Annotated[int | None, plain(_RUNS, "those of the task")] = None,
     robustness_runs: Annotated[int | None, plain(_FEW, "a fifth of those of the task")] = None,
-    threads: Annotated[int, plain("Of the simulation; results do not depend on it.")] = 1,
 ) -> None:
     """Judge policies on the held-out draws of a task and on its variations; write one submission for each.
 
@@ -55,7 +54,9 @@ def main(
     draws that follow from its network or, of a rule, from its name and constants.  Where TASK.json lies in --out, the rule is
     run on its first draws alone, to see that the code is still that one.
 
-    Example:
+    Examples
+    --------
+    crowd-env submit --task competitive-door --policy follow --runs 20 --robustness-runs 0 --out trial
 
     crowd-env submit --task competitive-door --policy follow runs/NAME/best.safetensors --folder runs/submission
     """
@@ -64,7 +65,6 @@ def main(
         runs = whole("--runs", chosen.runs if runs is None else runs, RUNS)
         few = min(few_runs(chosen), runs) if robustness_runs is None else robustness_runs
         few = whole("--robustness-runs", few, Range(0, runs).because("the first of the draws of the task"))
-        whole("--threads", threads)
         check_folder("--out", out)
         drawn = [name for name in policy if name.endswith(SAMPLED)]
         if drawn:
@@ -82,13 +82,11 @@ def main(
 
         def judged(who: list[Entry], draws: int, name: str) -> list[Evaluation]:
             kept = None if folder is None else EvaluationFolder(folder / name, settings_of(place, draws, 0, chosen))
-            return compare(who, place, [chosen.scheme], runs=draws, threads=threads, folder=kept)
+            return compare(who, place, [chosen.scheme], runs=draws, folder=kept)
 
         results = judged(entries[:1], min(_CHECKED, runs), "checked") if known else []
         results += judged(entries[1:] if known else entries, runs, "all")
-        found: Found = [
-            (one, judge_trial(chosen, one, compare, runs=few, threads=threads, out=folder)) for one in trials
-        ]
+        found: Found = [(one, judge_trial(chosen, one, compare, runs=few, out=folder)) for one in trials]
         sources: dict[str, Path | None] = {}
         own: dict[str, list[Evaluation]] = {}
         for given, entry, result in zip(named, entries, results, strict=True):
@@ -101,7 +99,6 @@ def main(
                 how: dict[str, Any] = {
                     "runs": min(runs, own_runs(chosen)),
                     "seed": seed,
-                    "threads": threads,
                     "out": kept_in,
                 }
                 own[entry.name] = judge_trial(chosen, trial, compare, **how)

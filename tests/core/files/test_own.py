@@ -11,7 +11,7 @@ def test_objects_of_a_file_are_found(tmp_path):
     file = tmp_path / "things_of_my_own.py"
     file.write_text("class Thing:\n    size = 3\n\n\nready = Thing()\n")
     assert names_own(f"{file}:Thing") and not names_own("nsm2")
-    made, ready = load_own("--physics", f"{file}:Thing"), load_own("--physics", f"{file}:ready")
+    made, ready = load_own("--scheme", f"{file}:Thing"), load_own("--scheme", f"{file}:ready")
     assert made.size == ready.size == 3 and made is not ready
     broken = tmp_path / "a_broken_law_of_a_test.py"
     broken.write_text("import a_library_that_nobody_has\n")
@@ -22,4 +22,4 @@ def test_objects_of_a_file_are_found(tmp_path):
         (f"{broken}:Law", unimported),
     ):
         with pytest.raises(ValueError, match=answer):
-            load_own("--physics", text)
+            load_own("--scheme", text)

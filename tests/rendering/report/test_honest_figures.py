@@ -16,7 +16,7 @@ from crowd_env.rendering.report.runs import load_runs
 
 pytestmark = pytest.mark.more
 
-HALL = ("run", "two-exit-hall-v0", "--people", 20, "--runs", 3, "--physics", "dem")
+HALL = ("run", "two-exit-hall-v0", "--people", 20, "--runs", 3, "--scheme", "dem")
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +92,7 @@ def test_folders_of_one_name_are_told_apart(folders: Path, tmp_path: Path) -> No
 
 def test_one_evacuation_is_one(folders: Path, tmp_path: Path) -> None:
     one, page = tmp_path / "one", tmp_path / "report.html"
-    assert command("run", "room-v0", "--people", 4, "--runs", 1, "--physics", "dem", "--out", one)[0] == 0
+    assert command("run", "room-v0", "--people", 4, "--runs", 1, "--scheme", "dem", "--out", one)[0] == 0
     assert command("report", one, "-o", page, "--no-maps")[0] == 0
     assert "1 simulated evacuation." in Parsed(page).text
 

@@ -31,11 +31,11 @@ PLAN = "POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))"
 def folders(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of three folders of runs: two strategies on the same draws, and another place."""
     home = tmp_path_factory.mktemp("reported")
-    hall = ("run", "two-exit-hall-v0", "--people", 8, "--runs", 3, "--crowd", "hurried")
+    hall = ("run", "two-exit-hall-v0", "--people", 8, "--runs", 3, "--walking", "hurried")
     for words in (
         (*hall, "--routing", "nearest", "--out", home / "nearest"),
         (*hall, "--routing", "shortest", "--out", home / "shortest"),
-        ("run", "room-v0", "--people", 4, "--runs", 2, "--physics", "dem", "--out", home / "room"),
+        ("run", "room-v0", "--people", 4, "--runs", 2, "--scheme", "dem", "--out", home / "room"),
     ):
         code, _, said = command(*words)
         assert code == 0, said
@@ -154,7 +154,7 @@ def test_the_maps_are_those_of_all_runs_and_nothing_is_simulated_for_them(
 
 
 def test_what_is_collected_of_a_run_is_there_before_the_run_and_goes_on_with_it(tmp_path: Path) -> None:
-    room = ("run", "room-v0", "--people", 4, "--physics", "dem", "--record", 0, "--out", tmp_path / "room")
+    room = ("run", "room-v0", "--people", 4, "--scheme", "dem", "--record", 0, "--out", tmp_path / "room")
     assert command(*room, "--runs", 2)[0] == 0
     assert sorted(path.name for path in (tmp_path / "room" / "crowding").iterdir()) == ["0.npz", "1.npz"]
     (tmp_path / "room" / "runs" / "1.json").unlink()  # as if killed between the two files

@@ -26,7 +26,7 @@ def plan(tmp_path):
 
 
 def test_a_plan_and_its_options_are_understood(plan):
-    result = call(f"run {plan} --physics dem --runs 1 --json --exit {CM} --unit cm --people 6")
+    result = call(f"run {plan} --scheme dem --runs 1 --json --exit {CM} --unit cm --people 6")
     assert result.exit_code == 0 and result.stderr == "", result.output
     assert json.loads(result.stdout)["people"] == 6
 
@@ -37,7 +37,7 @@ def test_a_plan_is_drawn(plan, tmp_path):
 
 
 def test_policies_are_compared_on_a_plan(plan):
-    line = f"--scenario {plan} --exit {CM} --unit cm --people 5 --policies shortest --physics dem --runs 1 --json"
+    line = f"--scenario {plan} --exit {CM} --unit cm --people 5 --policies shortest --scheme dem --runs 1 --json"
     result = CliRunner().invoke(evaluate, line.split())
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["people"] == 5
@@ -78,7 +78,7 @@ def test_notes_stand_before_the_table_once(tmp_path):
     room_drawing(tmp_path / "room.dxf", 4)
     (tmp_path / "two.wkt").write_text(f"GEOMETRYCOLLECTION ({ROOM.wkt}, POLYGON ((10 0, 12 0, 12 2, 10 2, 10 0)))")
     for name, note in (("room.dxf", "the file says that it is in mm"), (f"two.wkt --exit {EAST}", "left out")):
-        result = call(f"run {tmp_path}/{name} --physics dem --people 3 --runs 1")
+        result = call(f"run {tmp_path}/{name} --scheme dem --people 3 --runs 1")
         assert result.exit_code == 0
         (line,) = [one for one in result.stderr.splitlines() if one]
         assert line.startswith("note: ") and note in line
