@@ -189,7 +189,7 @@ def task_of(config: Mapping[str, Any]) -> Task:
 
 def law_of(config: Mapping[str, Any]) -> ContactScheme:
     """Return the contact scheme that a run is trained and judged under, which may be the user's own."""
-    return make_scheme(own_or_name("--physics", config["scheme"]))
+    return make_scheme(own_or_name("--scheme", config["scheme"]))
 
 
 def start_of(config: Mapping[str, Any]) -> WalkingRule:
@@ -289,7 +289,7 @@ def check_config(config: Mapping[str, Any]) -> None:
         )
     columns, rows = (config["routing"] or {}).get("grid", (1, 1))
     if columns * rows > _MOST_CELLS:
-        raise ValueError(f"--grid is {columns} {rows}; it must have at most {_MOST_CELLS} cells")
+        raise ValueError(f"--set grid is {columns} {rows}; it must have at most {_MOST_CELLS} cells")
     if config["routing"] is not None and config["start"] != RULE:
         raise ValueError(f"--start is {config['start']}: a controller begins at the nearest exits; leave it out")
     env = make_env(config, envs=1)
@@ -342,7 +342,7 @@ def extended(
     routing = config["routing"] or {}
     begun = {**config, **routing, "exit": config["options"].get("exits"), "unit": config["options"].get("unit")}
     begun |= {"place": config["task"] or config["scenario"], "decides": "routing" if routing else "walking"}
-    said = {"scheme": "physics", "manner": "crowd", "place": "task"} | {one: f"set {one}" for one in ("dt", "outline")}
+    said = {"manner": "walking", "place": "task"} | {one: f"set {one}" for one in ("dt", "outline")}
     for option, value in given.items():
         if option in ("minutes", "steps"):
             found[option] = value

@@ -194,10 +194,10 @@ def _check_mixed(policy: Policy, rule: str) -> None:
     if isinstance(policy, StrategyPolicy) and (options["strategy"], options["rules"]) != (rule, False):
         why = f"it chooses everyone's way, and the others of a mixed crowd follow the rule, which is {rule}"
     elif options.get("manner") is not None:
-        why = "it gives everyone a manner; in a mixed crowd --manner is that of the people who follow the rule"
+        why = "it sets the walking of all; in a mixed crowd --walking is that of the people who follow the rule"
     else:
         return
-    why = f"policy {policy.name!r} cannot move a part of the people: {why}; leave out --learned-share, or it"
+    why = f"policy {policy.name!r} cannot move a part of the people: {why}; leave out --set learned, or it"
     raise Unsuited(why)
 
 
@@ -227,7 +227,7 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
     if sampled:
         raise ValueError(f"{path}{SAMPLED}: a controller takes the most likely choices alone")
     if crowd.learned_share is not None:
-        raise Unsuited(f"{path} sends everyone of a region to an exit; leave out --learned-share, or it")
+        raise Unsuited(f"{path} sends everyone of a region to an exit; leave out --set learned, or it")
     try:
         batch = RoutingBatch(**routing_arguments(scenario, **found.options))
     except (TypeError, ValueError) as error:
