@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from crowd_env.agents.evaluation.entries import Entry, make_entries
 from crowd_env.agents.trained import load_trained
 from crowd_env.envs.rollout import Driver
-from crowd_env.physics import ContactScheme
+from crowd_env.envs.settings import Physics, Routing
 from crowd_env.scenarios.scenario import Scenario
 
 
@@ -30,9 +30,11 @@ class Led(NamedTuple):
         digest = {} if source is None else {"sha256": hashlib.sha256(source.read_bytes()).hexdigest()}
         return {"name": self.name, **digest}
 
-    def driver(self, scheme: str | ContactScheme, **way: Any) -> Callable[[int], Driver]:
-        """Return a maker of batches under a scheme; ``way`` holds the options of `CrowdEnv` that the run has."""
-        return self.entry.driver(self.place, scheme, 1, **way)
+    def driver(self, physics: Physics, routing: Routing | None = None) -> Callable[[int], Driver]:
+        """Return a maker of batches; without routing the policy says it."""
+        way: dict[str, Any] = {} if routing is None else {"strategy": routing.strategy, "rules": routing.signs}
+        way |= {name: value for name in ("dt", "max_drive") if (value := getattr(physics, name)) is not None}
+        return self.entry.driver(self.place, physics.law, 1, **way)
 
     @classmethod
     def of(cls, entry: Entry, place: Scenario) -> "Led":

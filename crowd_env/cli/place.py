@@ -4,12 +4,13 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crowd_env.core.arrays.state import MOTIVATION
 from crowd_env.core.checks import flag, known
 from crowd_env.core.files.own import names_own, own_or_name
-from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.envs.settings import Physics, Routing
+from crowd_env.physics import make_scheme
 from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
 from crowd_env.scenarios.floor_plan import people_on, scenario_on
 from crowd_env.scenarios.plans.reading import read_plan, split_level
@@ -82,21 +83,12 @@ def named_now(arguments: Mapping[str, Any]) -> dict[str, Any]:
     return {_STORED.get(name, name): value for name, value in arguments.items()}
 
 
-class Way(TypedDict, total=False):
-    """How the runs of a command are made: options of `crowd_env.envs.rollout.rollout`."""
-
-    strategy: str
-    rules: bool
-    dt: float | None  # s; None = the step of the scheme
-    max_drive: float  # N; where it is missing the place says it
-
-
 class Setting(NamedTuple):
     """What the library takes of the options of a command."""
 
     place: Scenario
-    scheme: ContactScheme
-    way: Way
+    physics: Physics
+    routing: Routing
     led: "Led | None" = None  # by a policy
 
 
@@ -120,23 +112,17 @@ def setting_of(options: CrowdOptions) -> Setting:
             there = "; ".join(f"{who} has {', '.join(names)}" for who, names in owners.items())
             raise ValueError(f"--set {name}: nothing has this name; {there}")
     _, of_law, _ = ({name: changes[name] for name in names if name in changes} for names in owners.values())
-    scheme = make_scheme(law, of_law.pop("social", None))
+    law = make_scheme(law, of_law.pop("social", None))
     numbers = {name: _value(text) for name, text in of_law.items()}
-    place = read_place(options)
-    way = Way(
-        strategy=place.strategy_of_run(options.routing),
-        rules=flag("--set signs", _value(changes.get("signs", "yes"))),
-        dt=numbers.pop("dt", None),
-    )
-    if "max_drive" in numbers:
-        way["max_drive"] = numbers.pop("max_drive")
-    led = None
+    step, drive = numbers.pop("dt", None), numbers.pop("max_drive", None)
+    place, led = read_place(options), None
+    routing = Routing(place.strategy_of_run(options.routing), flag("--set signs", _value(changes.get("signs", "yes"))))
     if options.policy is not None:
         from crowd_env.cli.led import led_by
 
         led = led_by(options.policy, place, options.walking)
         place = led.place
-    return Setting(place, replace(scheme, **numbers), way, led)
+    return Setting(place, Physics(replace(law, **numbers), step, max_drive=drive), routing, led)
 
 
 def read_place(options: CrowdOptions) -> Scenario:

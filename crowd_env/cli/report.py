@@ -9,19 +9,22 @@ import typer
 
 from crowd_env.cli.console import check_picture
 from crowd_env.cli.options import AsJson, new_app, of_output
-from crowd_env.cli.place import CrowdOptions, Setting, setting_of
+from crowd_env.cli.place import CrowdOptions, setting_of
 from crowd_env.core.console import check_place, friendly_errors, say
 from crowd_env.core.files.atomic import check_suffix
+from crowd_env.physics import ContactScheme
 from crowd_env.rendering.report.figures import differences
 from crowd_env.rendering.report.maps import measure
 from crowd_env.rendering.report.runs import load_runs, remarks_on
+from crowd_env.scenarios.scenario import Scenario
 
 app = new_app()
 
 
-def place_of(arguments: Mapping[str, Any]) -> Setting:
+def place_of(arguments: Mapping[str, Any]) -> tuple[Scenario, ContactScheme]:
     """Return what the arguments of a config stand for; ValueError if they name no place."""
-    return setting_of(CrowdOptions.of_config(arguments))
+    setting = setting_of(CrowdOptions.of_config(arguments))
+    return setting.place, setting.physics.law
 
 
 @app.command()

@@ -55,7 +55,7 @@ def config_of(
     ValueError
         If a file that the command names cannot be read.
     """
-    place, scheme, way, led = setting
+    place, physics, routing, led = setting
     given = {**vars(options), "runs": runs, "until": until, "seed": seed}
     arguments = {name: value for name, value in given.items() if value is not None}
     files = options.files()
@@ -63,13 +63,13 @@ def config_of(
         arguments[name] = str(given[name]).replace(str(file), str(file.absolute()), 1)
     config = run_config(
         place,
-        scheme,
+        physics.law,
         runs,
         seed=seed,
-        dt=way["dt"],
-        strategy=way["strategy"],
-        rules=way["rules"],
-        max_drive=way.get("max_drive", place.max_drive),
+        dt=physics.dt,
+        strategy=str(routing.strategy),
+        rules=routing.signs,
+        max_drive=place.max_drive if physics.max_drive is None else physics.max_drive,
         command=["crowd-env", *sys.argv[1:]],
         arguments=arguments,
         files=list(files.values()),

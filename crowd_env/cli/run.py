@@ -89,7 +89,7 @@ def run(
         recorded, share = _recorded(record, runs, out), _share(until)
         with noted() as notes:
             setting = setting_of(asked)
-        place, law, way, led = setting
+        place, physics, ways, led = setting
         walk, start = place.longest_walk()
         if walk > place.time_limit:
             where = f"({start[0]:.1f}, {start[1]:.1f})"
@@ -103,7 +103,7 @@ def run(
                 from crowd_env.recording import RunRecorder
                 from crowd_env.recording.formats import RECORDINGS
 
-                facts = {"rules": way["rules"], **({} if led is None else {"policy": led.name})}
+                facts = {"rules": ways.signs, **({} if led is None else {"policy": led.name})}
                 path = out / RECORDINGS / ("run-0.sqlite" if len(recorded) == 1 else "run.sqlite")
                 seen["recording"] = RunRecorder(path, runs=recorded, contacts=contacts, seed=seed, facts=facts)
                 there = {one.run for one in kept if (out / RECORDINGS / f"run-{one.run}.sqlite").exists()}
@@ -121,7 +121,7 @@ def run(
             kept=kept,
             keep=None if folder is None else keep_in(folder),
         )
-        figures = report(place, law, done.episodes, dt=way["dt"], strategy=way["strategy"])
+        figures = report(place, physics.law, done.episodes, dt=physics.dt, strategy=ways.strategy)
         if led is not None:
             figures["policy"] = led.name
         if share is not None:
@@ -134,7 +134,7 @@ def run(
         typer.echo(json.dumps(figures))
     else:
         who = counted(figures["people"], "person", "people"), counted(figures["runs"], "run", "runs")
-        title = run_title(place, law.info.name, people=who[0], runs=who[1])
+        title = run_title(place, physics.law.info.name, people=who[0], runs=who[1])
         title += "" if led is None else f", led by {led.name}"
         took = f"{time.monotonic() - begin:.1f} s of computing"
         settings = f"seed {seed}, step {figures['dt']:g} s, {figures['strategy']}; {took}"
@@ -149,7 +149,7 @@ def run(
         if folder is not None:
             if done.enough is not None:
                 folder.end_at(done.enough)
-            write_results(folder, place, run_title(place, law.info.name), figures, done.episodes)
+            write_results(folder, place, run_title(place, physics.law.info.name), figures, done.episodes)
         for record_of in recordings.values():
             if not isinstance(record_of, OSError):
                 say(f"recording: {record_of}")
@@ -240,15 +240,15 @@ def evacuate(
         If the number of runs or the seed is out of range, the crowd does not fit, or a process has died.
     """
     whole("runs", runs)
-    place, law, way, led = setting
-    evacuated = partial(run_episodes, place, runs, seed=seed, scheme=law, recorder=recorder, **way)
-    if led is not None:
-        evacuated = partial(evacuated, driver=led.driver(law, **way))
+    place, physics, routing, led = setting
+    driver = None if led is None else led.driver(physics, routing)
+    way: dict[str, Any] = {"physics": physics, "routing": routing, "seed": seed, "driver": driver}
+    evacuated = partial(run_episodes, place, runs, recorder=recorder, **way)
     found = {episode.run: episode for episode in kept}
     records: dict[int, Any] = {}
     todo = [run for run in range(runs) if run not in found or run in recorded]
     stopped: RunsInterrupted | None = None
-    with progress_bar(f"{run_title(place, law.info.name)}, runs", len(todo)) as progress:
+    with progress_bar(f"{run_title(place, physics.law.info.name)}, runs", len(todo)) as progress:
 
         def take(episodes: Sequence[Episode]) -> None:
             records.update({episode.run: episode.record for episode in episodes if episode.run in recorded})

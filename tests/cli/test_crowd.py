@@ -4,7 +4,7 @@ import pytest
 from cases import looped
 from commands import call, figures
 
-from crowd_env import MANNERS, OUTLINES, CrowdEnv, Outline
+from crowd_env import MANNERS, OUTLINES, CrowdEnv, Outline, Routing
 from crowd_env.cli.place import CrowdOptions, setting_of
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.titles import run_title, with_manner
@@ -59,19 +59,19 @@ def test_a_file_says_how_people_walk_unless_the_command_does(place):
 
 def test_what_is_set_reaches_the_people_the_physics_and_the_routing():
     changes = ["speed=0.5", "radius=0.2,0.22", "dt=0.005", "max_drive=300", "max_iterations=40", "signs=no"]
-    place, scheme, options, _ = setting_of(CrowdOptions(scenario="floor-v0", set=changes, routing="nearest"))
+    place, physics, routing, _ = setting_of(CrowdOptions(scenario="floor-v0", set=changes, routing="nearest"))
     people = place.population
     assert (people.desired_speed.low, people.desired_speed.high) == (0.5, 0.5)
     assert (people.radius.low, people.radius.high) == (0.2, 0.22)
-    assert scheme.max_iterations == 40 and scheme.info.name == "nsm2"
-    assert options == {"strategy": "nearest", "dt": 0.005, "max_drive": 300, "rules": False}
+    assert physics.law.max_iterations == 40 and physics.law.info.name == "nsm2"
+    assert (physics.dt, physics.max_drive) == (0.005, 300) and routing == Routing("nearest", signs=False)
 
 
 def test_a_law_of_ones_own_is_named_by_its_file(tmp_path):
     (tmp_path / "my_law_of_a_test.py").write_text(LAW)
     for name in ("MyLaw", "gentle"):
-        _, scheme, *_ = setting_of(CrowdOptions(scheme=f"{tmp_path}/my_law_of_a_test.py:{name}", set=["social=lin"]))
-        assert scheme.info.name.startswith("hertz") and scheme.social is not None
+        law = setting_of(CrowdOptions(scheme=f"{tmp_path}/my_law_of_a_test.py:{name}", set=["social=lin"])).physics.law
+        assert law.info.name.startswith("hertz") and law.social is not None
     for wrong, words in (("none.py:MyLaw", "there is no file"), ("my_law_of_a_test.py:Glue", "has no Glue")):
         with pytest.raises(ValueError, match=words):
             setting_of(CrowdOptions(scheme=f"{tmp_path}/{wrong}"))

@@ -173,8 +173,8 @@ def test_a_config_that_names_options_otherwise_is_run_again(tmp_path):
     (tmp_path / "config.json").write_text(json.dumps({"version": "0.1.0", "arguments": arguments}))
     again = figures(f"run --config {tmp_path / 'config.json'} --runs 1")
     assert (again["manner"], again["scheme"], again["people"]) == ("calm", "dem", 4)
-    place, scheme, *_ = setting_of(CrowdOptions.of_config(arguments))
-    assert (place.manner, scheme.info.name, place.population.people) == ("calm", "dem", 4)
+    place, physics, *_ = setting_of(CrowdOptions.of_config(arguments))
+    assert (place.manner, physics.law.info.name, place.population.people) == ("calm", "dem", 4)
 
 
 @looped("text", ["", "[1]", "{}", '{"version": "0.1.0", "arguments": {"law": "dem"}}'])

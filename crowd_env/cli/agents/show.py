@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from crowd_env import Scenario
+from crowd_env import Physics, Scenario
 from crowd_env.agents import POLICIES, PRETRAINED
 from crowd_env.agents.evaluation.entries import RULE, Entry, make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
@@ -104,4 +104,4 @@ def _of_task(task: str) -> list[str]:
 
 
 def _driver(entry: Entry, task: Task | None, place: Scenario) -> Callable[[int], Driver]:
-    return Led.of(entry, place).driver("nsm2") if task is None else entry.driver(place, task.scheme, 1)
+    return Led.of(entry, place).driver(Physics("nsm2")) if task is None else entry.driver(place, task.scheme, 1)

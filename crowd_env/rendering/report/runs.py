@@ -18,8 +18,8 @@ from crowd_env.scenarios.scenario import Scenario
 
 T = TypeVar("T")
 
-# Returns the place and the contact scheme that the arguments of a config name, and more.
-PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme, Any, Any]]
+# Returns the place and the contact scheme that the arguments of a config name.
+PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme]]
 
 
 class Runs(NamedTuple):
@@ -96,7 +96,7 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
     if missing:
         raise ValueError(f"{folder / CONFIG} is not the config of crowd-env run: {missing[0]!r} is missing")
     try:
-        scenario, scheme = place_of(config["arguments"])[:2]
+        scenario, scheme = place_of(config["arguments"])
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{folder}: the place of these runs cannot be read again: {error}") from None
     if fingerprint(scenario) != config["fingerprint"]:
