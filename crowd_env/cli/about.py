@@ -19,11 +19,14 @@ app = new_app()
 
 @app.command("list")
 def list_names(as_json: AsJson = False) -> None:
-    """List the scenarios and contact schemes."""
+    """List the scenarios, contact schemes and policies."""
+    from crowd_env.agents import POLICIES, PRETRAINED
+
     places = {name: make_scenario(name) for name in SCENARIOS}
     names = {
         "scenarios": {name: f"{place.title} ({place.reference})" for name, place in places.items()},
         "contact schemes": {name: f"{one.info.title} ({one.info.reference})" for name, one in SCHEMES.items()},
+        "policies": {**dict.fromkeys(POLICIES, "rule"), **dict.fromkeys(PRETRAINED, "trained network")},
     }
     if as_json:
         typer.echo(json.dumps({title.split()[-1]: found for title, found in names.items()}))

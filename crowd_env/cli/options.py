@@ -76,7 +76,10 @@ Unit = Annotated[str | None, of_place(_UNIT)]
 _PEOPLE = f"Number of people; default the scenario's, or {PEOPLE} on a floor plan."
 PeopleCount = Annotated[int | None, of_people(_PEOPLE, names=("--people",), min=1)]
 Starts = Annotated[Path | None, of_people("CSV file with columns x,y: recorded starting positions.")]
-_WALKING = f"How people walk before they touch: {', '.join(MANNERS)}; default the scenario's."
+_WALKING = (
+    f"How people walk before they touch: {', '.join(MANNERS)}, or a table such as "
+    """'{"time_gap": 0.7}'; default the scenario's."""
+)
 WalkingName = Annotated[str | None, of_people(_WALKING, names=("--walking",), among=MANNERS)]
 _CHANGES = (
     "Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...) or the "

@@ -1,11 +1,13 @@
 """The options that commands share: what they say of a place, the people there, the physics and the routes."""
 
+import json
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.arrays.state import MOTIVATION
 from crowd_env.core.checks import flag, known
 from crowd_env.core.files.own import names_own, own_or_name
@@ -41,7 +43,8 @@ class CrowdOptions:
     unit : of a floor plan, of ``exit`` and of ``starts``.
     people : number of pedestrians.
     starts : CSV file of starting positions.
-    walking : manner of walking; competitive pedestrians on a floor plan are those of the papers, `TABLE_4`.
+    walking : manner of walking, or a table of its parameters as JSON; competitive pedestrians on a floor plan are those of
+        the papers, `TABLE_4`.
     routing : strategy, route or exit.
     policy : what decides how pedestrians walk.
     scheme : contact scheme.
@@ -144,7 +147,25 @@ def read_place(options: CrowdOptions) -> Scenario:
     else:
         population = make_scenario(options.scenario).population.changed(**people) if people else None
         place = make_scenario(options.scenario, **timing, **({"population": population} if population else {}))
-    return with_manner(place, options.walking, changes.get("outline"))
+    return with_manner(place, walking_of(options.walking), changes.get("outline"))
+
+
+def walking_of(text: str | None) -> Manner | None:
+    """Return the manner that --walking names, or the table of its parameters that it holds as JSON.
+
+    Raises
+    ------
+    ValueError
+        If the table cannot be read.
+    """
+    if text is None or not text.startswith("{"):
+        return text
+    try:
+        return dict(json.loads(text))
+    except ValueError as error:
+        raise ValueError(
+            f'--walking {text}: this must be a name or a table such as {{"time_gap": 0.7}}: {error}'
+        ) from None
 
 
 def people_options(options: CrowdOptions, drawn: Mapping[str, str]) -> dict[str, Any]:

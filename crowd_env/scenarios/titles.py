@@ -4,12 +4,12 @@ from dataclasses import replace
 from typing import Any
 
 from crowd_env.core.behaviors import IN_WORDS
-from crowd_env.core.behaviors.headway import Headway
+from crowd_env.core.behaviors.headway import Headway, Manner
 from crowd_env.core.behaviors.outline import Outline
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 
 
-def with_manner(place: Scenario, manner: str | None, outline: str | None = None) -> Scenario:
+def with_manner(place: Scenario, manner: Manner | None, outline: str | None = None) -> Scenario:
     """Return a scenario in which people walk in this manner and have this outline; None = as it says.
 
     Competitive people drive as hard as in the papers.

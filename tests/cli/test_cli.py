@@ -11,6 +11,7 @@ from repository import ROOT
 from typer.testing import CliRunner
 
 from crowd_env import SCENARIOS, SCHEMES
+from crowd_env.agents import POLICIES, PRETRAINED
 from crowd_env.analysis.figures import doubts, report
 from crowd_env.cli.main import app
 from crowd_env.envs.rollout import run_episodes
@@ -138,8 +139,9 @@ def test_recorded_starting_positions(folder):
 def test_list_names_everything():
     told = json.loads(call("list --json").stdout)
     assert set(told["scenarios"]) == set(SCENARIOS) and set(told["schemes"]) == set(SCHEMES)
+    assert set(told["policies"]) == {*POLICIES, *PRETRAINED}
     table = call("list").stdout
-    assert all(name in table for name in (*SCENARIOS, *SCHEMES))
+    assert all(name in table for name in (*SCENARIOS, *SCHEMES, *POLICIES))
 
 
 @pytest.mark.more

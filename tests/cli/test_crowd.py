@@ -45,6 +45,11 @@ def test_run_walks_as_it_is_told_and_says_so():
     assert "room-v0: 8 people, hertz, calm, torso, 2 runs" in " ".join(told.output.split())
 
 
+def test_walking_may_be_a_table_of_parameters():
+    found = figures('run room-v0 --people 4 --runs 1 --walking {"time_gap":0.7}')
+    assert found["manner"]["time_gap"] == 0.7
+
+
 def test_a_file_says_how_people_walk_unless_the_command_does(place):
     path = place(TWO)
     line = f"run {path} --runs 1 --scheme hertz"
@@ -94,6 +99,7 @@ def test_warmup_compiles_the_crowd_that_is_asked_for(monkeypatch):
 @looped(
     ("options", "says"),
     [
+        ('--walking {"time_gap":', "this must be a name or a table"),
         ("--walking slow", f"unknown manner 'slow'; known: {', '.join(MANNERS)}"),
         ("--set outline=square", f"unknown outline 'square'; known: {', '.join(OUTLINES)}"),
         ("--scheme dem --set outline=torso", "dem does not turn bodies, so it cannot have the outline 'torso'"),

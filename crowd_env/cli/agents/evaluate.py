@@ -24,7 +24,7 @@ from crowd_env.agents.training_config import GENERATED, RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
 from crowd_env.cli.agents.options import People, Place, Policies, changes
 from crowd_env.cli.options import AsJson, Exits, Unit, WalkingName, new_app, of_output, of_people, of_physics, of_runs
-from crowd_env.cli.place import CrowdOptions, read_place
+from crowd_env.cli.place import CrowdOptions, read_place, walking_of
 from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import Range, number, whole
 from crowd_env.core.console import friendly_errors, progress_bar, say
@@ -122,7 +122,7 @@ def main(
             raise ValueError(f"{beside} is for floor plans in files, but --task {task.name} says where people walk")
         else:
             where = task.place(people)
-        where = with_manner(where, walking, changed.get("outline"))
+        where = with_manner(where, walking_of(walking), changed.get("outline"))
         policies = policies or list(_NAMED if task is None else (RULE,))
         named = dict.fromkeys(scheme or [_SCHEME if task is None else task.scheme])
         schemes = [make_scheme(own_or_name("--scheme", one)) for one in named]
