@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.analysis.figures import share
+from crowd_env.analysis.figures import number, percent, share
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.files.json_file import json_number
 
@@ -266,3 +266,32 @@ def _read_tail(tail: Tail, blocked: str) -> str:
     if tail.ratio < 0.0:
         return said + "; an exponential fits the tail better: no power law"
     return said
+
+
+def cells(found: Clogging) -> dict[str, str]:
+    """Return the rows of a table, label -> cell."""
+    figures = found.as_json()
+    gaps, bursts, tail = figures["gaps"], figures["bursts"], figures["tail"] or {}
+    opened = f", longest above {gaps['longest_open']:.1f} s" if gaps["open"] else ""
+    return {
+        "runs": str(found.runs),
+        "  unfinished, of these blocked": f"{found.unfinished}, {found.blocked}",
+        "  share blocked, 95 %": f"{percent(figures['blocked_share'])} %",
+        "people out": str(found.exits),
+        "gaps": str(gaps["count"]),
+        "  mean": number(gaps["mean"], "s"),
+        "  standard deviation / mean": number(gaps["cv"]),
+        "  90 % are below": number(gaps["q90"], "s"),
+        "  longest": number(gaps["max"], "s"),
+        "  open at the end": f"{gaps['open']}{opened}",
+        f"bursts (gaps below {found.pause:g} s)": str(bursts["count"]),
+        "  mean size": number(bursts["mean_size"], "people"),
+        "  largest": number(bursts["max_size"], "people", 0),
+        "exponent of the tail": number(tail.get("alpha")) + (f" ± {tail['error']:.2f}" if tail else ""),
+        "  if open gaps count as longer": number(tail.get("alpha_open")),
+        "  from (x_min)": number(tail.get("x_min"), "s"),
+        "  gaps in the tail": number(tail.get("n"), digits=0),
+        "  Kolmogorov-Smirnov distance": number(tail.get("distance"), digits=3),
+        "  log-likelihood ratio to an exponential": number(tail.get("ratio"), digits=1),
+        "    p": number(tail.get("p"), digits=3),
+    }

@@ -8,9 +8,8 @@ from typing import Annotated
 
 import typer
 
-from crowd_env.analysis.clogging import Clogging, RunExits, clogging
+from crowd_env.analysis.clogging import Clogging, RunExits, cells, clogging
 from crowd_env.analysis.exit_times import read_exits, write_gaps
-from crowd_env.analysis.figures import number, percent
 from crowd_env.analysis.results.folder import CONFIG, EXITS
 from crowd_env.cli.console import show_table
 from crowd_env.cli.options import AsJson, new_app, plain
@@ -64,7 +63,7 @@ def clog(
     if as_json:
         typer.echo(json.dumps({"sets": [{"name": name, **each.as_json()} for name, each in found.items()]}))
     else:
-        show_table("", {name: _cells(each) for name, each in found.items()}, sections=(3, 9, 12))
+        show_table("", {name: cells(each) for name, each in found.items()}, sections=(3, 9, 12))
         for name, each in found.items():
             typer.echo(f"* {name}: {each.statement()}." if len(found) > 1 else f"{each.statement()}.")
     if paths:
@@ -91,32 +90,3 @@ def _write(out: Path, found: dict[str, Clogging], sets: Mapping[str, Sequence[Ru
     except OSError as error:
         raise ValueError(f"cannot write the results: {error}") from None
     return paths
-
-
-def _cells(found: Clogging) -> dict[str, str]:
-    """Return the rows of the table."""
-    figures = found.as_json()
-    gaps, bursts, tail = figures["gaps"], figures["bursts"], figures["tail"] or {}
-    opened = f", longest above {gaps['longest_open']:.1f} s" if gaps["open"] else ""
-    return {
-        "runs": str(found.runs),
-        "  unfinished, of these blocked": f"{found.unfinished}, {found.blocked}",
-        "  share blocked, 95 %": f"{percent(figures['blocked_share'])} %",
-        "people out": str(found.exits),
-        "gaps": str(gaps["count"]),
-        "  mean": number(gaps["mean"], "s"),
-        "  standard deviation / mean": number(gaps["cv"]),
-        "  90 % are below": number(gaps["q90"], "s"),
-        "  longest": number(gaps["max"], "s"),
-        "  open at the end": f"{gaps['open']}{opened}",
-        f"bursts (gaps below {found.pause:g} s)": str(bursts["count"]),
-        "  mean size": number(bursts["mean_size"], "people"),
-        "  largest": number(bursts["max_size"], "people", 0),
-        "exponent of the tail": number(tail.get("alpha")) + (f" ± {tail['error']:.2f}" if tail else ""),
-        "  if open gaps count as longer": number(tail.get("alpha_open")),
-        "  from (x_min)": number(tail.get("x_min"), "s"),
-        "  gaps in the tail": number(tail.get("n"), digits=0),
-        "  Kolmogorov-Smirnov distance": number(tail.get("distance"), digits=3),
-        "  log-likelihood ratio to an exponential": number(tail.get("ratio"), digits=1),
-        "    p": number(tail.get("p"), digits=3),
-    }

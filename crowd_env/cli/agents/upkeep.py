@@ -63,5 +63,5 @@ def rules(task: Annotated[list[str] | None, typer.Argument(help=_TASKS)] = None)
 def freeze() -> None:
     """Write digest and probe of every task, as it is now, into the file of the tasks."""
     with friendly_errors():
+        say(f"probing {len(TASKS)} tasks ...")
         freeze_tasks()
-    say(f"digests and probes of {len(TASKS)} tasks are written")
