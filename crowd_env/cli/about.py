@@ -9,6 +9,7 @@ import typer
 
 from crowd_env.cli.console import show_table
 from crowd_env.cli.options import AsJson, WalkingName, new_app, plain
+from crowd_env.cli.place import walking_of
 from crowd_env.core.console import friendly_errors, progress_bar, say
 from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.physics import SCHEMES, make_scheme
@@ -50,7 +51,7 @@ def warmup(
         with progress_bar("compiling", len(chosen)) as progress:
             for law in chosen:
                 begin = time.monotonic()
-                env = CrowdEnv("room-v0", physics=law, walking=walking)
+                env = CrowdEnv("room-v0", physics=law, walking=walking_of(walking))
                 env.reset(seed=0)
                 env.step(None)
                 seconds[law.info.name] = round(time.monotonic() - begin, 2)

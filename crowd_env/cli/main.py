@@ -42,6 +42,11 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
 class LazyGroup(TyperGroup):
     """A group that imports the module of a command when the command is named, since some libraries load slowly."""
 
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__(**arguments)
+        names: Any = dict.fromkeys(COMMANDS)
+        self.commands = names  # what a misspelt name is compared with
+
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of all commands, in the order of the help."""
         return list(COMMANDS)

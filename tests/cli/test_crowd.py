@@ -128,6 +128,11 @@ def test_a_misspelt_option_is_answered_with_the_nearest_one(misspelt, meant):
     assert f"No such option: {misspelt}" in told and meant in told.partition("Possible options")[2], told
 
 
+def test_a_misspelt_command_is_answered_with_the_nearest_one():
+    told = call("repot room").stderr
+    assert "No such command 'repot'" in told and "report" in told
+
+
 def test_papers_are_reproduced_as_they_are():
     result = call("reproduce table3 --walking calm")
     assert result.exit_code == 2 and "--walking" in result.stderr

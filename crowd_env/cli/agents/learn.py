@@ -15,7 +15,7 @@ from crowd_env.agents.runs import new_folder
 from crowd_env.agents.tasks import TASKS
 from crowd_env.cli.agents.options import People, Place, Threads, changes, of_learning
 from crowd_env.cli.options import ONE_SCHEME, Exits, Unit, WalkingName, of_output, of_people, of_physics, of_runs
-from crowd_env.cli.place import plan_options
+from crowd_env.cli.place import plan_options, walking_of
 from crowd_env.core.checks import known, whole
 from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.executors import check_cluster
@@ -204,7 +204,8 @@ def _asked(given: dict[str, Any]) -> dict[str, Any]:
     """Return the parameters of a run that options stand for."""
     names = {"walking": "manner"}
     of_run = ("people", "walking", "outline", "scheme", "dt", "start", "minutes", "steps", "envs", *_ROUTING)
-    return {names.get(option, option): given[option] for option in of_run if option in given}
+    asked = {names.get(option, option): given[option] for option in of_run if option in given}
+    return asked | ({"manner": walking_of(asked["manner"])} if "manner" in asked else {})
 
 
 def _given(context: typer.Context) -> dict[str, Any]:
