@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 from crowd_env.agents.evaluation.entries import Entry, make_entries
 from crowd_env.agents.trained import load_trained
 from crowd_env.envs.rollout import Driver
-from crowd_env.envs.settings import Physics, Routing
+from crowd_env.envs.settings import Routing
+from crowd_env.physics.settings import Physics
 from crowd_env.scenarios.scenario import Scenario
 
 

@@ -7,12 +7,13 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.arrays.state import MOTIVATION
+from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.checks import flag, known
 from crowd_env.core.files.own import names_own, own_or_name
-from crowd_env.envs.settings import Physics, Routing
+from crowd_env.envs.settings import Routing
 from crowd_env.physics import make_scheme
+from crowd_env.physics.settings import Physics
 from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
 from crowd_env.scenarios.floor_plan import people_on, scenario_on
 from crowd_env.scenarios.plans.reading import read_plan, split_level
