@@ -48,7 +48,7 @@ class Window:
         if size != self._size or pygame.display.get_surface() is None:
             if not pygame.display.get_init():
                 pygame.display.init()
-            pygame.display.set_mode(size)
+            self._surface = pygame.display.set_mode(size)
             pygame.display.set_caption(self.title)
             self._size = size
         if any(event.type == pygame.QUIT for event in pygame.event.get()):
@@ -56,7 +56,7 @@ class Window:
             return False
         self._wait()
         image = pygame.image.frombuffer(np.ascontiguousarray(frame).tobytes(), size, "RGB")
-        pygame.display.get_surface().blit(image, (0, 0))
+        self._surface.blit(image, (0, 0))
         pygame.display.flip()
         return True
 
