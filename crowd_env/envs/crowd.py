@@ -4,7 +4,7 @@ import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import gymnasium
 import numpy as np
@@ -109,6 +109,7 @@ class CrowdEnv:
     (80,)
     """
 
+    decides: Literal["walking"] = "walking"
     learned: Bools | bool = True  # (P,)  whom actions move; a subclass may move others itself
 
     @answers_unknown()

@@ -1,7 +1,7 @@
 """Evacuations side by side, each in a generated place of its own: when one is over, another place takes its turn."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 
@@ -60,6 +60,7 @@ class GeneratedCrowds:
     (160,)
     """
 
+    decides: Literal["walking"] = "walking"
     autoreset = True
     learned = True  # all are moved by actions
 

@@ -4,10 +4,11 @@ The people walk by themselves; for a controller that moves every single body see
 """
 
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 from gymnasium.vector import AutoresetMode
 
+from crowd_env.core.arrays.state import Bools
 from crowd_env.envs.arguments import Place
 from crowd_env.envs.controlled import BatchVectorEnv, SingleEnv
 from crowd_env.envs.routing.batch import RoutingBatch
@@ -97,6 +98,7 @@ class RoutingVectorEnv(BatchVectorEnv):
         If any of these is unknown, out of range, or does not fit together.
     """
 
+    decides: Literal["routing"] = "routing"
     batch: RoutingBatch
 
     @answers_unknown(like=RoutingBatch)
@@ -111,3 +113,8 @@ class RoutingVectorEnv(BatchVectorEnv):
     ) -> None:
         make = partial(RoutingBatch, scenario, num_envs=num_envs, **arguments)
         super().__init__(make, autoreset_mode, render_mode)
+
+    @property
+    def finished(self) -> Bools:
+        """Which evacuations ended in the last step, or wait for a reset (E,)."""
+        return self.env.finished

@@ -1,0 +1,110 @@
+"""What is trained and judged in: a batch of evacuations, whoever acts in it."""
+
+from typing import Any, Literal, Protocol
+
+import gymnasium
+import numpy as np
+
+from crowd_env.core.arrays.state import Bools, Ints
+from crowd_env.envs.action import ActionKind
+from crowd_env.envs.crowd import Step
+from crowd_env.envs.metrics import EpisodeMetrics
+from crowd_env.envs.observation.layout import ObservationLayout
+from crowd_env.envs.reward import RewardWeights
+from crowd_env.scenarios.scenario import Scenario
+
+StepArrays = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]
+"""Observation, reward, terminated, truncated of each row that acts, and the info: a `Step` is one too."""
+
+
+class CrowdBatch(Protocol):
+    """Evacuations side by side: `CrowdEnv`, `MixedEnv`, `GeneratedCrowds`, `RoutingVectorEnv`.
+
+    A row acts: of a `WalkingBatch` a pedestrian, else one controller an environment.
+    """
+
+    @property
+    def num_envs(self) -> int:
+        """Number of environments E."""
+
+    @property
+    def decides(self) -> Literal["walking", "routing"]:
+        """Who acts: pedestrians ("walking"), or one controller an environment ("routing")."""
+
+    @property
+    def single_observation_space(self) -> gymnasium.Space[Any]:
+        """Space of what one row observes."""
+
+    @property
+    def single_action_space(self) -> gymnasium.Space[Any]:
+        """Space of what one row decides."""
+
+    @property
+    def finished(self) -> Bools:
+        """Environments that wait for a reset (E,); none of them where each restarts by itself."""
+
+    def reset(self, *, seed: int | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start new episodes everywhere; return the observations of all rows."""
+
+    def step(self, action: Any, /) -> StepArrays:
+        """Advance all environments by one decision step under the actions of all rows."""
+
+
+class WalkingBatch(CrowdBatch, Protocol):
+    """Evacuations in which each of P pedestrians acts: `CrowdEnv`, `MixedEnv`, `GeneratedCrowds`."""
+
+    @property
+    def decides(self) -> Literal["walking"]:
+        """Each row is a pedestrian."""
+
+    @property
+    def num_people(self) -> int:
+        """Number of slots P."""
+
+    @property
+    def env_of_person(self) -> Ints:
+        """Environment of each slot (P,)."""
+
+    @property
+    def active(self) -> Bools:
+        """Pedestrians who are inside (P,)."""
+
+    @property
+    def learned(self) -> Bools | bool:
+        """Pedestrians whom actions move (P,), or one answer for all."""
+
+    @property
+    def decision_dt(self) -> float:
+        """Decision step [s]."""
+
+    @property
+    def autoreset(self) -> bool:
+        """Whether an environment that ends starts a new episode in the same step."""
+
+    @property
+    def layout(self) -> ObservationLayout:
+        """Columns of an observation."""
+
+    @property
+    def action_kind(self) -> ActionKind:
+        """Meaning of an action."""
+
+    @property
+    def reward_weights(self) -> RewardWeights:
+        """Weights of the terms of the reward."""
+
+    @property
+    def scenario_of_env(self) -> list[Scenario]:
+        """Place of each environment."""
+
+    def people(self, e: int) -> slice:
+        """Return the slots of environment ``e``."""
+
+    def metrics(self, e: int) -> EpisodeMetrics:
+        """Return the metrics of the episode of environment ``e`` so far."""
+
+    def reset(self, seed: int | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start new episodes everywhere; return the observations (P, D)."""
+
+    def step(self, action: np.ndarray | None = None, /) -> Step:
+        """Advance all environments by one decision step; without actions everyone follows the rule."""
