@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import json_number
 from crowd_env.core.files.store import Store, claimed
 from crowd_env.envs.metrics import share_interval
+from crowd_env.envs.protocol import WalkingBatch
 
 from . import PRETRAINED, make_policy, starts_from, told_start
 from .evaluation.comparison import last_times, mean_times
@@ -30,10 +31,10 @@ from .policy import Policy
 from .rules import StrategyPolicy
 from .tasks import Task, make_task
 from .trained import NUMBERS, LearnedPolicy, names_file
-from .training_config import make_env, physics_of, place_of, task_config
+from .training_config import TrainingConfig, make_env, physics_of, place_of, task_config
 
 if TYPE_CHECKING:
-    from .learned.watch import Watch
+    from .learned.callbacks import ComparisonCallback
 
 Results = Mapping[str, Sequence[Mapping[str, Any]]]  # name -> its finished results, one a seed
 _RAW = ("clearing_times", "mean_exits", "blocked_runs")
@@ -41,26 +42,23 @@ _RESAMPLES = 20_000
 _FEWEST = 10  # seeds: an interval of fewer is too short, see `bootstrap_interval`
 
 
-def _ppo(config: dict[str, Any], watch: "Watch") -> None:
-    from .learned.evolution import first_rule
-    from .learned.ppo import PPOSettings
-    from .learned.watch import train_ppo
+def _ppo(config: TrainingConfig, callback: "ComparisonCallback") -> None:
+    from .learned.starts import first_rule
+    from .learned.training import train_ppo
 
-    train_ppo(make_env(config), PPOSettings(**config["ppo"]), config["seed"], watch, first_rule(config))
-
-
-def _mappo(config: dict[str, Any], watch: "Watch") -> None:
-    from .learned.mappo import train_mappo
-    from .learned.ppo import PPOSettings
-
-    train_mappo(make_env(config), PPOSettings(**config["ppo"]), config["seed"], watch)
+    train_ppo(cast(WalkingBatch, make_env(config)), config.ppo, config.seed, callback, first_rule(config))
 
 
-def _evolution(config: dict[str, Any], watch: "Watch") -> None:
+def _mappo(config: TrainingConfig, callback: "ComparisonCallback") -> None:
+    from .learned.training import train_ppo
+
+    train_ppo(cast(WalkingBatch, make_env(config)), config.ppo, config.seed, callback, central=True)
+
+
+def _evolution(config: TrainingConfig, callback: "ComparisonCallback") -> None:
     from .learned.evolution import EvolutionSettings, evolve
 
-    settings = EvolutionSettings(endless=True)
-    evolve(place_of(config), physics_of(config), config["seed"], watch.goes_on, settings)
+    evolve(place_of(config), physics_of(config), config.seed, callback, EvolutionSettings(endless=True))
 
 
 class Algorithm(NamedTuple):
@@ -69,12 +67,12 @@ class Algorithm(NamedTuple):
     Parameters
     ----------
     about : a line for people.
-    train : takes the config of a run (`crowd_env.agents.training_config.task_config`) and the `Watch` that ends it.
+    train : takes the config of a run, and the callback that ends it.
     start : what it begins at; None = as the preset has it, which may be a better rule that is cloned.
     """
 
     about: str
-    train: Callable[[dict[str, Any], "Watch"], None]
+    train: Callable[[TrainingConfig, "ComparisonCallback"], None]
     start: str | None = RULE
 
 
@@ -144,13 +142,13 @@ def _of_plan(job: Job, plan: Plan) -> dict[str, Any]:
     told: dict[str, Any] = {"task": plan.task, "task_digest": make_task(plan.task).digest(), "runs": plan.runs}
     if job.seed is not None:
         told |= {name: getattr(plan, name) for name in ("minutes", "checkpoints", "validation_runs")}
-        told["config"] = _config(job, plan)
+        told["config"] = _config(job, plan).as_table()
     elif job.name in PRETRAINED or names_file(job.name):
         told["network"] = network_digest(PRETRAINED.get(job.name, Path(job.name)))
     return told | {"code": source_stamp()}
 
 
-def _config(job: Job, plan: Plan) -> dict[str, Any]:
+def _config(job: Job, plan: Plan) -> TrainingConfig:
     """Return the parameters of a training."""
     return task_config(plan.task, job.seed or 0, start=ALGORITHMS[job.name].start)
 
@@ -167,7 +165,7 @@ def fixed_policy(name: str, task: Task) -> Policy:
 
 def _trained(job: Job, plan: Plan, folder: Path) -> dict[str, Any]:
     """Train, and judge the best policy of all checkpoints; a network is kept beside the result, under the same name."""
-    from .learned.watch import Watch
+    from .learned.callbacks import ComparisonCallback
 
     config = _config(job, plan)
     place = place_of(config)
@@ -176,13 +174,13 @@ def _trained(job: Job, plan: Plan, folder: Path) -> dict[str, Any]:
         draws: dict[str, Any] = {"runs": plan.validation_runs, "first_seed": VALIDATION_SEED}
         return checkpoint(evaluate(policy, place, **draws, **physics_of(config)))
 
-    watch = Watch(60.0 * plan.minutes, judge, plan.checkpoints, config["decision_dt"])
-    ALGORITHMS[job.name].train(config, watch)
-    assert watch.best is not None  # the start is always judged
-    policy, row = watch.best
+    callback = ComparisonCallback(60.0 * plan.minutes, judge, plan.checkpoints)
+    ALGORITHMS[job.name].train(config, callback)
+    assert callback.best is not None  # the start is always judged
+    policy, row = callback.best
     if isinstance(policy, LearnedPolicy):
         policy.save(folder / f"{job.title}{NUMBERS}")
-    facts = {"algorithm": job.name, "seed": job.seed, "start": config["start"], "curve": watch.curve, "best": row}
+    facts = {"algorithm": job.name, "seed": job.seed, "start": config.start, "curve": callback.curve, "best": row}
     return {**facts, **_final(policy, plan)}
 
 

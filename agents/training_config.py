@@ -1,20 +1,31 @@
-"""The parameters of a training run: made, checked, and read again when the run is continued."""
+"""The parameters of a training run: made, checked, and read again when the run is resumed."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, cast
+from typing import Annotated, Any, Literal, TypeAlias, cast
 
 import numpy as np
 
-from crowd_env import CrowdEnv, ObservationLayout, Scenario
+from crowd_env import CrowdEnv, GeneratedCrowds, ObservationLayout, Scenario
 from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.behaviors.outline import Outline
-from crowd_env.core.checks import POSITIVE, Range, known, number, whole
+from crowd_env.core.checks import (
+    POSITIVE,
+    Natural,
+    NotNegative,
+    Positive,
+    Range,
+    Share,
+    check_fields,
+    known,
+    number,
+)  # fmt: skip
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.files.own import own_or_name
 from crowd_env.core.libraries import needed_for
+from crowd_env.envs.protocol import WalkingBatch
 from crowd_env.envs.routing.batch import routing_arguments
 from crowd_env.envs.routing.env import RoutingVectorEnv
 from crowd_env.envs.settings import arguments_of, physics_step
@@ -29,22 +40,179 @@ from .mixed import MixedEnv
 from .runs import versions
 from .tasks import Task, make_preset, make_task
 from .tasks.presets import ALL_PLACES, GENERALIST, training_place
+from .training_places import places_of_tasks
 from .walking import Evolved, WalkingRule
 
 # People simulated side by side in training: a rollout of more takes many gigabytes.
 MOST_PEOPLE = 200_000
-GENERATED, GENERATED_PLACES = "generated", "generated-v0"  # what is trained in all places, and their scenario
+GENERATED, GENERATED_PLACES = "generated", "generated-v0"  # name of a training in all places, and of their scenario
 NOTHING = "nothing"  # training begins with a search that begins at full speed
 MINUTES = 15.0  # after which a training on a task stops on a machine that is too slow for its steps
-# PPO of a controller, where it departs from that of a policy: decisions are rare, and one a crowd.
-ROUTING_PPO: dict[str, Any] = {"learning_rate": 1e-3, "n_steps": 32, "batch_size": 256}
-ROUTING_PPO |= {"n_epochs": 8, "gamma": 0.99, "target_kl": 0.03}
-ROUTING_BUDGET: dict[str, Any] = {"envs": 32, "steps": 120_000, "minutes": 10.0}
+ROUTING_BUDGET: Mapping[str, float] = {"envs": 32, "steps": 120_000, "minutes": 10.0}
 _PHYSICS = ("dt", "decision_dt", "strategy", "manner", "outline")
+_OF_NETWORK = (
+    "scenario",
+    "options",
+    "people",
+    "scheme",
+    *_PHYSICS[:2],
+    "manner",
+    "outline",
+    "start",
+    "seed",
+    "versions",
+)
 _MOST_CELLS = 10_000  # of a grid: nobody decides about more, and their names alone fill memory
 LEAST_DT = Range(1e-5)  # s  a decision of 0.1 s is ten thousand steps of these
 RUNS = Range(1, HELD_OUT_SEED - 1)  # held-out draws of an evaluation
 SEEDS = Range(0, HELD_OUT_SEED - 1).because("larger ones are kept for evaluation")
+
+Table: TypeAlias = Mapping[str, Any]  # plain data, as JSON and TOML hold it
+
+
+@dataclass(frozen=True)
+class PPOSettings:
+    """Hyperparameters of PPO; the defaults are tuned for room-v0.
+
+    Parameters
+    ----------
+    learning_rate : falls linearly to zero over the steps, or over the second half of the time.
+    n_steps : decision steps of a rollout.
+    batch_size : samples of a minibatch, of pedestrians who were inside.
+    n_epochs : passes over a rollout.
+    gamma : discount of a decision step.
+    gae_lambda : of generalized advantage estimation.
+    clip_range : largest change of a probability ratio that is rewarded.
+    ent_coef : weight of the entropy.
+    hidden : units in each of two layers.
+    distribution : of continuous actions; "beta" is bounded.
+    log_std_init : logarithm of the standard deviation of a Gaussian at first.
+    rule_logit : how much likelier the rule is at first than any other choice, as a logit.
+    target_kl : divergence from the old policy at which an update stops.
+    """
+
+    learning_rate: NotNegative = 7e-4
+    n_steps: int = 128
+    batch_size: int = 16384
+    n_epochs: int = 6
+    gamma: Share = 0.97
+    gae_lambda: Share = 0.95
+    clip_range: Positive = 0.2
+    ent_coef: NotNegative = 0.003
+    hidden: int = 64
+    distribution: Literal["gaussian", "beta"] = "gaussian"
+    log_std_init: float = -0.7
+    rule_logit: float = 2.0
+    target_kl: Positive = 0.05
+
+    def __post_init__(self) -> None:
+        check_fields("", self)
+
+
+# PPO of a controller: decisions are rare, and one a crowd.
+ROUTING_PPO = PPOSettings(learning_rate=1e-3, n_steps=32, batch_size=256, n_epochs=8, gamma=0.99, target_kl=0.03)
+
+
+@dataclass(frozen=True)
+class GeneratedPlaces:
+    """The places of a training in all places.
+
+    Parameters
+    ----------
+    people : pedestrians of the largest places.
+    seeds : generated places that are drawn from.
+    taught : generated places in which the best expert is looked for.
+    share : of the episodes in places of tasks.
+    rounds : of DAgger, by which the experts are cloned.
+    """
+
+    people: int
+    seeds: int
+    taught: int
+    share: Share
+    rounds: int
+
+    def __post_init__(self) -> None:
+        check_fields("places", self)
+
+
+@dataclass(frozen=True)
+class TrainingConfig:
+    """Every parameter of a training run; ``config.json`` of a run holds the same names.
+
+    Parameters
+    ----------
+    backend : what trains.
+    task : name of the task; None = a scenario that is no task.
+    scenario : name or file of the place.
+    options : of the scenario.
+    people : pedestrians of an environment.
+    routing : options of `RoutingVectorEnv`, for a controller; None = a policy of people's own steps.
+    places : generated places; None = one place.
+    strategy : routing strategy.
+    scheme : contact scheme.
+    seed : of draws and networks.
+    envs : environments side by side.
+    steps : budget, summed over all pedestrian slots.
+    minutes : budget [min].
+    dt : physics step [s].
+    decision_dt : decision step [s].
+    manner : how pedestrians walk, by name or as a table.
+    outline : shape of bodies, by name or as a table.
+    frame : of actions.
+    action : kind of action, by name or as a table.
+    observation : table of an `ObservationLayout`.
+    reward : table of `RewardWeights`.
+    start : what learning starts from: "rule", "nothing", or a policy of rules that is cloned.
+    ppo : hyperparameters.
+    eval_every : steps between two evaluations.
+    eval_runs : validation draws of an evaluation.
+    validation_seed : first validation draw.
+    held_out_seed : first held-out draw.
+    versions : of the libraries that can change a result.
+
+    Raises
+    ------
+    ValueError
+        If a field holds something else, or is out of range.
+    """
+
+    backend: str
+    task: str | None
+    scenario: str
+    options: Table
+    people: int
+    routing: Table | None
+    places: GeneratedPlaces | None
+    strategy: str
+    scheme: str
+    seed: Annotated[int, SEEDS]
+    envs: int
+    steps: int
+    minutes: Positive
+    dt: Annotated[float, LEAST_DT]
+    decision_dt: Positive
+    manner: str | Table
+    outline: str | Table
+    frame: str
+    action: str | Table
+    observation: Table
+    reward: Table
+    start: str
+    ppo: PPOSettings
+    eval_every: int
+    eval_runs: int
+    validation_seed: Natural
+    held_out_seed: Natural
+    versions: Table
+
+    def __post_init__(self) -> None:
+        check_fields("", self)
+
+    def as_table(self) -> dict[str, Any]:
+        """Return plain data, as ``config.json`` holds it."""
+        table = {field.name: getattr(self, field.name) for field in fields(self)}
+        return table | {"ppo": asdict(self.ppo), "places": self.places and asdict(self.places)}
 
 
 def default_config(
@@ -58,51 +226,55 @@ def default_config(
     manner: str | None = None,
     outline: str | None = None,
     people: int | None = None,
-    options: Mapping[str, Any] | None = None,
-    routing: Mapping[str, Any] | None = None,
-) -> dict[str, Any]:
+    options: Table | None = None,
+    routing: Table | None = None,
+    start: str = RULE,
+) -> TrainingConfig:
     """Return every parameter of a run in a scenario that is no task.
 
-    Unless given, ``dt`` [s] is the scheme's own, manner, outline and number of people are the scenario's; ``options`` are those
-    of `make_scenario`.  With ``routing``, options of `RoutingVectorEnv`, a controller is trained that sends people to exits.
-    """
-    from .learned import PPOSettings
+    Unless given, ``dt`` [s] is the scheme's own; manner, outline and number of people are the scenario's.  With ``routing``,
+    options of `RoutingVectorEnv`, a controller is trained that sends people to exits.
 
+    Raises
+    ------
+    ValueError
+        If a parameter is unknown or out of range.
+    """
     options = dict(options or {})
     place = training_place(scenario, options, people)
-    return {
-        "backend": "native",
-        "task": None,
-        "scenario": scenario,
-        "options": options,
-        "people": place.population.people,
-        "routing": None if routing is None else dict(routing),
-        "places": None,
-        "strategy": place.strategy_of_run() if routing is None else "fastest",
-        "scheme": scheme,
-        "seed": seed,
-        "envs": envs,
-        "steps": steps,
-        "minutes": minutes,
-        "dt": physics_step(Physics(law_of({"scheme": scheme}), outline=outline), place) if dt is None else dt,
-        "decision_dt": DECISION_DT,
-        "manner": Headway.plain_of(place.behavior(Headway, manner)),
-        "outline": Outline.plain_of(place.behavior(Outline, outline)),
-        "frame": "path",
-        "action": "continuous",
-        "observation": ObservationLayout().as_table(),
-        "reward": {"weights": {"progress": 0.5, "time": 1.0}, "team_share": 0.5},
-        "start": RULE,
-        "ppo": asdict(PPOSettings(**({} if routing is None else ROUTING_PPO))),
-        "eval_every": 1_500_000 if routing is None else 8192,
-        "eval_runs": 500 if routing is None else 50,
-        "validation_seed": VALIDATION_SEED,
-        "held_out_seed": HELD_OUT_SEED,
-        "versions": versions(),
-    }
+    return TrainingConfig(
+        backend="native",
+        task=None,
+        scenario=scenario,
+        options=options,
+        people=place.population.people,
+        routing=None if routing is None else dict(routing),
+        places=None,
+        strategy=place.strategy_of_run() if routing is None else "fastest",
+        scheme=scheme,
+        seed=seed,
+        envs=envs,
+        steps=steps,
+        minutes=minutes,
+        dt=physics_step(Physics(_scheme(scheme), outline=outline), place) if dt is None else dt,
+        decision_dt=DECISION_DT,
+        manner=Headway.plain_of(place.behavior(Headway, manner)),
+        outline=Outline.plain_of(place.behavior(Outline, outline)),
+        frame="path",
+        action="continuous",
+        observation=ObservationLayout().as_table(),
+        reward={"weights": {"progress": 0.5, "time": 1.0}, "team_share": 0.5},
+        start=start,
+        ppo=PPOSettings() if routing is None else ROUTING_PPO,
+        eval_every=1_500_000 if routing is None else 8192,
+        eval_runs=500 if routing is None else 50,
+        validation_seed=VALIDATION_SEED,
+        held_out_seed=HELD_OUT_SEED,
+        versions=versions(),
+    )
 
 
-def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
+def task_config(task: str, seed: int = 0, **given: Any) -> TrainingConfig:
     """Return every parameter of a run on a task: those of its preset, but for what is ``given``.
 
     Parameters
@@ -115,8 +287,6 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
     ValueError
         If the task is unknown or has no preset.
     """
-    from .learned import PPOSettings
-
     given = {name: value for name, value in given.items() if value is not None}
     judged, preset = make_task(task), None if "routing" in given else make_preset(task)
     begun = preset or judged
@@ -124,56 +294,51 @@ def task_config(task: str, seed: int = 0, **given: Any) -> dict[str, Any]:
     if given.get("scheme", judged.scheme) == judged.scheme:
         usual["dt"] = begun.dt
     usual |= {"envs": preset.envs, "steps": preset.steps, "minutes": MINUTES} if preset else ROUTING_BUDGET
-    start = given.pop("start", preset.start if preset else RULE)
+    usual |= {"start": preset.start if preset else RULE}
     options = {**judged.options, **(preset.options if preset else {})}
     config = default_config(judged.scenario, seed=seed, options=options, **(usual | given))
-    config |= {"task": task, "strategy": judged.rule, "decision_dt": judged.decision_dt, "start": start}
-    if preset:
-        config |= {
-            "action": preset.action,
-            "observation": ObservationLayout(terms=preset.terms).as_table(),
-            "reward": dict(preset.reward),
-            "ppo": asdict(PPOSettings(**preset.settings(start))),
-            "eval_every": preset.eval_every,
-            "eval_runs": preset.eval_runs,
-        }
-    return config
+    config = replace(config, task=task, strategy=judged.rule, decision_dt=judged.decision_dt)
+    if preset is None:
+        return config
+    return replace(
+        config,
+        action=preset.action,
+        observation=ObservationLayout(terms=preset.terms).as_table(),
+        reward=dict(preset.reward),
+        ppo=PPOSettings(**preset.settings(config.start)),
+        eval_every=preset.eval_every,
+        eval_runs=preset.eval_runs,
+    )
 
 
-def generalist_config(seed: int = 0, **given: Any) -> dict[str, Any]:
+def generalist_config(seed: int = 0, **given: Any) -> TrainingConfig:
     """Return every parameter of a training in all places: those of the preset "generated", but for what is ``given``.
 
     Parameters
     ----------
     given : any of ``people``, of the largest places, ``envs``, ``steps`` and ``minutes`` of PPO; None = as the preset has it.
     """
-    from .learned import PPOSettings
-
-    given = {name: value for name, value in given.items() if value is not None}
-    preset = GENERALIST
-    budget = {name: given.get(name, preset[name]) for name in ("envs", "steps", "minutes")}
-    config = default_config(GENERATED_PLACES, "nsm2", seed, **budget)
-    return config | {
-        "places": {**preset["places"], **({"people": given["people"]} if "people" in given else {})},
-        "action": preset["action"],
-        "observation": ObservationLayout(terms=tuple(preset["terms"])).as_table(),
-        "reward": preset["reward"],
-        "start": NOTHING,
-        "ppo": asdict(PPOSettings(**preset["ppo"])),
-        "eval_every": preset["eval_every"],
-        "eval_runs": preset["eval_runs"],
-    }
+    preset = {**GENERALIST, **{name: value for name, value in given.items() if value is not None}}
+    budget = {name: preset[name] for name in ("envs", "steps", "minutes")}
+    places = GeneratedPlaces(**preset["places"])
+    return replace(
+        default_config(GENERATED_PLACES, "nsm2", seed, **budget, start=NOTHING),
+        places=replace(places, people=preset.get("people", places.people)),
+        observation=ObservationLayout(terms=tuple(preset["terms"])).as_table(),
+        ppo=PPOSettings(**preset["ppo"]),
+        **{name: preset[name] for name in ("action", "reward", "eval_every", "eval_runs")},
+    )
 
 
-def place_of(config: Mapping[str, Any]) -> Scenario:
+def place_of(config: TrainingConfig) -> Scenario:
     """Return the scenario that is trained in."""
-    return training_place(config["scenario"], config["options"], config["people"])
+    return training_place(config.scenario, config.options, config.people)
 
 
-def task_of(config: Mapping[str, Any]) -> Task:
+def task_of(config: TrainingConfig) -> Task:
     """Return what a run is judged on: its task, or the scenario, steps and scheme that it was trained in."""
-    if config["task"] is not None:
-        return make_task(config["task"])
+    if config.task is not None:
+        return make_task(config.task)
     place = place_of(config)
     return Task(
         place.name,
@@ -182,17 +347,21 @@ def task_of(config: Mapping[str, Any]) -> Task:
         time_limit=place.time_limit,
         blocked_after=place.blocked_after,
         frozen="",
-        rule=config["strategy"],
-        **{name: config[name] for name in ("scenario", "options", "people", "dt", "decision_dt")},
+        rule=config.strategy,
+        **{name: getattr(config, name) for name in ("scenario", "options", "people", "dt", "decision_dt")},
     )
 
 
-def law_of(config: Mapping[str, Any]) -> ContactScheme:
+def law_of(config: TrainingConfig) -> ContactScheme:
     """Return the contact scheme that a run is trained and judged under, which may be the user's own."""
-    return make_scheme(own_or_name("--scheme", config["scheme"]))
+    return _scheme(config.scheme)
 
 
-def start_of(config: Mapping[str, Any]) -> WalkingRule:
+def _scheme(name: str) -> ContactScheme:
+    return make_scheme(own_or_name("--scheme", name))
+
+
+def start_of(config: TrainingConfig) -> WalkingRule:
     """Return the rule that a run begins by cloning.
 
     Raises
@@ -201,70 +370,53 @@ def start_of(config: Mapping[str, Any]) -> WalkingRule:
         If it is no rule of walking.
     """
     names = [name for name, kind in POLICIES.items() if issubclass(kind, WalkingRule)]
-    return cast(WalkingRule, make_policy(known("start", config["start"], [RULE, NOTHING, *names])))
+    return cast(WalkingRule, make_policy(known("start", config.start, [RULE, NOTHING, *names])))
 
 
-def judged_place(config: Mapping[str, Any]) -> Scenario:
+def judged_place(config: TrainingConfig) -> Scenario:
     """Return the scenario that a run is judged in: of a task with all its people, else what is trained in."""
-    place = place_of(config) if config["task"] is None else make_task(config["task"]).place()
-    return replace(place, manner=config["manner"], outline=config["outline"])
+    place = place_of(config) if config.task is None else make_task(config.task).place()
+    return replace(place, manner=config.manner, outline=config.outline)
 
 
-def physics_of(config: Mapping[str, Any]) -> dict[str, Any]:
+def physics_of(config: TrainingConfig) -> dict[str, Any]:
     """Return the options of `evaluate` under which a run is validated: those it was trained with."""
-    return {"scheme": law_of(config)} | {name: config[name] for name in _PHYSICS}
+    return {"scheme": law_of(config)} | {name: getattr(config, name) for name in _PHYSICS}
 
 
-def facts_of(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the file of a network says of its training."""
-    facts = (
-        "scenario",
-        "options",
-        "people",
-        "scheme",
-        "dt",
-        "decision_dt",
-        "manner",
-        "outline",
-        "start",
-        "seed",
-        "versions",
-    )
-    task = None if config["task"] is None else task_of(config).identity()
-    task = task if config["places"] is None else dict(ALL_PLACES)
-    return {"task": task, **{name: config[name] for name in facts}}
+def facts_of(config: TrainingConfig) -> dict[str, Any]:
+    """Return what the file of a network holds about its training."""
+    task = None if config.task is None else task_of(config).identity()
+    task = task if config.places is None else dict(ALL_PLACES)
+    return {"task": task, **{name: getattr(config, name) for name in _OF_NETWORK}}
 
 
-def make_env(config: Mapping[str, Any], envs: int | None = None, threads: int = 1) -> Any:
-    """Return the training batch, of ``envs`` rooms if that is given, on so many threads.
-
-    It is a `CrowdEnv`, or a `RoutingVectorEnv` where a controller is trained.
-    """
-    num_envs = config["envs"] if envs is None else envs
-    if config["places"] is not None:
-        from .learned.generalist import make_crowds
-
-        return make_crowds(config, num_envs)
-    if config["routing"] is not None:
-        physics = {name: config[name] for name in ("dt", "manner", "outline")}
-        options = {"scheme": law_of(config), "threads": threads, **physics, **config["routing"]}
-        arguments = routing_arguments(place_of(config), **options)
-        return RoutingVectorEnv(num_envs=num_envs, **arguments)
-    learned = {name: config[name] for name in ("frame", "action", "observation", "reward")}
-    arguments = arguments_of({"threads": threads, **physics_of(config), **learned})
-    share = task_of(config).learned_share
+def make_env(config: TrainingConfig, envs: int | None = None, threads: int = 1) -> WalkingBatch | RoutingVectorEnv:
+    """Return the training batch, of ``envs`` environments if that is given, on ``threads`` threads."""
+    num_envs = config.envs if envs is None else envs
+    if config.routing is not None:
+        physics = {name: getattr(config, name) for name in ("dt", "manner", "outline")}
+        options = {"scheme": law_of(config), "threads": threads, **physics, **config.routing}
+        return RoutingVectorEnv(num_envs=num_envs, **routing_arguments(place_of(config), **options))
+    learned: dict[str, Any] = {name: getattr(config, name) for name in ("action", "observation", "reward")}
+    if config.places is not None:
+        own = {name: getattr(config.places, name) for name in ("people", "seeds", "share")}
+        own["beside"] = [(one.place, one.conditions) for one in places_of_tasks(config.places.people)]
+        learned |= {"observation": ObservationLayout(**config.observation), "decision_dt": config.decision_dt}
+        return GeneratedCrowds(num_envs, **own, **learned)
+    arguments = arguments_of({"threads": threads, **physics_of(config), "frame": config.frame, **learned})
     arguments |= {"num_envs": num_envs, "autoreset": True}
-    return (
-        CrowdEnv(place_of(config), **arguments)
-        if share is None
-        else MixedEnv(place_of(config), share=share, **arguments)
-    )
+    share = task_of(config).learned_share
+    if share is None:
+        return CrowdEnv(place_of(config), **arguments)
+    return MixedEnv(place_of(config), share=share, **arguments)
 
 
 def check_libraries() -> None:
     """Raise ModuleNotFoundError now, not after the training, if a library is missing; say how to install it."""
     with needed_for("training", "stable-baselines3 tensorboard torch"):
-        import_module(f"{__package__}.learned")
+        for library in ("torch", "stable_baselines3", "tensorboard"):
+            import_module(library)
 
 
 def check_budget(**options: float) -> None:
@@ -273,32 +425,26 @@ def check_budget(**options: float) -> None:
         number(f"--{name}", value, POSITIVE)
 
 
-def check_config(config: Mapping[str, Any]) -> None:
-    """Raise ValueError if nothing can be trained with these parameters; one room is made to see."""
-    from .learned import PPOSettings
-
-    PPOSettings(**config["ppo"])
-    whole("seed", config["seed"], SEEDS)
-    check_budget(minutes=config["minutes"], steps=config["steps"], envs=config["envs"])
-    number("--set dt", config["dt"], LEAST_DT, "s")
+def check_config(config: TrainingConfig) -> None:
+    """Raise ValueError if nothing can be trained with these parameters; one environment is made to see."""
     people = place_of(config).population.people
-    if config["envs"] * people > MOST_PEOPLE:
+    if config.envs * people > MOST_PEOPLE:
         raise ValueError(
-            f"--envs is {config['envs']}: with {people} people each that is {config['envs'] * people} at once; "
+            f"--envs is {config.envs}: with {people} people each that is {config.envs * people} at once; "
             f"at most {MOST_PEOPLE} are trained side by side, here --envs {max(MOST_PEOPLE // people, 1)}"
         )
-    columns, rows = (config["routing"] or {}).get("grid", (1, 1))
+    columns, rows = (config.routing or {}).get("grid", (1, 1))
     if columns * rows > _MOST_CELLS:
         raise ValueError(f"--set grid is {columns} {rows}; it must have at most {_MOST_CELLS} cells")
-    if config["routing"] is not None and config["start"] != RULE:
-        raise ValueError(f"--start is {config['start']}: a controller begins at the nearest exits; leave it out")
+    if config.routing is not None and config.start != RULE:
+        raise ValueError(f"--start is {config.start}: a controller begins at the nearest exits; leave it out")
     env = make_env(config, envs=1)
-    if config["start"] != RULE:
-        rule = Evolved() if config["start"] == NOTHING else start_of(config)
+    if config.start != RULE and not isinstance(env, RoutingVectorEnv):
+        rule = Evolved() if config.start == NOTHING else start_of(config)
         rule.act(np.zeros((env.num_people, env.layout.size), dtype=np.float32), env.layout, np.random.default_rng(0))
 
 
-def read_config(path: Path) -> dict[str, Any]:
+def read_config(path: Path) -> TrainingConfig:
     """Read the parameters of a run.
 
     Raises
@@ -306,30 +452,29 @@ def read_config(path: Path) -> dict[str, Any]:
     ValueError
         If the file is missing, or lacks or holds something that a run cannot have.
     """
-    config = read_json(path)
-    if not isinstance(config, dict):
+    table = read_json(path)
+    if not isinstance(table, dict):
         raise ValueError(f"{path} does not hold the parameters of a run")
-    expected = default_config("room-v0", "nsm2", 0, 1, 1, 1.0)
-    missing = [name for name in expected if name not in config]
-    if missing:
-        raise ValueError(f"{path} lacks {missing[0]!r}: it was not written by this version of train.py")
+    names = [field.name for field in fields(TrainingConfig)]
+    for name in names:
+        if name not in table:
+            raise ValueError(f"{path} lacks {name!r}: it was not written by this version of train.py")
     try:
+        config = TrainingConfig(**{name: table[name] for name in names})
         check_config(config)
     except (TypeError, ValueError, KeyError, AttributeError) as error:
-        raise ValueError(f"{path} cannot be gone on with: {error}") from None
+        raise ValueError(f"cannot resume from {path}: {error}") from None
     return config
 
 
-def extended(
-    config: Mapping[str, Any], given: Mapping[str, Any], curve: list[dict[str, float]], name: str
-) -> dict[str, Any]:
-    """Return the parameters of a run that is continued under options from the command line.
+def resumed(config: TrainingConfig, given: Table, curve: Sequence[Mapping[str, float]], name: str) -> TrainingConfig:
+    """Return the parameters of a run that is resumed under options from the command line.
 
     Parameters
     ----------
     config : of the run.
-    given : options that were given beside ``--resume``: ``minutes`` and ``steps`` replace the budget, in all; the others may
-        only repeat what the run was begun with.
+    given : options beside ``--resume``: ``minutes`` and ``steps`` replace the budget, in all; the others may only repeat what
+        the run was begun with.
     curve : of the run so far.
     name : of the run.
 
@@ -338,25 +483,24 @@ def extended(
     ValueError
         If an option would change what is trained, or a budget leaves nothing to do.
     """
-    found = dict(config)
-    routing = config["routing"] or {}
-    begun = {**config, **routing, "exit": config["options"].get("exits"), "unit": config["options"].get("unit")}
-    begun |= {"place": config["task"] or config["scenario"], "decides": "routing" if routing else "walking"}
-    said = {"manner": "walking", "place": "task"} | {one: f"set {one}" for one in ("dt", "outline")}
+    routing = config.routing or {}
+    begun = {**config.as_table(), **routing, "exit": config.options.get("exits"), "unit": config.options.get("unit")}
+    begun |= {"place": config.task or config.scenario, "decides": "routing" if routing else "walking"}
+    words = {"manner": "walking", "place": "task"} | {one: f"set {one}" for one in ("dt", "outline")}
+    budget = {option: given[option] for option in ("minutes", "steps") if option in given}
     for option, value in given.items():
-        if option in ("minutes", "steps"):
-            found[option] = value
-        elif value != begun.get(option):
+        if option not in budget and value != begun.get(option):
             raise ValueError(
-                f"--{said.get(option, option)} is {value}, but {name} was begun with {begun.get(option)}: "
+                f"--{words.get(option, option)} is {value}, but {name} was begun with {begun.get(option)}: "
                 "what is trained cannot change in between; begin another run"
             )
-    if not curve or not {"minutes", "steps"} & set(given):
-        return found
-    for option, spent in (("minutes", curve[-1]["seconds"] / 60.0), ("steps", curve[-1]["steps"])):
-        if found[option] <= spent:
-            raise ValueError(
-                f"{name} has trained for {spent:.6g} {option} by now, and --{option} is {found[option]:g} in all: "
-                f"nothing is left to do; give more --{option}"
-            )
-    return found
+    config = replace(config, **budget)
+    if curve and budget:
+        spent = {"minutes": curve[-1]["seconds"] / 60.0, "steps": curve[-1]["steps"]}
+        for option, done in spent.items():
+            if getattr(config, option) <= done:
+                raise ValueError(
+                    f"{name} has trained for {done:.6g} {option} by now, and --{option} is "
+                    f"{getattr(config, option):g} in all: nothing is left to do; give more --{option}"
+                )
+    return config

@@ -7,14 +7,15 @@ The learning rate has fallen to nothing by the time of the measurement, so that 
 update: every epoch runs.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from benchmarks.measuring import Contender, Effort, Row, Sample, Stopwatch, in_turn, timed
+from crowd_env.envs.protocol import WalkingBatch
 
 if TYPE_CHECKING:
-    from crowd_env.agents.learned import PPOSettings
+    from crowd_env.agents.training_config import TrainingConfig
 
 RATE = "decisions of people inside per CPU s"
 # Rollouts until as many are inside as later on: at first all rooms are full together.  Who counts in the empty environment is
@@ -30,18 +31,16 @@ class Training(Contender):
     config : of the run.
     """
 
-    def __init__(
-        self, name: str, config: dict[str, Any], settings: "PPOSettings", inside: np.ndarray | None = None
-    ) -> None:
+    def __init__(self, name: str, config: "TrainingConfig", inside: np.ndarray | None = None) -> None:
         from crowd_env.agents.learned import make_ppo
-        from crowd_env.agents.learned.cloning import begin
+        from crowd_env.agents.learned.starts import begin
         from crowd_env.agents.training_config import make_env
 
         self.name = name
-        env = make_env(config)
-        self.model = make_ppo(env, settings, seed=0)
+        env = cast(WalkingBatch, make_env(config))
+        self.model = make_ppo(env, config.ppo, seed=0)
         self.venv: Any = self.model.get_env()
-        self.rollout = settings.n_steps * env.num_people
+        self.rollout = config.ppo.n_steps * env.num_people
         if inside is None:
             begin(self.model, config)
         else:
@@ -87,18 +86,16 @@ def rows(effort: Effort, envs: int | None = None, people: int | None = None, sta
     """Return decisions per CPU second, where the time goes, and the ratio to the empty environment."""
     import torch
 
-    from crowd_env.agents.learned import PPOSettings
     from crowd_env.agents.training_config import task_config
 
     torch.set_num_threads(1)
     asked = {"envs": envs, "people": people}
     config = task_config("competitive-door", 0, start=start, **{name: n for name, n in asked.items() if n is not None})
-    settings = PPOSettings(**config["ppo"])
-    crowd = f"{config['envs']} x {config['people']}"
+    crowd = f"{config.envs} x {config.people}"
     effort.tell(f"{crowd}: cloning, first rollouts")
-    real = Training(f"{crowd}, {config['scheme']}", config, settings)
+    real = Training(f"{crowd}, {config.scheme}", config)
     mask = real.model.rollout_buffer.mask.copy()  # type: ignore[attr-defined]
-    nothing = Training(f"{crowd}, empty", config, settings, mask)
+    nothing = Training(f"{crowd}, empty", config, mask)
     mine, empty = in_turn([real, nothing], effort)
     parts = {"environment": real.environment, "acting": real.acting, "learning": real.learning}
     shares = {name: watch.seconds / real.all.cpu for name, watch in parts.items()}

@@ -1,6 +1,7 @@
 """Runs of train.py, as small as can be, that several test files share."""
 
 import csv
+from dataclasses import replace
 
 from late import late
 from typer import Typer
@@ -27,10 +28,16 @@ def checkpoint(folder):
     return torch.load(folder / "checkpoint.pt", weights_only=True)
 
 
+QUICK = {"n_steps": 32, "batch_size": 256, "n_epochs": 1}
+
+
+def with_ppo(config, **settings):
+    """Return a config with other hyperparameters."""
+    return replace(config, ppo=replace(config.ppo, **settings))
+
+
 def tiny(folder, **changes):
     """Return the config of a run of a few seconds in a folder of its own."""
     folder.mkdir(parents=True)
     config = default_config("room-v0", "nsm2", 3, 2, 5000, 5.0)
-    config |= {"eval_every": 2500, "eval_runs": 2} | changes
-    config["ppo"] |= {"n_steps": 32, "batch_size": 256, "n_epochs": 1}
-    return config
+    return with_ppo(replace(config, **{"eval_every": 2500, "eval_runs": 2} | changes), **QUICK)

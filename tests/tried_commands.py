@@ -137,7 +137,7 @@ def short_trainings(monkeypatch: pytest.MonkeyPatch) -> None:
     What comes before it is done: libraries are looked for, options are checked, the folder is made.
     """
     pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: pip install '.[train]'")
-    from crowd_env.agents.learned.training import CURVE_COLUMNS
+    from crowd_env.agents.learned.curve import CURVE_COLUMNS
 
     def trained(folder: Path, config: dict, threads: int = 1, runners: int | None = None) -> bool:
         write_csv(folder / "learning_curve.csv", CURVE_COLUMNS, [[0.0] * len(CURVE_COLUMNS)])

@@ -37,7 +37,7 @@ def _row(source: Source, run: str) -> dict[str, Any]:
 
 
 def _rows(source: Source, run: str, file: str) -> list[dict[str, float]]:
-    from crowd_env.agents.learned.training import read_curve
+    from crowd_env.agents.learned.curve import read_curve
 
     return read_curve(source.folder / run / file)
 

@@ -29,7 +29,7 @@ HELD_OUT_SEED = 1_000_000
 # Draws on which the best network of a training is chosen: neither trained on nor used for the final table.
 VALIDATION_SEED = 2_000_000
 # From here on are draws on which what did best on those is tried again, and from 10 million on those that belong to one
-# policy alone: see `crowd_env.agents.learned.confirmation` and `crowd_env.agents.evaluation.submission`.
+# policy alone: see `crowd_env.agents.learned.significance_test` and `crowd_env.agents.evaluation.submission`.
 FINAL_SEED, OWN_SEED = 3_000_000, 10_000_000
 
 

@@ -1,6 +1,6 @@
 """Judge what a training run has learned: the table on held-out draws, the curves, and the film beside the rule."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ from ..networks import NETWORK, network_digest
 from ..rules import StrategyPolicy
 from ..tasks.presets import ALL_PLACES
 from ..trained import SAMPLED, LearnedPolicy, load_trained
-from ..training_config import judged_place, law_of, physics_of, task_of
+from ..training_config import TrainingConfig, judged_place, law_of, physics_of, task_of
 from ..walking import HeadwayRule
 from . import shipped
 from .comparison import clearing_means, clearing_times, last_times, minus_first, paired, ratio
@@ -44,14 +44,14 @@ _OF_SCENARIO = ("shortest", "stand-still", "random")
 _OF_ROUTES = ("fastest", "nearest", "shortest")
 
 
-def title_of(config: Mapping[str, Any]) -> str:
+def title_of(config: TrainingConfig) -> str:
     """Return what stands above the table and the egress curves."""
-    task, place = config["task"], judged_place(config)
+    task, place = config.task, judged_place(config)
     said = run_title(place, law_of(config).info.name)
     return said if task is None else f"{task}, version {task_of(config).version}: {said}"
 
 
-def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int, *, fresh: bool = False) -> list[Evaluation]:
+def judge(folder: Path, config: TrainingConfig, runs: int, threads: int, *, fresh: bool = False) -> list[Evaluation]:
     """Evaluate the baselines and the learned policy, which comes last, on the same held-out draws and write ``results.json``.
 
     The learned policy takes its most likely action; before it stands the same as it acted in training, drawing every action.
@@ -64,10 +64,10 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int, *, f
     ``fresh`` evaluation is wanted.
     """
     task, place = task_of(config), judged_place(config)
-    own = config["task"] is not None
+    own = config.task is not None
     rules = make_entries(named_beside(config), place, task)
-    if config["routing"] is not None:
-        rules += [controller_entry(kind(config["routing"]), task) for kind in (FixedSplit, RandomController)]
+    if config.routing is not None:
+        rules += [controller_entry(kind(config.routing), task) for kind in (FixedSplit, RandomController)]
     kinds = _kinds(folder)
     networks = make_entries([f"{folder / NETWORK}{kind}" for kind in kinds], place, task)
     named = [replace(entry, name=LEARNED + kind) for entry, kind in zip(networks, kinds, strict=True)]
@@ -80,7 +80,7 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int, *, f
     rows = [task_row(task, place, one, results) if own else one.row() | _beside(one, learned) for one in results]
     starts = starts_of(config, results)
     content = {
-        "config": config,
+        "config": config.as_table(),
         "task": task.identity() if own else None,
         "network": network_digest(folder / NETWORK),
         **training_of(folder),
@@ -92,7 +92,7 @@ def judge(folder: Path, config: Mapping[str, Any], runs: int, threads: int, *, f
     return results
 
 
-def judge_in_plans(folder: Path, config: Mapping[str, Any], plans: int, threads: int = 1) -> Table:
+def judge_in_plans(folder: Path, config: TrainingConfig, plans: int, threads: int = 1) -> Table:
     """Judge the network of a finished training in all places beside the rules; write ``results.json``, return the table."""
     executor: Executor = Processes(threads) if threads > 1 else Serial()
     network = str(folder / NETWORK)
@@ -102,7 +102,7 @@ def judge_in_plans(folder: Path, config: Mapping[str, Any], plans: int, threads:
         )
     found[LEARNED] = found.pop(network)
     rows, made = plan_figures(found), {"task": dict(ALL_PLACES), "network": network_digest(folder / NETWORK)}
-    write_json(folder / RESULTS, {"config": dict(config), **made, **training_of(folder), "rows": rows})
+    write_json(folder / RESULTS, {"config": config.as_table(), **made, **training_of(folder), "rows": rows})
     return plans_table(rows, f"{plans} generated places that training never draws")
 
 
@@ -113,11 +113,11 @@ def _beside(result: Evaluation, learned: Evaluation) -> dict[str, Any]:
     return {**{name: named(times(result)) for name, times in of.items()}, "learned_minus_this": more}
 
 
-def named_beside(config: Mapping[str, Any]) -> tuple[str, ...]:
+def named_beside(config: TrainingConfig) -> tuple[str, ...]:
     """Return what is judged beside the learned policy."""
-    if config["routing"] is not None:
-        return _OF_ROUTES if config["task"] is None else (RULE, *_OF_ROUTES)
-    if config["task"] is None:
+    if config.routing is not None:
+        return _OF_ROUTES if config.task is None else (RULE, *_OF_ROUTES)
+    if config.task is None:
         return _OF_SCENARIO
     all_alike = task_of(config).learned_share is None  # a manner is everyone's
     return tuple(name for name in shipped.OF_TASK if all_alike or name != HeadwayRule.name)
@@ -134,8 +134,8 @@ def _kinds(folder: Path) -> tuple[str, ...]:
 
 def _curve(folder: Path) -> tuple[list[dict[str, float]], dict[str, float]]:
     """Return the learning curve of a training, and the row of the network that was kept."""
-    from ..learned.confirmation import kept_row
-    from ..learned.training import CURVE, read_curve
+    from ..learned.curve import CURVE, read_curve
+    from ..learned.significance_test import kept_row
 
     curve = read_curve(folder / CURVE)
     return curve, kept_row(folder, curve)
@@ -143,31 +143,31 @@ def _curve(folder: Path) -> tuple[list[dict[str, float]], dict[str, float]]:
 
 def training_of(folder: Path) -> dict[str, Any]:
     """Return what the training took in all, and the figures of the network that was kept."""
-    from ..learned.confirmation import confirmation
+    from ..learned.significance_test import outcome
 
     curve, kept = _curve(folder)
     return {
         "spent": {name: curve[-1][name] for name in ("steps", "seconds", "cpu_seconds")},
         "validation": {name: json_number(value) for name, value in kept.items()},
-        "confirmation": confirmation(folder),
+        "confirmation": outcome(folder),
     }
 
 
-def tables(config: Mapping[str, Any], results: list[Evaluation]) -> list[Table]:
+def tables(config: TrainingConfig, results: list[Evaluation]) -> list[Table]:
     """Return the tables that are printed at the end of a run."""
     title = f"{title_of(config)}, {results[0].runs} held-out draws"
-    if config["task"] is None:
+    if config.task is None:
         return [comparison_table(results, title)]
     return [task_table(by_scheme(results), title, starts=starts_of(config, results)), crowding_table(results)]
 
 
-def starts_of(config: Mapping[str, Any], results: Sequence[Evaluation]) -> dict[str, str]:
+def starts_of(config: TrainingConfig, results: Sequence[Evaluation]) -> dict[str, str]:
     """Return what each policy of a run knew before it learned."""
-    learned = {LEARNED + kind: told_start(config["start"]) for kind in ("", SAMPLED)}
+    learned = {LEARNED + kind: told_start(config.start) for kind in ("", SAMPLED)}
     return {name: learned.get(name) or starts_from(name) for name in (one.policy for one in results)}
 
 
-def draw(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> None:
+def draw(folder: Path, config: TrainingConfig, results: list[Evaluation]) -> None:
     """Write learning curve, egress curves and the film of the rule beside the learned policy."""
     from crowd_env.rendering import egress_curves
 
@@ -177,7 +177,7 @@ def draw(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> 
     _write_film(folder, config, results)
 
 
-def _draw_curve(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> None:
+def _draw_curve(folder: Path, config: TrainingConfig, results: list[Evaluation]) -> None:
     from crowd_env.rendering import learning_curve
 
     curve, kept = _curve(folder)
@@ -192,25 +192,25 @@ def _draw_curve(folder: Path, config: Mapping[str, Any], results: list[Evaluatio
         {LEARNED: [row["evacuation_time"] for row in curve]},
         errors={LEARNED: [row["standard_error"] for row in curve]},
         reference={**_references(config, results), told: kept["evacuation_time"]},
-        title=f"{config['eval_runs']} validation draws at each point, ± standard error",
+        title=f"{config.eval_runs} validation draws at each point, ± standard error",
         xlabel="training steps of all slots",
     )
 
 
-def _references(config: Mapping[str, Any], results: list[Evaluation]) -> dict[str, float]:
+def _references(config: TrainingConfig, results: list[Evaluation]) -> dict[str, float]:
     """Return the times [s] that a learning curve is compared with."""
-    if config["task"] is not None:  # of the runs that cleared: the rule blocks, which would leave no room for the rest
+    if config.task is not None:  # of the runs that cleared: the rule blocks, which would leave no room for the rest
         judged = {result.policy: result.row()["evacuation_time"]["mean"] for result in results}
         named = {name: judged.get(name) for name in ("rule-best-speed", "density-cap", "zipper")}
         return {f"{name}, held-out draws": time for name, time in named.items() if time is not None}
     # The curve was measured on validation draws, so the rule it is compared with is too.
-    rule = StrategyPolicy(config["strategy"])
+    rule = StrategyPolicy(config.strategy)
     place, physics = judged_place(config), physics_of(config)
-    beside = evaluate(rule, place, **physics, runs=config["eval_runs"], first_seed=VALIDATION_SEED)
-    return {f"{config['strategy']} path": float(last_times(beside).mean())}
+    beside = evaluate(rule, place, **physics, runs=config.eval_runs, first_seed=VALIDATION_SEED)
+    return {f"{config.strategy} path": float(last_times(beside).mean())}
 
 
-def _write_film(folder: Path, config: Mapping[str, Any], results: list[Evaluation]) -> None:
+def _write_film(folder: Path, config: TrainingConfig, results: list[Evaluation]) -> None:
     """Write the film of a draw in which the rule leaves somebody inside, if there is one."""
     from .side_by_side import RULE_AHEAD, record_beside, write_beside
 

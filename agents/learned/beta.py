@@ -1,6 +1,6 @@
 """A policy of stable-baselines3 whose actions follow Beta distributions: bounded, with a mode that can be the bound."""
 
-from typing import Any
+from typing import ClassVar
 
 import gymnasium
 import numpy as np
@@ -9,9 +9,11 @@ from stable_baselines3.common.distributions import Distribution
 from stable_baselines3.common.type_aliases import Schedule
 from torch import Tensor, nn
 from torch.nn.functional import softplus
+from typing import Self
 
 from crowd_env.core.arrays.state import Floats
 
+from ..networks import MLP, BetaMLP
 from ..networks.network import LEAST
 from .actor_critic import CrowdPolicy
 
@@ -30,7 +32,7 @@ class BetaActions(Distribution):
         """Return the layer from latent features to 2 A numbers."""
         return nn.Linear(latent_dim, 2 * outputs)
 
-    def proba_distribution(self, parameters: Tensor) -> "BetaActions":
+    def proba_distribution(self, parameters: Tensor) -> Self:
         """Take parameters (K, 2 A) as the last layer has them."""
         self.alpha, self.beta = (LEAST + softplus(parameters)).chunk(2, dim=-1)
         self._inner = torch.distributions.Beta(self.alpha, self.beta, validate_args=False)
@@ -72,22 +74,33 @@ class BetaPolicy(CrowdPolicy):
 
     A Gaussian whose mean lies beyond a bound draws nothing but the bound: what is clipped away has no gradient, and nothing
     else is tried any more.  A Beta distribution has all of its mass inside.
+
+    Raises
+    ------
+    ValueError
+        If the actions are not continuous.
     """
 
-    action_dist: Any
+    kind: ClassVar[type[MLP]] = BetaMLP
+    action_dist: BetaActions
 
-    def _build(self, lr_schedule: Schedule) -> None:
-        if not isinstance(self.action_space, gymnasium.spaces.Box):
-            raise ValueError(f"a Beta distribution is of continuous actions, not of {self.action_space}")
-        super()._build(lr_schedule)
+    def __init__(
+        self,
+        observation_space: gymnasium.Space,
+        action_space: gymnasium.Space,
+        lr_schedule: Schedule,
+        **options: object,
+    ) -> None:
+        if not isinstance(action_space, gymnasium.spaces.Box):
+            raise ValueError(f"a Beta distribution is of continuous actions, not of {action_space}")
+        super().__init__(observation_space, action_space, lr_schedule, **options)
         del self.log_std
-        outputs = int(torch.tensor(self.action_space.shape).prod())
         self.action_dist = BetaActions()
-        last = BetaActions().proba_distribution_net(self.mlp_extractor.latent_dim_pi, outputs=outputs)
+        last = self.action_dist.proba_distribution_net(self.mlp_extractor.latent_dim_pi, outputs=action_space.shape[0])
         nn.init.orthogonal_(last.weight, gain=0.01)
         nn.init.zeros_(last.bias)
         self.action_net = last
-        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]
+        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]  # of Adam
 
     def _get_action_dist_from_latent(self, latent_pi: Tensor) -> Distribution:
         return self.action_dist.proba_distribution(self.action_net(latent_pi))

@@ -1,29 +1,25 @@
-"""Where training goes on from: weights, the state of the optimizer, and counters; numbers alone, no pickled objects."""
+"""Where training is resumed: weights, the state of the optimizer, and the steps; numbers alone, no pickled objects."""
 
 from pathlib import Path
-from typing import Any
 
 import torch
+from stable_baselines3 import PPO
 
 from crowd_env.core.files.atomic import written
 
 _FORMAT = "crowd_env checkpoint 1"
+_PARTS = {"policy": "policy", "optimizer": "policy.optimizer"}  # name in files -> name in stable-baselines3
 
 
-def write_checkpoint(path: Path, model: Any) -> None:
+def write_checkpoint(path: Path, model: PPO) -> None:
     """Write what `read_checkpoint` needs, whole or not at all."""
-    content = {
-        "format": _FORMAT,
-        "policy": model.policy.state_dict(),
-        "optimizer": model.policy.optimizer.state_dict(),
-        "steps": int(model.num_timesteps),
-        "updates": int(model._n_updates),
-    }
+    parameters = model.get_parameters()
+    content = {name: parameters[part] for name, part in _PARTS.items()}
     with written(path) as part:
-        torch.save(content, part)
+        torch.save({"format": _FORMAT, **content, "steps": model.num_timesteps}, part)
 
 
-def read_checkpoint(path: Path, model: Any) -> None:
+def read_checkpoint(path: Path, model: PPO) -> None:
     """Put a checkpoint into an equal model.  Only numbers are read: a file with anything else in it is refused.
 
     Raises
@@ -35,9 +31,8 @@ def read_checkpoint(path: Path, model: Any) -> None:
         content = torch.load(path, map_location="cpu", weights_only=True)
         if content["format"] != _FORMAT:
             raise ValueError(f"its format is {content['format']!r}")
-        model.policy.load_state_dict(content["policy"])
-        model.policy.optimizer.load_state_dict(content["optimizer"])
-        model.num_timesteps, model._n_updates = int(content["steps"]), int(content["updates"])
+        model.set_parameters({part: content[name] for name, part in _PARTS.items()}, device="cpu")
+        model.num_timesteps = int(content["steps"])
     except Exception as error:  # zip, pickle and torch each have errors of their own
-        said = str(error).strip().split("\n")[0]
-        raise ValueError(f"{path} is not a checkpoint of this training: {said}") from None
+        reason = str(error).strip().split("\n")[0]
+        raise ValueError(f"{path} is not a checkpoint of this training: {reason}") from None

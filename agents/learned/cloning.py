@@ -1,64 +1,49 @@
-"""Start a policy at a rule that is better than "walk the shortest path": clone the rule, then learn from rewards.
+"""Behavior cloning of an expert policy: learning from rewards then starts at something better than the shortest path.
 
-A reward that everyone earns alone has several equilibria.  PPO that starts at full speed ahead finds one in which people wait
-in a cluster and dash through the door one by one; the same reward pays more where they follow each other closely, and PPO that
-starts there stays there.
+A reward that each pedestrian earns alone has several equilibria.  PPO that starts at full speed finds one in which people wait
+in a cluster and dash through the door one by one.  The same reward pays more where they follow each other closely, and PPO
+that starts there stays there.
 """
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Protocol, cast
 
 import gymnasium
 import numpy as np
 import torch
+from stable_baselines3 import PPO
 from stable_baselines3.common.distributions import CategoricalDistribution, DiagGaussianDistribution
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import VecEnvWrapper
+from torch import Tensor
 from torch.nn import functional
 
-from crowd_env import CrowdEnv, ObservationLayout
+from crowd_env import ObservationLayout
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.console import say
 from crowd_env.envs.action import SpeedTable
 from crowd_env.envs.adapters.sb3 import CrowdVecEnv
+from crowd_env.envs.protocol import WalkingBatch
 
-from .evolution import Saw, first_rule
+from .actor_critic import CrowdPolicy
 
 ROUNDS, DECISIONS, EPOCHS = 8, 300, 4  # of DAgger: decision steps of each, and passes over all that is kept
 KEPT = 0.25  # of the samples: neighboring decisions are much alike
 _LEARNING_RATE, _BATCH = 1e-3, 4096
-_TEACHER_ROUNDS = 3  # until the policy acts for itself
+_EXPERT_ROUNDS = 3  # until the policy acts for itself
 
 
-class Teacher(Protocol):
-    """What can be cloned: a `WalkingRule`, or who is best in each place."""
+class Expert(Protocol):
+    """What can be cloned: a `WalkingRule`, or the best policy of each place."""
 
     @property
     def name(self) -> str:
         """What tables call it."""
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
-        """Return what it wants (P, 2), along and to the left of the path."""
-
-
-def begin(
-    model: Any, config: Mapping[str, Any], folder: Path | None = None, threads: int = 1, saw: Saw | None = None
-) -> None:
-    """Let the policy of a new model begin as the config of a run says, see `first_rule`."""
-    if config["places"] is not None:
-        from .generalist import distil
-
-        distil(model, config, folder, threads)
-        return
-    rule = first_rule(config, folder, threads, saw)
-    if rule is not None:
-        say(f"cloning {rule.name}, a fraction of a minute ...")
-        clone(model, rule, config["seed"])
+        """Return commands (P, 2), along and to the left of the path."""
 
 
 def clone(
-    model: Any,
-    rule: Teacher,
+    model: PPO,
+    expert: Expert,
     seed: int,
     *,
     rounds: int = ROUNDS,
@@ -66,16 +51,16 @@ def clone(
     kept: float = KEPT,
     cooled: float = 0.0,
 ) -> float:
-    """Let the policy of an actor-critic model do as a rule does; return the loss of the last pass.
+    """Let the policy of a model do as an expert does; return the loss of the last pass.
 
-    DAgger (Ross, Gordon, Bagnell 2011): who acts changes from the rule to the policy within three rounds, and what the rule
-    would have done in the situations that this led to is learned.  Of discrete actions two share the label, the nearest to
-    what the rule wants and the one beyond it.
+    DAgger (Ross, Gordon, Bagnell 2011): who acts changes from the expert to the policy within three rounds.  Each situation
+    that this leads to is labelled with what the expert would have done.  Of discrete actions two share the label: the nearest
+    to what the expert wants and the one beyond it.
 
     Parameters
     ----------
-    model : of stable-baselines3, on a `CrowdVecEnv` whose observations hold the terms of the rule.
-    rule : what is cloned; it acts along and to the left of the path.
+    model : on a `CrowdVecEnv` whose observations hold the terms of the expert.
+    expert : what is cloned; it acts along and to the left of the path.
     seed : of the draws and of who acts.
     rounds, decisions : of DAgger, and decision steps of each.
     kept : share of the samples that is kept.
@@ -84,26 +69,26 @@ def clone(
     Raises
     ------
     ValueError
-        If the observation lacks a term of the rule, the actions are in another frame, or follow neither a categorical nor a
+        If the observation lacks a term of the expert, the actions are in another frame, or follow neither a categorical nor a
         normal distribution.
     """
-    env = batch_of(model)
+    env, policy = batch_of(model), cast(CrowdPolicy, model.policy)
     if env.action_kind.frame != "path":
         frame = env.action_kind.frame
-        raise ValueError(f"policy {rule.name!r} cannot be cloned: it acts in the frame 'path', not in {frame!r}")
-    rng = np.random.default_rng(seed)
-    policy = model.policy
+        raise ValueError(f"policy {expert.name!r} cannot be cloned: it acts in the frame 'path', not in {frame!r}")
     if not isinstance(policy.action_dist, CategoricalDistribution | DiagGaussianDistribution):
-        raise ValueError(f"policy {rule.name!r} cannot be cloned into a policy of {type(policy.action_dist).__name__}")
+        kind = type(policy.action_dist).__name__
+        raise ValueError(f"policy {expert.name!r} cannot be cloned into a policy of {kind}")
+    rng = np.random.default_rng(seed)
     optimizer = torch.optim.Adam(policy.parameters(), lr=_LEARNING_RATE)
     seen: list[np.ndarray] = []
     wanted: list[np.ndarray] = []
     loss = torch.tensor(np.nan)
     observation, _ = env.reset(seed)
     for round_ in range(rounds):
-        share = max(0.0, 1.0 - round_ / _TEACHER_ROUNDS)
+        share = max(0.0, 1.0 - round_ / _EXPERT_ROUNDS)
         for _ in range(decisions):
-            command = np.asarray(rule.act(observation, env.layout, rng))
+            command = np.asarray(expert.act(observation, env.layout, rng))
             rows = env.active & (rng.random(env.num_people) < kept)
             seen.append(observation[rows])
             wanted.append(command[rows])
@@ -125,34 +110,34 @@ def _cooling(share: float, cooled: float) -> float:
     return 1.0 - 0.9 * max(0.0, share - (1.0 - cooled)) / cooled if cooled > 0.0 else 1.0
 
 
-def batch_of(model: Any) -> Any:
-    """Return the batch that a model of stable-baselines3 learns in, a `CrowdEnv` or `GeneratedCrowds`."""
-    venv = cast(VecEnv, model.get_env())
-    while not isinstance(venv, CrowdVecEnv):
-        venv = cast(Any, venv).venv
-    return venv.env
+def batch_of(model: PPO) -> WalkingBatch:
+    """Return the batch that a model learns in."""
+    venv = model.get_env()
+    while isinstance(venv, VecEnvWrapper):
+        venv = venv.venv
+    return cast(CrowdVecEnv, venv).env
 
 
 def _generator(rng: np.random.Generator) -> torch.Generator:
     return torch.Generator().manual_seed(int(rng.integers(2**31)))
 
 
-def _head(policy: Any, observation: torch.Tensor) -> torch.Tensor:
+def _head(policy: CrowdPolicy, observation: Tensor) -> Tensor:
     """Return logits, or the mean of a continuous action."""
-    return cast(torch.Tensor, policy.action_net(policy.mlp_extractor.forward_actor(observation)))
+    return cast(Tensor, policy.action_net(policy.mlp_extractor.forward_actor(observation)))
 
 
-def _loss(policy: Any, env: CrowdEnv, inputs: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
+def _loss(policy: CrowdPolicy, env: WalkingBatch, inputs: Tensor, labels: Tensor) -> Tensor:
     out = _head(policy, inputs)
     if isinstance(env.single_action_space, gymnasium.spaces.Discrete):
         return functional.cross_entropy(out, labels)
     return functional.mse_loss(out, labels)
 
 
-def _labels(env: CrowdEnv, command: Floats) -> Floats:
+def _labels(env: WalkingBatch, command: Floats) -> Floats:
     """Return the labels of commands (K, 2): themselves, or the shares (K, A) of two choices whose mean they nearly are.
 
-    A rule keeps to the own way: of actions that choose another way too, all others have a share of 0.
+    An expert keeps to the present route: actions that choose another one have a share of 0.
     """
     space = env.single_action_space
     if not isinstance(space, gymnasium.spaces.Discrete):
@@ -174,12 +159,17 @@ def _labels(env: CrowdEnv, command: Floats) -> Floats:
 
 @torch.no_grad()
 def _mixed(
-    policy: Any, env: CrowdEnv, observation: np.ndarray, command: Floats, share: float, rng: np.random.Generator
+    policy: CrowdPolicy,
+    env: WalkingBatch,
+    observation: np.ndarray,
+    command: Floats,
+    share: float,
+    rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the actions of all: the ``share`` of people, drawn anew, does as the rule wants, the others as the policy does."""
+    """Return the actions of all: a random ``share`` of pedestrians does as the expert wants, the others as the policy does."""
     out = _head(policy, torch.as_tensor(observation)).numpy()
-    by_rule = rng.random(env.num_people) < share
+    by_expert = rng.random(env.num_people) < share
     if isinstance(env.single_action_space, gymnasium.spaces.Discrete):
         drawn = (out + rng.gumbel(size=out.shape)).argmax(axis=1)
-        return np.where(by_rule, _labels(env, command).argmax(axis=1), drawn)
-    return np.clip(np.where(by_rule[:, None], command, out), -1.0, 1.0)
+        return np.where(by_expert, _labels(env, command).argmax(axis=1), drawn)
+    return np.clip(np.where(by_expert[:, None], command, out), -1.0, 1.0)

@@ -1,12 +1,16 @@
 """What learning makes of a dilemma: best responses to a crowd, and crowds that are paid in other ways."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
+from stable_baselines3 import PPO
+
 from crowd_env.core.console import say
 from crowd_env.core.files.json_file import json_number, write_json
+from crowd_env.envs.protocol import WalkingBatch
 from crowd_env.envs.settings import arguments_of
 from crowd_env.rendering import learning_curve
 
@@ -19,10 +23,10 @@ from ..rules import StrategyPolicy
 from ..runs import versions
 from ..tasks import make_task
 from ..trained import LearnedPolicy
-from ..training_config import make_env, physics_of, place_of, task_config
-from .cloning import begin
-from .export import network_of, spread_of
-from .ppo import PPOSettings, make_ppo
+from ..training_config import TrainingConfig, make_env, physics_of, place_of, task_config
+from .actor_critic import network_of, std_of
+from .ppo import make_ppo
+from .starts import begin
 from .training import trained_in
 
 _DOOR, _MIXED, _RUNS = "dilemma-door", "dilemma-mixed", 100
@@ -42,39 +46,44 @@ _TRAINED: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
 }
 
 
-def train_crowd(task: str, start: str, reward: Mapping[str, Any], seed: int = 0) -> LearnedPolicy:
-    """Return the last policy of PPO with the preset of a task, from a start, with another ``reward`` where that says so."""
+def train_crowd(task: str, start: str, reward: Mapping[str, object], seed: int = 0) -> LearnedPolicy:
+    """Return the last policy of PPO with the preset of a task, from a start, with a changed ``reward``."""
     config = task_config(task, seed, start=start)
-    config["reward"] = {**config["reward"], **reward}
-    env = make_env(config)
-    model = make_ppo(env, PPOSettings(**config["ppo"]), seed)
-    begin(model, config)
-    model.learn(config["steps"])
-    return cast(LearnedPolicy, trained_in(env, network_of(model), config, spread_of(model)))
+    config = replace(config, reward={**config.reward, **reward})
+    env = cast(WalkingBatch, make_env(config))
+    return _trained(env, config, config.steps, lambda model: begin(model, config))
 
 
 def best_response(crowd: Policy, task: str, seed: int = 0, steps: int = _STEPS) -> LearnedPolicy:
-    """Return what PPO learns from full speed, paid for the own time alone, among people who follow a policy.
+    """Return what PPO learns from full speed, paid for its own time alone, among pedestrians that follow a policy.
 
-    It may turn aside, and sees what the crowd sees, or if that is a rule what policies of the task see.  One of twenty people
-    learns; a room begins anew after 15 s, when most of those who push are out.  More steps may find a better response.
+    It may turn aside, and sees what the crowd sees, or if that is a rule what policies of the task see.  One of twenty
+    pedestrians learns; an episode ends after 15 s, when most of those that push are out.  More steps may find a better
+    response.
 
     Parameters
     ----------
-    task : whose preset says where and by which settings it learns.
-    steps : of all people, those who follow the policy too.
+    task : whose preset holds the place and the settings.
+    steps : of all pedestrians, of the crowd too.
     """
     config = task_config(task, seed, start=RULE)
-    seen = crowd.env_options["observation"] if isinstance(crowd, LearnedPolicy) else config["observation"]
-    own = {"frame": config["frame"], "action": _FREE, "observation": seen}
+    seen = crowd.env_options["observation"] if isinstance(crowd, LearnedPolicy) else config.observation
+    own = {"frame": config.frame, "action": _FREE, "observation": seen}
     arguments = arguments_of({**physics_of(config), **own, "reward": {"progress": 0.5, "time": 1.0}})
-    batch: dict[str, Any] = {"num_envs": _ROOMS, "time_limit": _LIMIT, "autoreset": True}
-    env = MixedEnv(place_of(config), share=_SHARE, others=crowd, **batch, **arguments)
-    # A rollout is a whole episode of every room: there is somebody to learn from in each.
-    whole = {"n_steps": round(_LIMIT / env.decision_dt), "batch_size": 1024}
-    model = make_ppo(env, PPOSettings(**{**config["ppo"], **whole}), seed)
+    arguments |= {"num_envs": _ROOMS, "time_limit": _LIMIT, "autoreset": True}
+    env = MixedEnv(place_of(config), share=_SHARE, others=crowd, **arguments)
+    # A rollout is a whole episode of every environment: somebody learns in each.
+    config = replace(config, ppo=replace(config.ppo, n_steps=round(_LIMIT / env.decision_dt), batch_size=1024))
+    return _trained(env, config, steps)
+
+
+def _trained(
+    env: WalkingBatch, config: TrainingConfig, steps: int, begun: Callable[[PPO], None] = lambda model: None
+) -> LearnedPolicy:
+    model = make_ppo(env, config.ppo, config.seed)
+    begun(model)
     model.learn(steps)
-    return cast(LearnedPolicy, trained_in(env, network_of(model), config, spread_of(model)))
+    return cast(LearnedPolicy, trained_in(env, network_of(model), config, std_of(model)))
 
 
 def measure(out: Path) -> None:

@@ -1,31 +1,28 @@
-"""CMA-ES over the weights of a rule that all people share: no gradients, no network, and nothing to begin with.
+"""CMA-ES over the weights of a rule that all pedestrians share: no gradients, no network, and nothing to start from.
 
-All weights are 0 at first, which is full speed.  Everybody in a room has the same weights, so that all deviate from that
-together: what pays only where everyone does it, such as a gap that all keep, is tried as one thing.  Noise on each person's own
-actions, by which PPO explores, averages to nothing over the half second in which a body follows.
+All weights are 0 at first, which is full speed.  All pedestrians of an environment deviate from it together.  So the search
+tries what pays only where everyone does it, such as a gap that all keep.  The noise by which PPO explores is drawn for each
+pedestrian alone, and averages to nothing over the half second in which a body follows.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import partial
-from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from crowd_env import CrowdEnv, Scenario
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.console import say
-from crowd_env.core.files.json_file import read_json, write_json
 from crowd_env.envs.settings import arguments_of
 
-from ..evaluation.entries import RULE
 from ..evaluation.evaluation import HELD_OUT_SEED
-from ..policy import Policy
-from ..training_config import NOTHING, physics_of, place_of, start_of
-from ..walking import WEIGHT, Evolved, WalkingRule, inputs
+from ..walking import WEIGHT, Evolved, inputs
+from .callbacks import EvaluationCallback
 
-FOUND = "search.json"  # weights, in the folder of a run
+if TYPE_CHECKING:
+    from cma import CMAEvolutionStrategy
+
 SHARE = 0.5  # of the people: the same order clears a door for half of them, and four times the candidates are tried meanwhile
 _PATIENCE = 10.0  # s without anyone getting out, after which a run is given up
 _SECONDS = 1.5  # s a person, which a run may take: exits of 0.7 people a second
@@ -35,41 +32,46 @@ _LAST_STEP = 0.3  # ... and their first step
 _WINDOW = 10  # generations whose mean is held against that of as many before
 _BETTER = 0.98  # of the cost: what is more is no gain, but the luck of a draw
 _PAYS = 0.9  # of the cost of full speed: at the door of the task order costs 0.65 of it, and what luck finds 0.98
-MOST, SHOWN = 150, 20  # generations before a training, and between those that a learning curve shows
-
-# Takes the steps so far and what returns the policy as it is now; returns whether to go on.
-GoesOn = Callable[[int, Callable[[], Policy]], bool]
-# Takes decisions so far, and the best policy so far.
-Saw = Callable[[int, Policy], object]
 
 
 @dataclass(frozen=True)
 class EvolutionSettings:
-    """Budget of a search."""
+    """Budget of a search.
 
-    population: int = 12  # candidates of a generation, all of them judged on the same draws ...
-    draws: int = 6  # ... which are others in every generation
-    endless: bool = False  # go on after a new beginning was in vain
+    Parameters
+    ----------
+    population : candidates of a generation, all judged on the same draws.
+    draws : of a generation; the next one has others.
+    endless : go on after a restart was in vain.
+    """
+
+    population: int = 12
+    draws: int = 6
+    endless: bool = False
 
 
 def evolve(
-    place: Scenario, options: dict[str, Any], seed: int, goes_on: GoesOn, settings: EvolutionSettings | None = None
+    place: Scenario,
+    options: Mapping[str, Any],
+    seed: int,
+    callback: EvaluationCallback[Evolved],
+    settings: EvolutionSettings | None = None,
 ) -> None:
-    """Search the weights of `Evolved` that let the last person out soonest, until ``goes_on`` says that it is enough.
+    """Search the weights of `Evolved` that let the last person out soonest, until the ``callback`` ends the search.
 
-    What is minimised is the mean time of the last person over the draws of a generation; a run in which somebody is left
-    counts as its time limit and a second for each of them.  All candidates run side by side in one batch, with half of the
-    people of the place.  ``goes_on`` looks at the best so far.
+    The cost is the mean time of the last person over the draws of a generation.  A run in which somebody is left inside costs
+    its time limit and a second for each of them.  All candidates run side by side in one batch, with half of the people.
 
-    A search that gets no better begins anew where it is, with the step size it had at first: what looks like an end is often
-    a loose crowd that waits, from which there is a way on.  When that was in vain, the last generations have all the people.
-    Where the crowd is hardly better than at full speed it has not found order: it begins at nothing again, with twice the step.
+    A search that has stalled restarts where it is with its first step size: what looks like an end is often a loose crowd that
+    waits.  When that was in vain, the last generations have all the people.  If the crowd is hardly better than at full speed,
+    the search restarts from zero weights with doubled step size.
 
     Parameters
     ----------
     place : what is trained in.
     options : of `CrowdEnv`.
     seed : of the search, and of its draws.
+    callback : is given the best policy so far.
 
     Raises
     ------
@@ -83,8 +85,11 @@ def evolve(
     nothing, far = np.zeros(len(fields(Evolved))), _STEP
     best = former = nothing
     search = _begun(best, _STEP, population, seed)
-    rng, steps, first, course, before, left = np.random.default_rng(seed), 0, 0, list[float](), np.inf, np.inf
-    while goes_on(steps, partial(_rule, best)) and left > 0:
+    rng = np.random.default_rng(seed)
+    steps = first = 0
+    course: list[float] = []
+    before = left = np.inf
+    while callback.on_update(steps, partial(_rule, best)) and left > 0:
         left -= 1
         if left == np.inf and stalled(course):
             reached, step = float(np.mean(course[-_WINDOW:])), _STEP
@@ -133,50 +138,20 @@ def stalled(course: Sequence[float]) -> bool:
     return bool(np.mean(course[-_WINDOW:]) > _BETTER * np.mean(course[-2 * _WINDOW : -_WINDOW]))
 
 
-def _rooms(place: Scenario, options: dict[str, Any], people: int, rooms: int) -> CrowdEnv:
+def _rooms(place: Scenario, options: Mapping[str, Any], people: int, rooms: int) -> CrowdEnv:
     """Return a batch of a place with so many of its people, who are given up early."""
     crowd = place.population.changed(people=people)
     short = replace(place, population=crowd, time_limit=_SECONDS * people, blocked_after=_PATIENCE)
     return CrowdEnv(short, num_envs=rooms, **arguments_of({**options, **Evolved().env_options}))
 
 
-def _begun(mean: Floats, step: float, population: int, seed: int) -> Any:
+def _begun(mean: Floats, step: float, population: int, seed: int) -> "CMAEvolutionStrategy":
     """Return a search around a mean."""
     import cma
 
-    told = {"popsize": population, "seed": seed + 1, "verbose": -9}  # 0 is the clock
-    return cma.CMAEvolutionStrategy(mean, step, told)
-
-
-def first_rule(
-    config: Mapping[str, Any], folder: Path | None = None, threads: int = 1, saw: Saw | None = None
-) -> WalkingRule | None:
-    """Return the rule whose clone a training begins at; None: it begins at full speed.
-
-    From nothing it is what a search finds, a minute of a core.  The ``folder`` of a run keeps it, so that a run that is gone on
-    with does not search again.  ``saw`` is shown the best policy so far now and then.
-    """
-    if config["start"] == RULE:
-        return None
-    if config["start"] != NOTHING:
-        return start_of(config)
-    kept = None if folder is None else folder / FOUND
-    if kept is not None and kept.exists():
-        return Evolved(**read_json(kept))
-    found: list[Policy] = []
-
-    def goes_on(steps: int, policy: Callable[[], Policy]) -> bool:
-        if len(found) % SHOWN == 0:
-            say(f"searching from nothing: {len(found)} generations")
-            if saw is not None:
-                saw(steps, policy())
-        found.append(policy())
-        return len(found) <= MOST
-
-    evolve(place_of(config), {**physics_of(config), "threads": threads}, config["seed"], goes_on)
-    if kept is not None:
-        write_json(kept, asdict(cast(Evolved, found[-1])))
-    return cast(Evolved, found[-1])
+    return cma.CMAEvolutionStrategy(
+        mean, step, {"popsize": population, "seed": seed + 1, "verbose": -9}
+    )  # 0 is the clock
 
 
 def _race(env: CrowdEnv, weights: Floats, seeds: list[int]) -> tuple[Floats, int]:

@@ -1,8 +1,6 @@
-"""PPO with parameter sharing: one network for everybody, started as the rule it has to beat."""
+"""PPO with parameter sharing: one network for all pedestrians, started as the rule it has to beat."""
 
 import warnings
-from dataclasses import dataclass
-from pathlib import Path
 from typing import cast
 
 import gymnasium
@@ -11,69 +9,79 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv
 
-from crowd_env import CrowdEnv, GeneratedCrowds
-from crowd_env.core.checks import known
 from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer, VectorVecEnv
+from crowd_env.envs.protocol import WalkingBatch
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.envs.routing.env import RoutingVectorEnv
 
+from ..training_config import PPOSettings
 from .actor_critic import CrowdPolicy
 from .beta import BetaPolicy, bias_at
-from .rate import FallingRate
+from .mappo import CentralPolicy, CentralVecEnv
 
 # Distribution of a continuous action -> policy of stable-baselines3.
 DISTRIBUTIONS = {"gaussian": CrowdPolicy, "beta": BetaPolicy}
+# Settings that stable-baselines3 takes under the same name.
+_SAME = ("n_steps", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "target_kl")
 
 
-@dataclass(frozen=True)
-class PPOSettings:
-    """Hyperparameters, a line each; the defaults are tuned for room-v0."""
+class FallingRate:
+    """A learning rate that falls linearly to zero over the share of the budget that is spent, and never below zero.
 
-    learning_rate: float = 7e-4  # falls linearly to zero over the steps, or the second half of the time
-    n_steps: int = 128  # decision steps per rollout
-    batch_size: int = 16384  # samples of people who were inside
-    n_epochs: int = 6
-    gamma: float = 0.97  # per decision step of 0.1 s
-    gae_lambda: float = 0.95
-    clip_range: float = 0.2
-    ent_coef: float = 0.003
-    hidden: int = 64  # units in each of two layers
-    distribution: str = "gaussian"  # of continuous actions: that, or "beta", which is bounded
-    log_std_init: float = -0.7  # of a Gaussian
-    rule_logit: float = 2.0  # of choices: how much likelier the rule is at first, as a logit
-    target_kl: float = 0.05
+    Attributes
+    ----------
+    spent : share of the budget as an evaluation callback counts it; the larger share counts, of that and of the steps.
+    """
 
-    def __post_init__(self) -> None:
-        known("distribution", self.distribution, DISTRIBUTIONS)
+    def __init__(self, initial: float) -> None:
+        self.initial, self.spent = initial, 0.0
+
+    def __call__(self, steps_left: float) -> float:
+        """Return the rate when this share of the steps is left; the last rollout goes beyond its budget."""
+        return self.initial * max(0.0, min(steps_left, 1.0 - self.spent))
 
 
-def make_ppo(
-    env: CrowdEnv | GeneratedCrowds | RoutingVectorEnv, settings: PPOSettings, seed: int, log_folder: Path | None = None
-) -> PPO:
-    """Return an untrained PPO model on ``env``, a `CrowdEnv` made with ``autoreset=True``.
+def make_ppo(env: WalkingBatch | RoutingVectorEnv, settings: PPOSettings, seed: int, *, central: bool = False) -> PPO:
+    """Return an untrained PPO model on ``env``, made with ``autoreset=True``.
 
-    The mean action, of a Beta distribution the likeliest, starts at (1, 0), walk the shortest path, and of discrete actions
-    that choice is the likeliest: learning begins at the rule, not at a random walk through the room, and looks for what is
-    better.  In `RoutingVectorEnv` the likeliest choice of every region is the exit nearest to its center.
+    The mean action, of a Beta distribution the mode, starts at (1, 0): walk the shortest path.  Of discrete actions that
+    choice is the likeliest.  So learning starts at the rule, not at a random walk.  In `RoutingVectorEnv` the likeliest choice
+    of every region is the exit nearest to its center.
+
+    Parameters
+    ----------
+    central : the critic also sees the crowd, as in MAPPO.
+
+    Raises
+    ------
+    ValueError
+        If the distribution, or a central critic, does not go with the actions.
     """
     torch.set_num_threads(1)  # the networks are small: a second thread costs more than it brings
-    venv: VecEnv = VectorVecEnv(env) if isinstance(env, RoutingVectorEnv) else CrowdVecEnv(env)
-    taken = ("n_steps", "n_epochs", "gamma", "gae_lambda", "clip_range", "ent_coef", "target_kl")
-    own = {"log_std_init": settings.log_std_init} if settings.distribution == "gaussian" else {}
+    venv: VecEnv
+    if isinstance(env, RoutingVectorEnv):
+        venv = VectorVecEnv(env)
+    else:
+        venv = CentralVecEnv(env) if central else CrowdVecEnv(env)
+    kind = CentralPolicy if central else DISTRIBUTIONS[settings.distribution]
+    optimizer = {"eps": 1e-5, "fused": True}
     with warnings.catch_warnings():
         # How many samples of people inside a rollout holds is not known before: a last batch that is smaller is no mistake.
         warnings.filterwarnings("ignore", message="You have specified a mini-batch size")
         model = PPO(
-            DISTRIBUTIONS[settings.distribution],
+            kind,
             venv,
             learning_rate=FallingRate(settings.learning_rate),
             batch_size=min(settings.batch_size, settings.n_steps * venv.num_envs),
-            policy_kwargs={"hidden": settings.hidden, **own},
+            policy_kwargs={
+                "net_arch": [settings.hidden],
+                "log_std_init": settings.log_std_init,
+                "optimizer_kwargs": optimizer,
+            },
             seed=seed,
             device="cpu",
-            rollout_buffer_class=None if isinstance(env, RoutingVectorEnv) else MaskedRolloutBuffer,
-            tensorboard_log=None if log_folder is None else str(log_folder),
-            **{name: getattr(settings, name) for name in taken},
+            rollout_buffer_class=MaskedRolloutBuffer if isinstance(venv, CrowdVecEnv) else None,
+            **{name: getattr(settings, name) for name in _SAME},
         )
     bias = cast(torch.nn.Linear, model.policy.action_net).bias
     with torch.no_grad():

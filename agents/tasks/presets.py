@@ -36,7 +36,7 @@ class Preset:
     reward : table of `RewardWeights`.
     start : what the policy starts as: "rule", full speed along the way, "nothing", what a search from there finds, or a policy
         of `agents.POLICIES` that is cloned.
-    ppo : settings of `crowd_env.agents.learned.PPOSettings` that are others than its defaults ...
+    ppo : settings of `crowd_env.agents.training_config.PPOSettings` that are others than its defaults ...
     once_cloned : ... and those that are others again where learning starts from a cloned rule.
     envs : rooms side by side.
     steps : training steps, summed over all pedestrian slots.

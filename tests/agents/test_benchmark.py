@@ -69,11 +69,11 @@ def test_a_table_of_few_seeds_shows_the_mean_alone():
 # --------------------------------------------------------------------------------------------------------- the command
 
 
-def quick(config, watch):
+def quick(config, callback):
     """An "algorithm" that stands in place, then knows how."""
-    watch.seconds, watch.checkpoints = 1e-9, 1e9  # always due
+    callback.seconds, callback.checkpoints = 1e-9, 1e9  # always due
     for steps, policy in enumerate((ShortestPath(), Evolved(), ShortestPath())):
-        watch.goes_on(steps, lambda policy=policy: policy)
+        callback.on_update(steps, lambda policy=policy: policy)
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from crowd_env.agents.trained import LearnedPolicy
 stats, torch = late("scipy.stats"), late("torch")
 PPOSettings, make_ppo = late("crowd_env.agents.learned", "PPOSettings", "make_ppo")
 BetaActions, bias_at = late("crowd_env.agents.learned.beta", "BetaActions", "bias_at")
-network_of = late("crowd_env.agents.learned.export", "network_of")
+network_of = late("crowd_env.agents.learned.actor_critic", "network_of")
 env_options_of = late("crowd_env.agents.learned.training", "env_options_of")
 
 RNG = np.random.default_rng(0)

@@ -10,13 +10,13 @@ from late import late
 
 from crowd_env import GeneratedCrowds, ObservationLayout, make_scenario
 from crowd_env.agents.networks import BetweenMLP, read_network, write_network
-from crowd_env.agents.training_config import task_config
+from crowd_env.agents.training_config import generalist_config
 from crowd_env.envs.action import SpeedTable
 from crowd_env.scenarios.generated import Conditions
 
 PPOSettings, make_ppo = late("crowd_env.agents.learned", "PPOSettings", "make_ppo")
 clone = late("crowd_env.agents.learned.cloning", "clone")
-network_of = late("crowd_env.agents.learned.export", "network_of")
+network_of = late("crowd_env.agents.learned.actor_critic", "network_of")
 trained_in = late("crowd_env.agents.learned.training", "trained_in")
 
 RNG = np.random.default_rng(0)
@@ -92,7 +92,7 @@ def test_a_file_that_does_not_fit_is_refused(settings, words):
         BetweenMLP.of(tensors, json.loads(json.dumps(settings)))
 
 
-class Teacher:
+class HalfSpeed:
     """Wants a speed that is not among the choices."""
 
     name = "half speed"
@@ -102,15 +102,15 @@ class Teacher:
 
 
 @pytest.mark.more
-def test_a_teacher_between_two_speeds_is_followed_between_them():
+def test_an_expert_between_two_speeds_is_followed_between_them():
     room = make_scenario("room-v0", people=12)
     layout = ObservationLayout(terms=("velocity", "desired_speed", "travel_time"))
     action = {"name": "speeds-directions", "speeds": [0.0, 0.35, 0.7, 1.0]}
     own = {"beside": [(room, Conditions("nsm2", "competitive", 0.0))], "share": 1.0}
     env = GeneratedCrowds(2, people=14, level=0.0, action=action, observation=layout, routing="shortest", **own)
     model = make_ppo(env, PPOSettings(n_steps=4, rule_logit=0.0), seed=0)
-    clone(model, Teacher(), 0, rounds=8, decisions=60, kept=1.0)
-    who = trained_in(env, network_of(model), task_config("competitive-door"))
+    clone(model, HalfSpeed(), 0, rounds=8, decisions=60, kept=1.0)
+    who = trained_in(env, network_of(model), generalist_config())
     assert isinstance(who.network, BetweenMLP) and who.network.table == env.action_kind.decode
     seen, _ = env.reset(seed=3)
     np.testing.assert_allclose(who.act(seen, layout, RNG)[env.active], np.tile([0.5, 0.0], (24, 1)), atol=0.05)

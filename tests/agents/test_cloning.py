@@ -1,5 +1,7 @@
 """A policy that starts as a rule: labels, what is learned from them, and what cannot be cloned."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cases import looped
@@ -13,7 +15,7 @@ from crowd_env.agents.training_config import make_env, task_config
 
 PPOSettings, make_ppo = late("crowd_env.agents.learned", "PPOSettings", "make_ppo")
 cloning = late("crowd_env.agents.learned.cloning")
-network_of = late("crowd_env.agents.learned.export", "network_of")
+network_of = late("crowd_env.agents.learned.actor_critic", "network_of")
 env_options_of = late("crowd_env.agents.learned.training", "env_options_of")
 
 SPEEDS = {"name": "speeds", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]}
@@ -21,7 +23,7 @@ SPEEDS = {"name": "speeds", "speeds": [-1.0, -0.5, 0.0, 0.5, 1.0]}
 
 def small_env(**changes):
     """Return a training batch of the competitive door, with few people."""
-    return make_env(task_config("competitive-door", people=12, start="follow", envs=4) | changes)
+    return make_env(replace(task_config("competitive-door", people=12, start="follow", envs=4), **changes))
 
 
 @looped("action", ["speeds", SPEEDS, "speeds-directions"])

@@ -196,7 +196,7 @@ def test_at_the_price_that_deters_who_pushes_earns_what_the_others_earn():
 )
 def test_a_selfish_training_keeps_its_last_network(task, share, kept, tmp_path, monkeypatch):
     pytest.importorskip("stable_baselines3")
-    from crowd_env.agents.learned import confirmation, training
+    from crowd_env.agents.learned import callbacks, significance_test
 
     asked, saved, times = [], [], [32.0, 31.0, 33.0]
 
@@ -204,17 +204,16 @@ def test_a_selfish_training_keeps_its_last_network(task, share, kept, tmp_path, 
         asked.append(options["learned_share"])
         return made_up("learned", "hertz", 3 * [times[len(asked) - 1]])
 
-    monkeypatch.setattr(training, "evaluate", evaluated)
+    monkeypatch.setattr(callbacks, "evaluate", evaluated)
     folder, config = tmp_path / task, task_config(task)
     folder.mkdir()
-    keeper = training.Keeper(folder, config)
+    callback = callbacks.RunCallback(folder, config, lambda row: None)
     for k in range(3):
-        who = SimpleNamespace(save=lambda path, k=k: saved.append((path.name, k)))
-        keeper.judge(who, k, lambda: None)
+        callback.evaluate(SimpleNamespace(save=lambda path, k=k: saved.append((path.name, k))))
     assert asked == 3 * [share] and dict(saved) == {"start.safetensors": 0, "best.safetensors": kept}
     (folder / "start.safetensors").unlink(missing_ok=True)
-    confirmation.confirm(folder, config)
-    assert confirmation.kept_row(folder, keeper.curve) is keeper.curve[kept]
+    significance_test.compare_with_start(folder, config)
+    assert significance_test.kept_row(folder, callback.curve) is callback.curve[kept]
 
 
 @pytest.mark.more

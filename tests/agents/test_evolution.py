@@ -14,7 +14,7 @@ from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.training_config import default_config
 from crowd_env.envs.settings import arguments_of
 
-evolution = late("crowd_env.agents.learned.evolution")
+evolution, starts = late("crowd_env.agents.learned.evolution"), late("crowd_env.agents.learned.starts")
 OPTIONS = {"scheme": "nsm2", "dt": 0.01, "decision_dt": 0.1}
 NOTHING = Evolved(**dict.fromkeys(asdict(Evolved()), 0.0))
 SMALL = {"population": 4, "draws": 2}
@@ -58,7 +58,7 @@ class Generations:
     def __init__(self, count):
         self.left, self.policies, self.steps = count, [], []
 
-    def __call__(self, steps, policy):
+    def on_update(self, steps, policy):
         self.policies.append(policy())
         self.steps.append(steps)
         self.left -= 1
@@ -189,14 +189,14 @@ def test_who_does_not_get_out_counts_more_than_any_time():
 
 
 def test_what_was_found_is_kept_with_the_run(tmp_path, monkeypatch):
-    monkeypatch.setattr(evolution, "MOST", 1)
+    monkeypatch.setattr(starts, "MOST", 1)
     settings = evolution.EvolutionSettings(**SMALL)
     monkeypatch.setattr(evolution, "EvolutionSettings", lambda: settings)
-    config = default_config("room-v0", "nsm2", 3, 2, 5000, 5.0, people=5) | {"start": "nothing"}
+    config = default_config("room-v0", "nsm2", 3, 2, 5000, 5.0, people=5, start="nothing")
     seen = []
-    found = evolution.first_rule(config, tmp_path, saw=lambda steps, policy: seen.append((steps, policy)))
+    found = starts.first_rule(config, tmp_path, on_search=lambda steps, policy: seen.append((steps, policy)))
     assert seen == [(0, NOTHING)]  # the curve of a search begins at nothing
-    monkeypatch.setattr(evolution, "evolve", None)  # not again
-    assert evolution.first_rule(config, tmp_path) == found != NOTHING
-    assert evolution.first_rule(config | {"start": "rule"}) is None
-    assert evolution.first_rule(config | {"start": "follow"}).name == "follow"
+    monkeypatch.setattr(starts, "evolve", None)  # not again
+    assert starts.first_rule(config, tmp_path) == found != NOTHING
+    assert starts.first_rule(replace(config, start="rule")) is None
+    assert starts.first_rule(replace(config, start="follow")).name == "follow"

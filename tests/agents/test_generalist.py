@@ -1,4 +1,4 @@
-"""One policy for all places: who teaches where, what a teacher wants, and places of one's own between generated ones."""
+"""One policy for all places: the best expert of each, what a teacher wants, and places of one's own between generated ones."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from crowd_env.agents.tasks import TASKS
 from crowd_env.agents.walking import Evolved, RuleAtShare
 from crowd_env.scenarios.generated import Conditions
 
-generalist = late("crowd_env.agents.learned.generalist")
+generalist, places = late("crowd_env.agents.learned.generalist"), late("crowd_env.agents.training_places")
 
 LAYOUT = ObservationLayout(terms=tuple(training_config.GENERALIST["terms"]))
 ROOM = make_scenario("room-v0", people=12)
@@ -59,13 +59,13 @@ def test_places_take_turns_by_their_share():
 
 
 @pytest.mark.parametrize("name", ["evolution", "hertz-room/ppo"])
-def test_a_teacher_wants_what_it_wants_alone(name):
+def test_an_expert_acts_as_it_does_alone(name):
     env = crowds(0.5, num_envs=6)
     seen, _ = env.reset(seed=2)
     assert -1 in env.place_of_env and max(env.place_of_env) >= 0
     seeds = {place: "rule" for place in env.place_of_env if place >= 0}
-    teacher = generalist.Hindsight(env, generalist.Teachers(seeds, [name]))
-    wanted = teacher.act(seen, env.layout, np.random.default_rng(0))
+    expert = generalist.ExpertOfEachPlace(env, generalist.BestExperts(seeds, [name]))
+    wanted = expert.act(seen, env.layout, np.random.default_rng(0))
     policy = make_policy(name)
     own = policy.env_options["observation"]
     for e, place in enumerate(env.place_of_env):
@@ -80,19 +80,19 @@ def test_a_teacher_wants_what_it_wants_alone(name):
 
 
 def test_all_tasks_of_everyone_that_are_small_enough_are_trained_in():
-    names = {one.name for one in generalist.places_of_tasks(150)}
+    names = {one.name for one in places.places_of_tasks(150)}
     assert names == {name for name, task in TASKS.items() if task.people <= 150 and not task.selfish}
-    assert all(one.place.time_limit <= 150.0 for one in generalist.places_of_tasks(150))
+    assert all(one.place.time_limit <= 150.0 for one in places.places_of_tasks(150))
 
 
-def test_who_leaves_fewer_people_teaches_before_who_is_sooner(monkeypatch):
+def test_the_best_expert_leaves_the_fewest_people_then_takes_the_least_time(monkeypatch):
     times = {"rule": (0.0, 30.0), "evolution": (0.0, 20.0), "hertz-room/ppo": (3.0, 1.0)}
     monkeypatch.setattr(generalist, "_cost_beside", lambda piece, stopped: times.get(piece[1], (9.0, 9.0)))
-    places = [generalist.Beside("a", ROOM, OURS), generalist.Beside("b", ROOM, OURS)]
-    assert generalist._best_beside(places, generalist.Serial()) == ["evolution", "evolution"]
+    beside = [places.TaskPlace("a", ROOM, OURS), places.TaskPlace("b", ROOM, OURS)]
+    assert generalist._best_beside(beside, generalist.Serial()) == ["evolution", "evolution"]
 
 
-def test_who_lets_people_stray_teaches_no_more_than_who_leaves_them(monkeypatch):
+def test_an_expert_that_lets_people_stray_is_no_better_than_one_that_leaves_them(monkeypatch):
     def judged(names, plans, **options):
         none = np.zeros(plans)
         quick = Outcomes(np.full(plans, np.inf), none, none + 2.0, none, none)  # 2 people out elsewhere, and soon
@@ -101,22 +101,22 @@ def test_who_lets_people_stray_teaches_no_more_than_who_leaves_them(monkeypatch)
 
     monkeypatch.setattr(generalist, "judge_plans", judged)
     monkeypatch.setattr(generalist, "places_of_tasks", lambda people: [])
-    config = {"places": {"people": 150, "taught": 20}}
-    assert set(generalist.find_teachers(config, None).of_seed.values()) == {"evolution"}
-    monkeypatch.setattr(generalist, "TEACHERS", ("hertz-room/ppo", "rule"))
-    assert set(generalist.find_teachers(config, None).of_seed.values()) == {"rule"}
+    found = training_config.GeneratedPlaces(people=150, seeds=1000, taught=20, share=0.5, rounds=1)
+    assert set(generalist.find_experts(found, None).of_seed.values()) == {"evolution"}
+    monkeypatch.setattr(generalist, "EXPERTS", ("hertz-room/ppo", "rule"))
+    assert set(generalist.find_experts(found, None).of_seed.values()) == {"rule"}
 
 
 def test_in_a_task_who_steps_back_through_the_entrance_is_left(monkeypatch):
     monkeypatch.setattr(generalist, "_policy", lambda name, place: RuleAtShare(0.0) if name == "rule" else BACK)
     monkeypatch.setattr(generalist, "_DRAWS", 2)
-    place = generalist.Beside("counter-flow", make_scenario("counter-flow-v0", people=8), OURS)
+    place = places.TaskPlace("counter-flow", make_scenario("counter-flow-v0", people=8), OURS)
     assert [generalist._cost_beside((place, name))[0] for name in ("rule", "back")] == [16.0, 16.0]
 
 
 def test_the_parameters_of_a_training_in_all_places_are_plain_and_checked():
     config = training_config.generalist_config(3, people=40, envs=2, minutes=1.0)
-    assert config["task"] is None and config["places"]["people"] == 40 and config["seed"] == 3
+    assert config.task is None and config.places.people == 40 and config.seed == 3
     assert training_config.facts_of(config)["task"] == {"name": "generated", "version": 1}
     env = training_config.make_env(config)
     assert isinstance(env, GeneratedCrowds) and env.layout.names == LAYOUT.names and env.num_envs == 2

@@ -5,16 +5,16 @@ import pytest
 from late import late
 
 from crowd_env import CrowdEnv, ObservationLayout
+from crowd_env.agents.training_config import PPOSettings
 
-CentralPolicy, CentralVecEnv, train_mappo = late(
-    "crowd_env.agents.learned.mappo", "CentralPolicy", "CentralVecEnv", "train_mappo"
-)
-PPOSettings = late("crowd_env.agents.learned", "PPOSettings")
+CentralPolicy, CentralVecEnv = late("crowd_env.agents.learned.mappo", "CentralPolicy", "CentralVecEnv")
+make_ppo = late("crowd_env.agents.learned.ppo", "make_ppo")
+train_ppo = late("crowd_env.agents.learned.training", "train_ppo")
+network_of = late("crowd_env.agents.learned.actor_critic", "network_of")
 SEEN = ObservationLayout(terms=("velocity", "travel_time", "ahead"))
 
 
-def settings():
-    return PPOSettings(n_steps=8, batch_size=128, n_epochs=1, hidden=8)
+SETTINGS = PPOSettings(n_steps=8, batch_size=128, n_epochs=1, hidden=8)
 
 
 def room(num_envs=2, **options):
@@ -44,14 +44,14 @@ def test_the_critic_is_told_of_those_inside_alone_in_no_order():
 
 
 class Counted:
-    """A watch that ends a training after so many questions and keeps the policies."""
+    """A callback that ends a training after so many updates and keeps the policies."""
 
-    share, decision_dt = 0.5, 0.1
+    progress, stopped = 0.5, False
 
     def __init__(self, questions):
         self.left, self.policies, self.steps = questions, [], []
 
-    def goes_on(self, steps, policy):
+    def on_update(self, steps, policy, returns):
         self.policies.append(policy())
         self.steps.append(steps)
         self.left -= 1
@@ -59,36 +59,32 @@ class Counted:
 
 
 def test_training_begins_at_the_rule_and_moves_from_it_and_what_is_kept_does_not_move():
-    watch = Counted(3)
-    train_mappo(room(), settings(), 0, watch)
+    callback = Counted(3)
+    train_ppo(room(), SETTINGS, 0, callback, central=True)
     env = room()
     observation, _ = env.reset(seed=1)
-    first, *_, last = watch.policies
+    first, *_, last = callback.policies
     assert (first.act(observation, env.layout, None) == 4).all()
     assert not np.array_equal(first.network(observation), last.network(observation))
-    assert watch.steps[0] == 0 < watch.steps[1] <= 8 * 40 and watch.steps[1] < watch.steps[2]
+    assert callback.steps[0] == 0 < callback.steps[1] <= 8 * 40 and callback.steps[1] < callback.steps[2]
 
 
-def test_the_actor_does_not_see_the_crowd(monkeypatch):
-    kept = []
-    monkeypatch.setattr("crowd_env.agents.learned.mappo.watch_ppo", lambda model, *_: kept.append(model))
-    train_mappo(room(), settings(), 0, None)
-    policy = kept[0].policy
+def test_the_actor_does_not_see_the_crowd():
+    model = make_ppo(room(), SETTINGS, 0, central=True)
+    policy = model.policy
     assert isinstance(policy, CentralPolicy)
     import torch
 
     rows = torch.rand(6, 2 * SEEN.size + 1)
-    logits = policy.get_distribution(rows).distribution.logits.detach().numpy()
-    there = policy.network()(rows[:, : SEEN.size].numpy())
+    logits = policy.get_distribution(rows).logits.detach().numpy()
+    there = network_of(model)(rows[:, : SEEN.size].numpy())
     np.testing.assert_allclose(there - there.mean(axis=1)[:, None], logits - logits.mean(axis=1)[:, None], atol=1e-5)
     other = rows.clone()
     other[:, SEEN.size :] = torch.rand(6, SEEN.size + 1)
     assert not torch.allclose(policy.predict_values(rows), policy.predict_values(other))
-    assert torch.equal(
-        policy.get_distribution(other).distribution.logits, policy.get_distribution(rows).distribution.logits
-    )
+    assert torch.equal(policy.get_distribution(other).logits, policy.get_distribution(rows).logits)
 
 
 def test_actions_that_are_not_discrete_are_refused():
     with pytest.raises(ValueError, match="action 'continuous' is not discrete; take one such as 'speeds'"):
-        train_mappo(CrowdEnv("room-v0", autoreset=True), settings(), 0, None)
+        make_ppo(CrowdEnv("room-v0", autoreset=True), SETTINGS, 0, central=True)

@@ -42,16 +42,16 @@ def test_training_keeps_its_outline(tmp_path, monkeypatch):
     from training_runs import tiny
 
     from crowd_env.agents.networks import read_network
-    from crowd_env.agents.training_config import check_config, default_config, extended, make_env
+    from crowd_env.agents.training_config import check_config, default_config, make_env, resumed
     from crowd_env.cli.agents import learn
 
     usual = default_config("room-v0", "hertz", 0, 2, 100, 1.0)
     torso = default_config("room-v0", "hertz", 0, 2, 100, 1.0, outline="torso")
-    assert (usual["outline"], torso["outline"]) == ("disc", "torso")
+    assert (usual.outline, torso.outline) == ("disc", "torso")
     check_config(torso)
     assert make_env(usual).simulation.outline is None and make_env(torso).simulation.outline == OUTLINES["torso"]
     with pytest.raises(ValueError, match="--set outline is disc, but x was begun with torso"):
-        extended(torso, {"outline": "disc"}, [], "x")
+        resumed(torso, {"outline": "disc"}, [], "x")
     with pytest.raises(ValueError, match="nsm2 does not turn bodies"):
         check_config(default_config("room-v0", "nsm2", 0, 2, 100, 1.0, outline="torso"))
     folder, seen = tmp_path / "run", []
@@ -60,7 +60,7 @@ def test_training_keeps_its_outline(tmp_path, monkeypatch):
         seen.append(options["outline"])
         return evaluate(policy, scenario, **options)
 
-    monkeypatch.setattr("crowd_env.agents.learned.training.evaluate", spy)
+    monkeypatch.setattr("crowd_env.agents.learned.callbacks.evaluate", spy)
     assert learn.train(folder, tiny(folder, scheme="hertz", dt=0.001, outline="torso", steps=1500, eval_runs=1))
     assert seen and set(seen) == {"torso"}
     assert read_network(folder / "best.safetensors")[1]["trained"]["outline"] == "torso"

@@ -4,12 +4,13 @@ import csv
 import json
 import os
 import signal
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 from cases import looped
 from repository import ROOT
+from training_runs import with_ppo
 
 ray = pytest.importorskip("ray", reason="Ray is not installed: an environment of its own has it, see docs/ray.md")
 pytest.importorskip("ray.rllib", reason="RLlib is not installed: pip install 'ray[rllib]'")
@@ -17,21 +18,21 @@ pytestmark = pytest.mark.nightly
 
 import torch  # noqa: E402
 
-from crowd_env.agents.learned.generalist import KEPT, places_of_tasks  # noqa: E402
-from crowd_env.agents.learned.ppo import PPOSettings  # noqa: E402
+from crowd_env.agents.learned.generalist import KEPT  # noqa: E402
 from crowd_env.agents.learned.rllib import training  # noqa: E402  (these load RLlib)
 from crowd_env.agents.learned.rllib.runner import _Seen  # noqa: E402
 from crowd_env.agents.trained import LearnedPolicy  # noqa: E402
 from crowd_env.agents.training_config import generalist_config, make_env, task_config  # noqa: E402
+from crowd_env.agents.training_places import places_of_tasks  # noqa: E402
 from crowd_env.core.files.json_file import write_json  # noqa: E402
 
 MEMORY = {"object_store_memory": 150_000_000}
 
 
 def config(**changes):
-    found = task_config("literal-room", 0, people=6, envs=2, steps=2_000, minutes=30.0) | {"backend": "rllib"}
-    found["ppo"] |= {"n_steps": 16, "n_epochs": 2, "hidden": 8}
-    return found | {"eval_every": 10**9, "eval_runs": 2} | changes
+    found = task_config("literal-room", 0, people=6, envs=2, steps=2_000, minutes=30.0)
+    found = with_ppo(found, n_steps=16, n_epochs=2, hidden=8)
+    return replace(found, **{"backend": "rllib", "eval_every": 10**9, "eval_runs": 2} | changes)
 
 
 @pytest.fixture(scope="module")
@@ -58,14 +59,15 @@ def trained(folder, monkeypatch, event, until=lambda healthy: False, **changes):
     rows, iterate = [], training._Training._iterate
 
     def watched(self):
-        iterate(self)
+        returns = iterate(self)
         rows.append((self.steps, self.algorithm.env_runner_group.num_healthy_remote_workers()))
         if len(rows) == 2:
             event(self)
-        elif until([count for _, count in rows]) and not self.interrupted:
+        elif until([count for _, count in rows]) and not self.callback.interrupted:
             interrupt(self)
+        return returns
 
-    write_json(folder / "config.json", config(**changes))
+    write_json(folder / "config.json", config(**changes).as_table())
     with monkeypatch.context() as patched:
         patched.setattr(training._Training, "_iterate", watched)
         whole = training.train_on_cluster(folder, config(**changes), runners=2)
@@ -73,7 +75,7 @@ def trained(folder, monkeypatch, event, until=lambda healthy: False, **changes):
 
 
 def interrupt(part):
-    part._interrupt(signal.SIGINT, None)
+    part.callback.interrupt(signal.SIGINT, None)
 
 
 def kill_process(part):
@@ -115,9 +117,9 @@ def test_an_interrupted_training_goes_on_from_its_checkpoint(nodes, tmp_path, mo
 
 
 def test_it_trains_in_all_places(nodes, tmp_path):
-    told = generalist_config(0, people=20, envs=2, steps=1_000, minutes=30.0) | {"eval_every": 10**9, "eval_runs": 2}
-    told["ppo"] |= {"n_steps": 16, "n_epochs": 1, "hidden": 8}
-    told["places"] |= {"taught": 20, "rounds": 1}
+    told = generalist_config(0, people=20, envs=2, steps=1_000, minutes=30.0)
+    told = with_ppo(replace(told, eval_every=10**9, eval_runs=2), n_steps=16, n_epochs=1, hidden=8)
+    told = replace(told, places=replace(told.places, taught=20, rounds=1))
     everywhere = {"of_seed": {str(k): "rule" for k in range(20)}, "of_beside": ["evolution"] * len(places_of_tasks(20))}
     write_json(tmp_path / KEPT, everywhere)
     assert training.train_on_cluster(tmp_path, told, runners=2)
@@ -135,8 +137,8 @@ def test_it_begins_as_the_native_training(kind, tmp_path):
 
     from crowd_env.agents.learned.rllib.module import first_policy, model_config, policy_in, state_with
 
-    settings = PPOSettings(**config()["ppo"] | {"rule_logit": 2.0})
-    told = config(action=kind, start="rule", ppo=asdict(settings))
+    settings = replace(config().ppo, rule_logit=2.0)
+    told = config(action=kind, start="rule", ppo=settings)
     env, first = make_env(told, envs=1), first_policy(told, tmp_path, 1)
     module = RLModuleSpec(
         module_class=DefaultPPOTorchRLModule,
@@ -180,6 +182,6 @@ def test_training_goes_on_when_a_node_is_killed(nodes, tmp_path, monkeypatch, ca
     assert whole and rows[-1][0] >= 3_000
     healthy = [count for _, count in rows]
     assert healthy[1] == 2 and healthy[-1] == 1
-    assert "a runner has died: 1 go on" in capsys.readouterr().err
+    assert "1 of 2 workers failed; 1 remain while they restart" in capsys.readouterr().err
     check_folder(tmp_path)
     assert json.loads((tmp_path / "config.json").read_text())["backend"] == "rllib"

@@ -9,6 +9,7 @@ import pytest
 from cases import looped
 from evaluations import call as evaluate
 from evaluations import random_network
+from training_runs import QUICK, with_ppo
 from typer import Typer
 from typer.testing import CliRunner
 
@@ -204,13 +205,13 @@ def test_a_run_of_train_py_can_be_shipped(tmp_path, folder, monkeypatch):
     monkeypatch.setattr(trained_run.shipped, "OF_TASK", ("rule",))
     run = tmp_path / "runs/room"
     run.mkdir(parents=True)
-    config = task_config("room", 3, envs=2, steps=1500) | {"eval_every": 10**6, "eval_runs": 2}
-    config["ppo"] |= {"n_steps": 32, "batch_size": 256, "n_epochs": 1}
+    config = replace(task_config("room", 3, envs=2, steps=1500), eval_every=10**6, eval_runs=2)
+    config = with_ppo(config, **QUICK)
     assert learn.train(run, config)
     trained_run.judge(run, config, 2, 1)
     path = shipping.ship(run, "room/ppo")
     card, found = read_json(path.with_suffix(".json")), LearnedPolicy.load(path)
-    assert found.trained["task"] == card["task"] == ROOM.identity() and card["config"] == config
+    assert found.trained["task"] == card["task"] == ROOM.identity() and card["config"] == config.as_table()
     assert card["spent"]["steps"] >= 1500 and card["spent"]["cpu_seconds"] > 0
     assert card["validation"]["evacuation_time"] > 0
     monkeypatch.chdir(tmp_path)

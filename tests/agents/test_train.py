@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from functools import partial
 
 import gymnasium
@@ -11,7 +12,7 @@ import pytest
 from cases import looped
 from late import late
 from repository import ROOT
-from training_runs import call, checkpoint, curve, tiny
+from training_runs import call, checkpoint, curve, tiny, with_ppo
 
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
 from crowd_env.agents import make_policy, training_config
@@ -25,8 +26,9 @@ from crowd_env.envs.action import make_action
 
 PPO = late("stable_baselines3", "PPO")
 Logger = late("stable_baselines3.common.logger", "Logger")
-FallingRate = late("crowd_env.agents.learned.rate", "FallingRate")
+FallingRate = late("crowd_env.agents.learned.ppo", "FallingRate")
 training = late("crowd_env.agents.learned.training")
+callbacks, curves = late("crowd_env.agents.learned.callbacks"), late("crowd_env.agents.learned.curve")
 CrowdVecEnv, MaskedRolloutBuffer = late("crowd_env.envs.adapters.sb3", "CrowdVecEnv", "MaskedRolloutBuffer")
 
 # ------------------------------------------------------------------------------------------------------ the whole job
@@ -87,7 +89,7 @@ def test_the_results_compare_all_policies_on_the_same_held_out_draws(job):
 @pytest.mark.more
 def test_the_learning_curve_has_a_row_before_and_after(job):
     rows = curve(job[0] / "tiny")
-    assert tuple(rows[0]) == training.CURVE_COLUMNS
+    assert tuple(rows[0]) == curves.CURVE_COLUMNS
     assert rows[0]["steps"] == 0 and rows[-1]["steps"] >= 3000
     assert (np.diff([row["steps"] for row in rows]) > 0).all()
 
@@ -117,7 +119,7 @@ def test_the_same_name_twice_overwrites_nothing(job, monkeypatch):
 @looped("scheme", SCHEMES)
 def test_the_physics_step_is_that_of_the_scheme(scheme):
     begun = partial(training_config.default_config, "room-v0", scheme, 0, 2, 100, 1.0)
-    assert begun()["dt"] == make_scheme(scheme).info.default_dt and begun(dt=0.005)["dt"] == 0.005
+    assert begun().dt == make_scheme(scheme).info.default_dt and begun(dt=0.005).dt == 0.005
 
 
 @pytest.mark.more
@@ -131,9 +133,8 @@ def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monke
         init(self, *args, dt=dt, **options)
 
     def smaller(*args, **given):
-        config = default(*args, **given)
-        config["ppo"] |= {"n_steps": 4}
-        return config | {"eval_runs": 1, "scenario": "small-room", "people": 3}
+        config = with_ppo(default(*args, **given), n_steps=4)
+        return replace(config, eval_runs=1, scenario="small-room", people=3)
 
     monkeypatch.setitem(SCENARIOS, "small-room", lambda: make_scenario("room-v0", people=3, time_limit=6.0))
     monkeypatch.setattr(Simulation, "__init__", watched)
@@ -205,12 +206,12 @@ def test_a_finished_run_can_be_judged_again(job):
 
 def test_the_curve_of_a_search_says_how_good_it_was_in_the_end_and_before(tmp_path):
     config = tiny(tmp_path / "run", eval_runs=2)
-    keeper = training.Keeper(tmp_path / "run", config)
-    keeper.saw(0, make_policy("shortest"))
-    keeper.saw(900, make_policy("headway"))
-    rows = training.read_curve(tmp_path / "run" / training.SEARCH)
+    callback = callbacks.RunCallback(tmp_path / "run", config, None)
+    callback.on_search(0, make_policy("shortest"))
+    callback.on_search(900, make_policy("headway"))
+    rows = curves.read_curve(tmp_path / "run" / curves.SEARCH)
     assert [row["steps"] for row in rows] == [0, 900] and rows[0]["evacuation_time"] != rows[1]["evacuation_time"]
-    assert not keeper.curve and not (tmp_path / "run" / training.CURVE).exists()  # no network was judged
+    assert not callback.curve and not (tmp_path / "run" / curves.CURVE).exists()  # no network was judged
 
 
 @pytest.mark.more
@@ -232,7 +233,7 @@ def test_no_point_of_the_curve_is_measured_twice(tmp_path):
 def test_the_same_seed_trains_the_same_policy_however_fast_the_machine_is(tmp_path, monkeypatch):
     for name, share in (("one", 0.0), ("two", 0.45)):
         config = tiny(tmp_path / name)
-        monkeypatch.setattr(training.Keeper, "seconds", share * 60.0 * config["minutes"])
+        monkeypatch.setattr(callbacks.RunCallback, "seconds", share * 60.0 * config.minutes)
         learn.train(tmp_path / name, config)
     one, two = (checkpoint(tmp_path / name)["policy"] for name in ("one", "two"))
     assert all((one[key] == two[key]).all() for key in one)
@@ -318,11 +319,11 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
 def test_presets_train_in_the_place_of_their_task(task):
     config = training_config.task_config(task)
     judged = TASKS[task]
-    assert config["options"].keys() == judged.options.keys() and config["scheme"] == judged.scheme
-    assert config["strategy"] == judged.rule and config["decision_dt"] == judged.decision_dt
+    assert config.options.keys() == judged.options.keys() and config.scheme == judged.scheme
+    assert config.strategy == judged.rule and config.decision_dt == judged.decision_dt
     env = make_env(config, envs=1)
-    assert env.num_people == config["people"] <= judged.people
-    assert env.action_kind.name == make_action(config["action"]).name
+    assert env.num_people == config.people <= judged.people
+    assert env.action_kind.name == make_action(config.action).name
 
 
 def test_a_place_that_cannot_hold_folders_is_named(tmp_path):
@@ -356,9 +357,9 @@ def test_the_run_of_a_scenario_file_is_named_after_it(tmp_path, monkeypatch):
 def test_the_learning_rate_never_falls_below_zero_and_follows_the_larger_spent_share():
     rate = FallingRate(1e-3)
     assert [rate(left) for left in (1.0, 0.25, 0.0, -0.01)] == pytest.approx([1e-3, 2.5e-4, 0.0, 0.0])
-    rate.time_spent = 0.6
+    rate.spent = 0.6
     assert rate(0.9) == pytest.approx(4e-4) and rate(0.1) == pytest.approx(1e-4)
-    rate.time_spent = 1.2
+    rate.spent = 1.2
     assert rate(0.9) == 0.0
 
 
@@ -371,14 +372,18 @@ def test_the_learning_rate_falls_with_the_time_where_that_runs_out_first(tmp_pat
         rates.append(optimizers.param_groups[0]["lr"])
 
     monkeypatch.setattr(PPO, "_update_learning_rate", watched)
-    monkeypatch.setattr(training.Keeper, "seconds", property(lambda self: steps[-1] / 100.0))
-    monkeypatch.setattr(
-        training.TrainingCallback, "_on_step", lambda self: steps.append(self.num_timesteps) or steps[-1] <= 6000
-    )
+    step = training._Updates._on_step
+
+    def counted(self):
+        steps.append(self.num_timesteps)
+        return step(self)
+
+    monkeypatch.setattr(callbacks.RunCallback, "seconds", property(lambda self: steps[-1] / 100.0))
+    monkeypatch.setattr(training._Updates, "_on_step", counted)
     folder = tmp_path / "run"
     config = tiny(folder, steps=10**6, minutes=1.0, eval_every=10**9)  # 60 s are over after 6000 of the steps
     assert learn.train(folder, config)
-    full, rollout = config["ppo"]["learning_rate"], 32 * 40
+    full, rollout = config.ppo.learning_rate, 32 * 40
     assert rates == pytest.approx(
         [full * min(1.0 - k * rollout / 1e6, 2.0 - 2.0 * k * rollout / 6000) for k in range(1, 5)]
     )

@@ -1,6 +1,7 @@
 """A controller that sends people to exits is trained, judged and gone on with as a policy is."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from crowd_env.agents import training_config
 from crowd_env.agents.trained import LearnedController
 from crowd_env.agents.training_config import ROUTING_PPO, default_config, make_env, task_config
 
-PPOSettings, make_ppo = late("crowd_env.agents.learned", "PPOSettings", "make_ppo")
+make_ppo = late("crowd_env.agents.learned", "make_ppo")
 
 ROUTING = {"interval": 2.0, "grid": [4, 2]}
 
@@ -19,8 +20,8 @@ ROUTING = {"interval": 2.0, "grid": [4, 2]}
 def test_it_begins_at_the_nearest_exits():
     config = default_config("two-exit-hall-v0", "nsm2", 0, 2, 100, 1.0, people=12, routing=ROUTING)
     env = make_env(config)
-    model = make_ppo(env, PPOSettings(**config["ppo"]), 0)
-    assert model.gamma == ROUTING_PPO["gamma"]
+    model = make_ppo(env, config.ppo, 0)
+    assert model.gamma == ROUTING_PPO.gamma
     observation = env.reset(seed=0)[0]
     chosen = model.predict(observation, deterministic=True)[0]
     batch = env.batch
@@ -33,14 +34,14 @@ def test_it_begins_at_the_nearest_exits():
 
 def test_a_task_is_trained_as_it_stands():
     config = task_config("two-exit-hall", 3, routing=ROUTING, people=20)
-    assert (config["people"], config["scheme"], config["dt"], config["strategy"]) == (20, "nsm2", 0.01, "fastest")
-    assert config["seed"] == 3 and config["routing"] == ROUTING and config["manner"] == "competitive"
+    assert (config.people, config.scheme, config.dt, config.strategy) == (20, "nsm2", 0.01, "fastest")
+    assert config.seed == 3 and config.routing == ROUTING and config.manner == "competitive"
 
 
 @pytest.mark.more
 def test_the_whole_job(tmp_path, monkeypatch):
     def smaller(*args, **given):
-        return default_config(*args, **given) | {"people": 10, "eval_runs": 2}
+        return replace(default_config(*args, **given), people=10, eval_runs=2)
 
     monkeypatch.setattr(training_config, "default_config", smaller)
     options = ("--scenario", "two-exit-hall-v0", "--decides", "routing", "--set", "grid=2,1", "--envs", 2, "--runs", 2)

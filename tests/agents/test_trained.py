@@ -262,7 +262,7 @@ def test_the_numbers_act_as_the_model_does(action, tmp_path):
     """Without torch, to 3e-6; weights far from zero, so that units bend and bounds cut."""
     torch = pytest.importorskip("torch")
     from crowd_env.agents.learned import PPOSettings, make_ppo
-    from crowd_env.agents.learned.export import network_of
+    from crowd_env.agents.learned.actor_critic import network_of
     from crowd_env.agents.learned.training import env_options_of
 
     env = CrowdEnv(SMALL, autoreset=True, action=action)

@@ -9,12 +9,12 @@ from validation import seeds
 from validation.sources import Source
 from validation.tables import MAKERS
 
-training = late("crowd_env.agents.learned.training")
+curve = late("crowd_env.agents.learned.curve")
 
 
 def write(path, *points):
     """Write a curve of CPU seconds and times of the last person [s]."""
-    columns = training.CURVE_COLUMNS
+    columns = curve.CURVE_COLUMNS
     rows = [dict.fromkeys(columns, 0.0) | {"cpu_seconds": cpu, "evacuation_time": time} for cpu, time in points]
     write_csv(path, columns, [list(row.values()) for row in rows])
 
@@ -33,8 +33,8 @@ def folder(tmp_path):
             "rows": [{"policy": name, **time(value)} for name, value in rows.items()],
             "confirmation": {"kept": kept, "steps": 3000}, "spent": {"cpu_seconds": 300.0 + seed},
         })  # fmt: skip
-        write(run / training.SEARCH, (0.0, 350.0), (100.0, 53.0 + seed))
-        write(run / training.CURVE, (200.0, 53.0), (300.0, mean))
+        write(run / curve.SEARCH, (0.0, 350.0), (100.0, 53.0 + seed))
+        write(run / curve.CURVE, (200.0, 53.0), (300.0, mean))
     return tmp_path
 
 

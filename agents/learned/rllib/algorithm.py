@@ -1,42 +1,40 @@
 """RLlib's PPO, set up as the native one: the same network, start, hyperparameters and number of rooms."""
 
-from collections.abc import Mapping
-from typing import Any
+from typing import cast
 
 import torch
 from ray.rllib.algorithms.ppo import PPO, PPOConfig
+from ray.rllib.core.learner.learner import Learner
+
+from crowd_env.envs.protocol import WalkingBatch
 
 from ...networks import MLP
-from ...training_config import make_env
-from ..ppo import PPOSettings
+from ...training_config import TrainingConfig, make_env
 from .module import model_config, policy_in, state_with
 from .runner import CrowdEnvRunner
 
 _MODULE = "default_policy"
-_RESTART_AFTER = 5.0  # s  between a runner's death and the next try to begin it again, here or on another node
+_RESTART_AFTER = 5.0  # s  between the failure of a runner and the next try to restart it, here or on another node
 
-_ANSWER = 2.0  # s  within which a runner that was begun again answers; it is asked before every update
+_ANSWER = 2.0  # s  within which a runner that has restarted answers; it is asked before every update
 
 
-def make_algorithm(config: Mapping[str, Any], runners: int) -> PPO:
-    """Return an untrained algorithm whose rooms are shared out to so many runners.
+def make_algorithm(config: TrainingConfig, runners: int) -> PPO:
+    """Return an untrained algorithm whose environments are shared out to ``runners``.
 
-    A runner that dies is begun again, on another node if its own is gone; until then the others go on without it.
+    A runner that fails restarts, on another node if its own is gone; until then the others go on without it.
     """
-    settings = PPOSettings(**config["ppo"])
+    settings = config.ppo
     torch.set_num_threads(1)  # the network is small: a second thread costs more than it brings
-    rooms = -(-config["envs"] // runners)
-    env = make_env(config, envs=1)
+    rooms = -(-config.envs // runners)
+    env = cast(WalkingBatch, make_env(config, envs=1))
     # At most a quarter of the slots of a round: so many people are inside in one, and RLlib asks for no second.
     size = min(settings.batch_size, -(-settings.n_steps * rooms * runners * env.num_people // 4))
-    spaces: dict[str, Any] = {
-        "observation_space": env.single_observation_space,
-        "action_space": env.single_action_space,
-    }
-    told = {"run": dict(config), "envs": rooms, "n_steps": settings.n_steps}
+    spaces = {"observation_space": env.single_observation_space, "action_space": env.single_action_space}
+    options = {"run": config, "envs": rooms}
     return (
         PPOConfig()
-        .environment("crowds", env_config=told, disable_env_checking=True, **spaces)
+        .environment("crowds", env_config=options, disable_env_checking=True, **spaces)
         .env_runners(
             env_runner_cls=CrowdEnvRunner,
             num_env_runners=runners,
@@ -69,7 +67,7 @@ def make_algorithm(config: Mapping[str, Any], runners: int) -> PPO:
             max_num_env_runner_restarts=1_000_000,
             env_runner_health_probe_timeout_s=_ANSWER,
         )
-        .debugging(seed=config["seed"], log_level="ERROR")
+        .debugging(seed=config.seed, log_level="ERROR")
         .build_algo()
     )
 
@@ -89,7 +87,7 @@ def begin_with(algorithm: PPO, policy: MLP, log_std: float) -> None:
 def set_rate(algorithm: PPO, rate: float) -> None:
     """Set the learning rate."""
 
-    def change(learner: Any) -> None:
+    def change(learner: Learner) -> None:
         for _, optimizer in learner.get_optimizers_for_module(_MODULE):
             learner._set_optimizer_lr(optimizer, rate)
 

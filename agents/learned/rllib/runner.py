@@ -1,11 +1,11 @@
-"""What collects experience for RLlib: a batch of crowds stepped over arrays, and an episode of RLlib for each pedestrian.
+"""The environment runner of RLlib: a batch of crowds stepped over arrays, and an episode of RLlib for each pedestrian.
 
 RLlib's own runner of many agents goes through dictionaries, agent by agent, for every decision.  Here the whole batch is one
 call of the environment and one of the network, and only whole stretches of a pedestrian's steps become objects.
 """
 
 import time
-from typing import Any, NamedTuple
+from typing import NamedTuple, cast
 
 import gymnasium
 import numpy as np
@@ -15,8 +15,9 @@ from ray.rllib.env.single_agent_env_runner import SingleAgentEnvRunner
 from ray.rllib.env.single_agent_episode import SingleAgentEpisode
 
 from crowd_env.core.arrays.state import Bools
+from crowd_env.envs.protocol import WalkingBatch
 
-from ...training_config import SEEDS, make_env
+from ...training_config import SEEDS, TrainingConfig, make_env
 
 _APART = 7919  # between the seeds of two runners
 
@@ -24,7 +25,7 @@ _APART = 7919  # between the seeds of two runners
 class Spaces(gymnasium.vector.VectorEnv):
     """The spaces of a batch of which RLlib sees nothing else."""
 
-    def __init__(self, observation: gymnasium.Space[Any], action: gymnasium.Space[Any]) -> None:
+    def __init__(self, observation: gymnasium.Space, action: gymnasium.Space) -> None:
         self.num_envs = 1
         self.single_observation_space, self.single_action_space = observation, action
         self.observation_space = gymnasium.vector.utils.batch_space(observation, 1)
@@ -32,27 +33,26 @@ class Spaces(gymnasium.vector.VectorEnv):
 
 
 class CrowdEnvRunner(SingleAgentEnvRunner):
-    """Steps crowds and returns what every pedestrian has met, one stretch from the start, or the last call, to the exit.
+    """Steps crowds and returns the experience of every pedestrian: from the start, or the last call, to the exit.
 
-    ``env_config`` holds ``run``, the parameters of a training run, ``envs``, how many rooms this runner has, and ``n_steps``,
-    how many decision steps it makes in a call.
+    ``env_config`` holds ``run``, the parameters of a training run, and ``envs``, how many environments this runner has.
     """
 
     def make_env(self) -> None:
         """Make the batch of crowds."""
-        told = self.config.env_config
-        self.crowd = make_env(told["run"], envs=told["envs"])
+        self._run: TrainingConfig = self.config.env_config["run"]
+        self.crowd = cast(WalkingBatch, make_env(self._run, envs=self.config.env_config["envs"]))
         self.env = Spaces(self.crowd.single_observation_space, self.crowd.single_action_space)
         self.num_envs = 1
         self._needs_initial_reset = True
         self._last: np.ndarray = np.empty(0)  # observation (P, D)
 
-    def _sample(self, *, explore: bool, force_reset: bool = False, **_: Any) -> list[SingleAgentEpisode]:
+    def _sample(self, *, explore: bool, force_reset: bool = False, **_: object) -> list[SingleAgentEpisode]:
         """Return the experience of the next decision steps, however many RLlib asks for."""
         begun = time.process_time()
-        crowd, steps = self.crowd, self.config.env_config["n_steps"]
+        crowd, steps = self.crowd, self._run.ppo.n_steps
         if self._needs_initial_reset or force_reset:
-            seed = self.config.env_config["run"]["seed"] + _APART * (self.worker_index or 0)
+            seed = self._run.seed + _APART * (self.worker_index or 0)
             self._last, _info = crowd.reset(int(seed % SEEDS.high))
             self._needs_initial_reset = False
             self._return = np.zeros(crowd.num_people)
@@ -97,7 +97,7 @@ class CrowdEnvRunner(SingleAgentEnvRunner):
 
 
 class _Seen(NamedTuple):
-    """What P slots of pedestrians met in T decision steps; rows of those who are out mean nothing."""
+    """Experience of P slots of pedestrians in T decision steps; rows of those that are out mean nothing."""
 
     observation: np.ndarray  # (T, P, D)
     after: np.ndarray  # (T, P, D)  after the step; at the end of an evacuation its last
@@ -110,23 +110,23 @@ class _Seen(NamedTuple):
     inputs: np.ndarray | None = None  # (T, P, K)  parameters of the distributions that actions were drawn from
 
     @classmethod
-    def of(cls, steps: int, observation: np.ndarray, crowd: Any) -> "_Seen":
+    def of(cls, steps: int, observation: np.ndarray, crowd: WalkingBatch) -> "_Seen":
         """Return space for so many steps."""
         rows, space = (steps, len(observation)), crowd.single_action_space
         flags = [np.zeros(rows, dtype=np.bool_) for _ in range(3)]
         numbers = [np.zeros(rows, dtype=np.float32) for _ in range(2)]
         views = [np.zeros((*rows, observation.shape[1]), dtype=np.float32) for _ in range(2)]
-        action = np.zeros((*rows, *space.shape), dtype=space.dtype)
+        action = np.zeros((*rows, *(space.shape or ())), dtype=space.dtype)
         return cls(views[0], views[1], action, numbers[0], numbers[1], flags[0], flags[1], flags[2])
 
-    def clipped(self, t: int, space: gymnasium.Space[Any]) -> np.ndarray:
+    def clipped(self, t: int, space: gymnasium.Space) -> np.ndarray:
         """Return the actions of a step as the environment takes them."""
         if isinstance(space, gymnasium.spaces.Box):
             return np.clip(self.action[t], space.low, space.high)
         return self.action[t]
 
     def episodes(self) -> list[SingleAgentEpisode]:
-        """Return a stretch of steps as RLlib has it for every pedestrian, and a second one where the evacuation began anew."""
+        """Return an episode of RLlib for every pedestrian, and a second one where the environment has restarted."""
         assert self.inputs is not None
         found = []
         over = self.terminated | self.truncated

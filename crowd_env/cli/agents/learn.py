@@ -1,22 +1,23 @@
 """Train a policy to lead a crowd out, and compare it with the rules: ``python train.py``, ``crowd-env train``."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from crowd_env.agents import training_config
-from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.evaluation.report import table_console
 from crowd_env.agents.evaluation.trained_run import draw, judge, judge_in_plans, tables
 from crowd_env.agents.runs import new_folder
 from crowd_env.agents.tasks import TASKS
+from crowd_env.agents.training_config import TrainingConfig
 from crowd_env.cli.agents.options import People, Place, Threads, changes, of_learning
 from crowd_env.cli.options import ONE_SCHEME, Exits, Unit, WalkingName, of_output, of_people, of_physics, of_runs
 from crowd_env.cli.place import plan_options, walking_of
-from crowd_env.core.checks import known, whole
+from crowd_env.core.checks import known, number, whole
 from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.executors import check_cluster
 from crowd_env.core.files.json_file import write_json
@@ -30,7 +31,7 @@ _THREADS = min(2, os.cpu_count() or 1)
 _DECIDES = ("walking", "routing")
 _RUNS = 50  # held-out draws where there is no task
 _PLANS = 200  # after a training in generated places
-_ROUTING: dict[str, Any] = {"interval": 2.0, "grid": [4, 2]}
+_ROUTING = {"interval": 2.0, "grid": [4, 2]}
 
 
 def _grid(text: str) -> list[int]:
@@ -41,15 +42,15 @@ def _grid(text: str) -> list[int]:
 _SET = {"dt": float, "outline": str, "interval": float, "grid": _grid, "runners": int}
 
 
-def train(folder: Path, config: dict[str, Any], threads: int = 1) -> bool:
-    """Train, or go on training, in ``folder`` on so many threads; False if it was interrupted."""
+def train(folder: Path, config: TrainingConfig, threads: int = 1) -> bool:
+    """Train, or resume training, in ``folder`` on ``threads`` threads; False if it was interrupted."""
     from crowd_env.agents.learned.training import train_here
 
     return train_here(folder, config, threads)
 
 
-def train_with_rllib(folder: Path, config: dict[str, Any], threads: int = 1, runners: int | None = None) -> bool:
-    """Train as `train` does, with RLlib on a Ray cluster, by so many runners."""
+def train_with_rllib(folder: Path, config: TrainingConfig, threads: int = 1, runners: int | None = None) -> bool:
+    """Train as `train` does, with RLlib on a Ray cluster, by ``runners`` processes."""
     from crowd_env.agents.learned.rllib.training import train_on_cluster
 
     return train_on_cluster(folder, config, runners, threads)
@@ -128,14 +129,16 @@ def main(
         require_libraries(".png")
         given = _given(context) | changes(set, _SET)
         given.pop("set", None)
+        if "dt" in given:
+            number("--set dt", given["dt"], training_config.LEAST_DT, "s")
         far = {"runners": whole("--set runners", given.pop("runners"))} if "runners" in given else {}
         if resume is not None:
             folder, config = _resumed(context, resume, given)
         else:
-            config = _begun(given, seed) | {"backend": backend}
-        if config["backend"] == "rllib":
+            config = replace(_begun(given, seed), backend=backend)
+        if config.backend == "rllib":
             check_cluster()
-            if config["routing"] is not None:
+            if config.routing is not None:
                 raise ValueError("--backend rllib trains policies of people's own steps; leave out --decides routing")
         elif far:
             raise ValueError(f"--set runners={far['runners']}: runners belong to --backend rllib; leave them out")
@@ -143,20 +146,20 @@ def main(
             training_config.check_config(config)
             folder = _new_folder(config, out)
             context.with_resource(Store(folder).alone())
-        write_json(folder / "config.json", config)
+        write_json(folder / "config.json", config.as_table())
         say(
-            f"writing to {folder}/: training, at most {config['minutes']:g} min; then fresh draws, the table, figures, a film"
+            f"writing to {folder}/: training, at most {config.minutes:g} min; then fresh draws, the table, figures, a film"
         )
-        if not BACKENDS[config["backend"]](folder, config, threads, **far):
+        if not BACKENDS[config.backend](folder, config, threads, **far):
             raise KeyboardInterrupt
-        if config["places"] is not None:
+        if config.places is not None:
             table_console().print(judge_in_plans(folder, config, runs or _PLANS, threads))
             return
-        if config["task"] is not None:
-            from crowd_env.agents.learned.confirmation import confirm
+        if config.task is not None:
+            from crowd_env.agents.learned.significance_test import compare_with_start
 
-            confirm(folder, config, threads)
-        runs = runs or (_RUNS if config["task"] is None else training_config.task_of(config).runs)
+            compare_with_start(folder, config, threads)
+        runs = runs or (_RUNS if config.task is None else training_config.task_of(config).runs)
         results = judge(folder, config, runs, threads, fresh=fresh)
         table_console().print(*tables(config, results))
         say("drawing figures and a film, some seconds ...")
@@ -164,7 +167,7 @@ def main(
     say(f"model, config, results.json, figures and film: {folder}/")
 
 
-def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
+def _begun(given: Mapping[str, Any], seed: int) -> TrainingConfig:
     """Return the parameters of a new run from the options of the command line.
 
     Raises
@@ -194,13 +197,11 @@ def _begun(given: dict[str, Any], seed: int) -> dict[str, Any]:
         raise ValueError(f"--people is {asked['people']}: a scenario says how many there are; leave it out")
     options = plan_options(place, given.get("exit"), given.get("unit"))
     usual: dict[str, Any] = {"scheme": "nsm2", "envs": 64, "steps": 16_000_000, "minutes": 7.5}
-    start = asked.pop("start", RULE)
     usual |= training_config.ROUTING_BUDGET if routing else {}
-    config = training_config.default_config(place, seed=seed, options=options, **(usual | asked))
-    return config | {"start": start}
+    return training_config.default_config(place, seed=seed, options=options, **(usual | asked))
 
 
-def _asked(given: dict[str, Any]) -> dict[str, Any]:
+def _asked(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters of a run that options stand for."""
     names = {"walking": "manner"}
     of_run = ("people", "walking", "outline", "scheme", "dt", "start", "minutes", "steps", "envs", *_ROUTING)
@@ -217,20 +218,20 @@ def _given(context: typer.Context) -> dict[str, Any]:
     }
 
 
-def _new_folder(config: dict[str, Any], out: Path | None) -> Path:
+def _new_folder(config: TrainingConfig, out: Path | None) -> Path:
     """Make and return the folder of a run."""
     if out is not None:
         return new_folder(out.parent, out.name)
-    parts = [config["task"] or Path(config["scenario"]).stem, config["scheme"]]
-    parts = parts if config["places"] is None else [training_config.GENERATED]
-    parts += [] if config["routing"] is None else ["routing"]
-    parts += [] if config["backend"] == "native" else [config["backend"]]
-    return new_folder(Path("runs"), f"{'-'.join(parts)}-seed{config['seed']}")
+    parts = [config.task or Path(config.scenario).stem, config.scheme]
+    parts = parts if config.places is None else [training_config.GENERATED]
+    parts += [] if config.routing is None else ["routing"]
+    parts += [] if config.backend == "native" else [config.backend]
+    return new_folder(Path("runs"), f"{'-'.join(parts)}-seed{config.seed}")
 
 
-def _resumed(context: typer.Context, folder: Path, given: dict[str, Any]) -> tuple[Path, dict[str, Any]]:
-    """Return folder and parameters of a run that is gone on with, by this command alone."""
-    from crowd_env.agents.learned.training import CURVE, read_curve
+def _resumed(context: typer.Context, folder: Path, given: Mapping[str, Any]) -> tuple[Path, TrainingConfig]:
+    """Return folder and parameters of a run that is resumed, by this command alone."""
+    from crowd_env.agents.learned.curve import CURVE, read_curve
 
     if "out" in given:
         raise ValueError(f"--out {given['out']} beside --resume {folder}: a run keeps its folder; leave --out out")
@@ -239,4 +240,4 @@ def _resumed(context: typer.Context, folder: Path, given: dict[str, Any]) -> tup
     config = training_config.read_config(folder / "config.json")
     own = {name: given[name] for name in ("place", "exit", "unit", "seed", "backend", "decides") if name in given}
     curve = read_curve(folder / CURVE)
-    return folder, training_config.extended(config, own | _asked(given), curve, folder.name)
+    return folder, training_config.resumed(config, own | _asked(given), curve, folder.name)

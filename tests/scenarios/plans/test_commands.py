@@ -8,7 +8,7 @@ from commands import call
 from plan_files import EAST, ROOM, room_drawing
 from typer.testing import CliRunner
 
-from crowd_env.agents.training_config import extended, place_of, task_of
+from crowd_env.agents.training_config import TrainingConfig, place_of, resumed, task_of
 from crowd_env.cli.agents.evaluate import app as evaluate
 from crowd_env.cli.agents.learn import _begun
 
@@ -46,13 +46,13 @@ def test_policies_are_compared_on_a_plan(plan):
 def test_policies_are_trained_on_a_plan(plan):
     given = {"place": str(plan), "exit": [CM], "unit": "cm", "people": 9, "scheme": "dem"}
     config = _begun(given, seed=0)
-    assert config["options"] == {"exits": [CM], "unit": "cm"} and config["people"] == 9
-    place = place_of(json.loads(json.dumps(config)))
+    assert config.options == {"exits": [CM], "unit": "cm"} and config.people == 9
+    place = place_of(TrainingConfig(**json.loads(json.dumps(config.as_table()))))
     assert place.population.people == 9 and place.geometry.area == pytest.approx(48.0)
     assert task_of(config).place(7).population.people == 7
-    assert extended(config, {"exit": [CM], "unit": "cm"}, [], "run") == config
+    assert resumed(config, {"exit": [CM], "unit": "cm"}, [], "run") == config
     with pytest.raises(ValueError, match=r"--unit is mm, but run was begun with cm"):
-        extended(config, {"unit": "mm"}, [], "run")
+        resumed(config, {"unit": "mm"}, [], "run")
 
 
 @looped(

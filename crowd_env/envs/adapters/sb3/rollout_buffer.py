@@ -1,7 +1,6 @@
 """Rollouts of a `CrowdVecEnv` that keep pedestrians who have left out of the loss."""
 
 from collections.abc import Generator
-from typing import Any
 
 import numpy as np
 import torch
@@ -30,7 +29,15 @@ class MaskedRolloutBuffer(RolloutBuffer):
         self.mask = np.zeros((self.buffer_size, self.n_envs), dtype=np.bool_)
         self._slots: Slots | None = None  # of the last step
 
-    def add(self, obs: np.ndarray, action: np.ndarray, reward: np.ndarray, *args: Any, **kwargs: Any) -> None:
+    def add(
+        self,
+        obs: np.ndarray,
+        action: np.ndarray,
+        reward: np.ndarray,
+        episode_start: np.ndarray,
+        value: torch.Tensor,
+        log_prob: torch.Tensor,
+    ) -> None:
         """Add one step of all slots.
 
         Raises
@@ -45,7 +52,7 @@ class MaskedRolloutBuffer(RolloutBuffer):
                 "the environment is another one, or a wrapper has replaced them by plain arrays"
             )
         t = self.pos
-        super().add(obs, action, reward, *args, **kwargs)
+        super().add(obs, action, reward, episode_start, value, log_prob)
         self.mask[t], self._slots = slots.acted, slots
         self.values[t] = np.where(
             slots.acted, self.values[t], _worth_of_having_left(self.values[t], slots.acted, slots)
@@ -76,9 +83,9 @@ class MaskedRolloutBuffer(RolloutBuffer):
             If an observation or a reward is no finite number: one of them would spoil the network for good.
         """
         assert self.full, "the buffer is not full yet"
-        draw: Any = np.random  # the generator that stable-baselines3 seeds
+        permutation = np.random.permutation
         if not self.generator_ready:
-            valid = draw.permutation(np.flatnonzero(self.mask))
+            valid = permutation(np.flatnonzero(self.mask))
             for name in _SAMPLED:
                 array = getattr(self, name)
                 setattr(self, name, array.reshape(self.mask.size, *array.shape[2:])[valid])
@@ -91,7 +98,7 @@ class MaskedRolloutBuffer(RolloutBuffer):
         total = len(self.values)
         count = max(1, int(np.floor(total / (batch_size or total) + 0.5)))
         bounds = np.linspace(0, total, count + 1).astype(int)
-        for k in draw.permutation(count):
+        for k in permutation(count):
             yield RolloutBufferSamples(*(one[bounds[k] : bounds[k + 1]] for one in tensors))
 
 

@@ -3,17 +3,17 @@
 from abc import abstractmethod
 from collections import deque
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
-from crowd_env.envs.crowd import CrowdEnv
-from crowd_env.envs.generated import GeneratedCrowds
 from crowd_env.envs.metrics import EpisodeMetrics
+from crowd_env.envs.protocol import WalkingBatch
 
 KEPT_EPISODES = 1000  #: metrics of finished environments that are kept until `take_finished` is called
 
@@ -23,17 +23,19 @@ class BatchVecEnv(VecEnv):
 
     Parameters
     ----------
-    env : the batch that attributes and methods are looked up in; its single spaces are those of a row.
+    env : the batch; its single spaces are those of a row.
     rows : number of sub-environments of the VecEnv.
 
     Attributes
     ----------
+    env : the batch, in which attributes and methods are looked up.
     finished_episodes : metrics of the environments that finished since `take_finished` was last called, the last 1000 of them.
     """
 
-    def __init__(self, env: Any, rows: int) -> None:
-        self.env = env
-        self.render_mode = None
+    env: WalkingBatch | VectorEnv
+
+    def __init__(self, env: WalkingBatch | VectorEnv, rows: int) -> None:
+        self.env, self.render_mode = env, None
         self.finished_episodes: deque[EpisodeMetrics] = deque(maxlen=max(KEPT_EPISODES, env.num_envs))
         self._actions: np.ndarray = np.empty(0)
         self._return = np.zeros(rows)
@@ -64,11 +66,11 @@ class BatchVecEnv(VecEnv):
 
     def _close_episodes(
         self, reward: Floats, done: Bools, truncated: Bools, last_observation: np.ndarray
-    ) -> list[dict[str, Any]]:
+    ) -> list[dict[str, object]]:
         """Add up the rewards of a step; return the infos of all rows, empty unless the row is ``done``."""
         self._return += reward
         self._length += 1
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        infos: list[dict[str, object]] = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(done):
             infos[i] = {
                 "terminal_observation": last_observation[i],
@@ -90,23 +92,23 @@ class BatchVecEnv(VecEnv):
         if hasattr(self.env, "close"):
             self.env.close()
 
-    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[object]:
         """Return an attribute of the batch, once for each row in ``indices``."""
         value = None if attr_name == "render_mode" else getattr(self.env, attr_name)
         return [value for _ in self._get_indices(indices)]
 
-    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+    def set_attr(self, attr_name: str, value: object, indices: VecEnvIndices = None) -> None:
         """Set an attribute of the whole batch; it cannot differ between rows."""
         setattr(self.env, attr_name, value)
 
     def env_method(
-        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **kwargs: Any
-    ) -> list[Any]:
+        self, method_name: str, *method_args: object, indices: VecEnvIndices = None, **kwargs: object
+    ) -> list[object]:
         """Call a method of the batch once and return its result for each row in ``indices``."""
         result = getattr(self.env, method_name)(*method_args, **kwargs)
         return [result for _ in self._get_indices(indices)]
 
-    def env_is_wrapped(self, wrapper_class: Any, indices: VecEnvIndices = None) -> list[bool]:
+    def env_is_wrapped(self, wrapper_class: type[gymnasium.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
         """Return False for each row in ``indices``: there are no wrappers inside."""
         return [False for _ in self._get_indices(indices)]
 
@@ -134,7 +136,7 @@ class SlotRewards(np.ndarray):
 
     slots: Slots | None
 
-    def __array_finalize__(self, made_from: Any) -> None:
+    def __array_finalize__(self, made_from: object) -> None:
         self.slots = getattr(made_from, "slots", None)
 
     @classmethod
@@ -173,7 +175,9 @@ class CrowdVecEnv(BatchVecEnv):
         If the batch does not restart by itself.
     """
 
-    def __init__(self, env: CrowdEnv | GeneratedCrowds) -> None:
+    env: WalkingBatch
+
+    def __init__(self, env: WalkingBatch) -> None:
         if not env.autoreset:
             raise ValueError("CrowdVecEnv needs a CrowdEnv made with autoreset=True")
         self.acted = np.zeros(env.num_people, dtype=np.bool_)
@@ -217,6 +221,8 @@ class VectorVecEnv(BatchVecEnv):
     ValueError
         If the batch does not restart rows in the same step.
     """
+
+    env: VectorEnv
 
     def __init__(self, env: VectorEnv) -> None:
         if env.metadata.get("autoreset_mode") is not AutoresetMode.SAME_STEP:

@@ -1,12 +1,11 @@
-"""Is the network that did best in training better than the one training began with?  Asked on draws that chose neither.
+"""A significance test: is the best network of a training better than its first, on draws that chose neither?
 
-The best of a learning curve is partly lucky: a few validation draws are looked at many times.  Where training begins at a rule
+The best of a learning curve is partly lucky: a few validation draws are looked at many times.  Where training starts at a rule
 that is hard to beat, what luck chose can be worse than the rule.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -22,8 +21,9 @@ from ..evaluation.evaluation import FINAL_SEED, HELD_OUT_SEED
 from ..evaluation.folder import EvaluationFolder, settings_of
 from ..evaluation.same_draws import compare
 from ..networks import NETWORK
-from ..training_config import judged_place, law_of, task_of
-from .training import MARGIN, START, best_row, read_curve
+from ..training_config import TrainingConfig, judged_place, law_of, task_of
+from .callbacks import START
+from .curve import CURVE, MARGIN, best_row, read_curve
 
 UNCONFIRMED, FOUND = "unconfirmed.safetensors", "confirmation.json"
 LOOKS, DRAWS = 4, 25  # at most so many looks, so many further draws for each
@@ -33,36 +33,34 @@ _BOUND = 2.024
 _BLOCKS = 60_000  # of draws, of which a training gets one: they end below those of submissions
 
 
-def confirm(folder: Path, config: Mapping[str, Any], threads: int = 1) -> None:
-    """Keep the start of a finished training on a task unless the network that did best on validation draws is better.
+def compare_with_start(folder: Path, config: TrainingConfig, threads: int = 1) -> None:
+    """Keep the first network of a finished training on a task unless the best on validation draws is significantly better.
 
     Both lead the crowd of the task as it stands, with its own number of people and physics step, on the same fresh draws, which
-    are those of this task and seed alone (`first_draw`).  They are compared by the time of the last person, who counts until
-    the time limit where somebody is left inside.  A difference that is plain ends the test early.  So does that the network is
-    less than `MARGIN` later and touches less: it is kept then too, as where all draws leave the time open and it is not later
-    on average, but touches less.
+    belong to this task and seed alone (`first_draw`).  They are compared by the time of the last person; somebody left inside
+    counts until the time limit.  A plain difference ends the test early.  So does a network that is less than `MARGIN` later
+    and touches less: it is kept then too, as where all draws leave the time open and it is not later on average, but touches
+    less.
 
-    A network that is no sooner is kept for its time in 2.5 % of trainings, and so is one that is `MARGIN` later, however softly
-    it walks: both are held against the same bounds, after each look.  That it touches less is a further question to the same
-    draws, at every look, so that the answer must always be as plain as one that ends the test at once: it is wrong in less than
-    0.1 %.
+    Type-I error: 2.5 % for a network that is no sooner, and 2.5 % for one that is `MARGIN` later: both are held against the
+    same bounds after each look.  Whether it touches less is a further question to the same draws at every look, so that the
+    bound of a single look counts: the error is below 0.1 %.
 
-    ``confirmation.json`` says what came out; what has been simulated is kept, so that an interrupted test goes on.  Where the
+    ``confirmation.json`` holds the outcome.  What has been simulated is kept, so that an interrupted test goes on.  Where the
     start is kept, ``best.safetensors`` is the start, and the other ``unconfirmed.safetensors``.
 
-    Nothing is asked of a run whose start did best, or that an earlier version began, or of a selfish task: it keeps the last.
+    A run whose start did best, or that an earlier version began, is not tested; a selfish task keeps the last network.
     """
     if task_of(config).selfish:
         write_json(folder / FOUND, {"kept": "last"})
         return
-    curve = read_curve(folder / "learning_curve.csv")
+    curve = read_curve(folder / CURVE)
     best = best_row(curve)
     _reopen(folder, best)
     if best is curve[0] or not (folder / START).exists():
         return
     say("confirming the network on fresh draws, beside the one training began with ...")
     later, harder = np.empty(0), np.empty(0)
-    z, bound, softer, as_soon = 0.0, np.inf, False, False
     for look in range(LOOKS):
         time, impulse = _minus_start(folder, config, look, threads)
         later, harder = np.append(later, time), np.append(harder, impulse)
@@ -78,47 +76,50 @@ def confirm(folder: Path, config: Mapping[str, Any], threads: int = 1) -> None:
         "draws": len(later),
         "seconds_later": mean,
         "standard_error": _error(later),
-        "bound": bound,
+        "bound": float(bound),
         "impulse_more": float(harder.mean()),
         "impulse_standard_error": _error(harder),
     }
     write_json(folder / FOUND, found)
-    said = f"the network of step {best['steps']:.0f} is {abs(mean):.2f} s {'sooner' if mean < 0.0 else 'later'} out than the "
-    said += f"start on {len(later)} fresh draws"
+    text = f"the network of step {best['steps']:.0f} is {abs(mean):.2f} s {'sooner' if mean < 0.0 else 'later'} out than the "
+    text += f"start on {len(later)} fresh draws"
     if kept:
-        say(f"{said}{'' if sooner else f', and touches less, by {-harder.mean():.0f} N s a person'}: kept")
+        say(f"{text}{'' if sooner else f', and touches less, by {-harder.mean():.0f} N s a person'}: kept")
         return
-    for source, target in ((NETWORK, UNCONFIRMED), (START, NETWORK)):
-        with written(folder / target) as part:
-            part.write_bytes((folder / source).read_bytes())
-    say(f"{said}, not better beyond doubt: the start is kept")
+    _copy(folder / NETWORK, folder / UNCONFIRMED)
+    _copy(folder / START, folder / NETWORK)
+    say(f"{text}, not better beyond doubt: the start is kept")
 
 
 def kept_row(folder: Path, curve: Sequence[dict[str, float]]) -> dict[str, float]:
     """Return the row of the learning curve of the network that was kept."""
-    kept = (confirmation(folder) or {}).get("kept")
+    kept = (outcome(folder) or {}).get("kept")
     if kept in ("start", "last"):
         return curve[0 if kept == "start" else -1]
     return best_row(curve)
 
 
-def confirmation(folder: Path) -> dict[str, Any] | None:
-    """Return what `confirm` found; None where it asked nothing."""
+def outcome(folder: Path) -> dict[str, str | float] | None:
+    """Return what `compare_with_start` found; None where nothing was tested."""
     return read_json(folder / FOUND) if (folder / FOUND).exists() else None
 
 
-def _reopen(folder: Path, best: Mapping[str, float]) -> None:
-    """Forget an earlier test; a network that it refused is asked about again if it still is the best of the curve."""
-    before, refused = confirmation(folder), folder / UNCONFIRMED
+def _reopen(folder: Path, best: dict[str, float]) -> None:
+    """Forget an earlier test; a network that it refused is tested again if it still is the best of the curve."""
+    before, refused = outcome(folder), folder / UNCONFIRMED
     if before is not None and refused.exists() and before["steps"] == best["steps"]:
-        with written(folder / NETWORK) as part:
-            part.write_bytes(refused.read_bytes())
+        _copy(refused, folder / NETWORK)
     (folder / FOUND).unlink(missing_ok=True)
     refused.unlink(missing_ok=True)
 
 
-def _minus_start(folder: Path, config: Mapping[str, Any], look: int, threads: int) -> tuple[Floats, Floats]:
-    """Return what a network has more than the start in each draw of a look: time of the last person [s], impulse [N s]."""
+def _copy(source: Path, target: Path) -> None:
+    with written(target) as part:
+        part.write_bytes(source.read_bytes())
+
+
+def _minus_start(folder: Path, config: TrainingConfig, look: int, threads: int) -> tuple[Floats, Floats]:
+    """Return the network minus the start in each draw of a look: time of the last person [s], impulse [N s]."""
     place, task = judged_place(config), task_of(config)
     seed = first_draw(config) - HELD_OUT_SEED + look * DRAWS
     kept = EvaluationFolder(folder / f"confirmation-{look + 1}", settings_of(place, DRAWS, seed, task))
@@ -128,9 +129,9 @@ def _minus_start(folder: Path, config: Mapping[str, Any], look: int, threads: in
     return last_times(best) - last_times(start), impulse
 
 
-def first_draw(config: Mapping[str, Any]) -> int:
+def first_draw(config: TrainingConfig) -> int:
     """Return the seed of the first draw, which follows from what was trained for and the seed of the training."""
-    number = int(fingerprint(config["task"] or config["scenario"], config["seed"]), 16)
+    number = int(fingerprint(config.task or config.scenario, config.seed), 16)
     return FINAL_SEED + LOOKS * DRAWS * (number % _BLOCKS)
 
 

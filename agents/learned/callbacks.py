@@ -1,0 +1,247 @@
+"""Evaluation callbacks: what every training asks between its updates, whatever learns.
+
+stable-baselines3, the evolution search, and RLlib each call `EvaluationCallback.on_update` before every update.
+"""
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from types import FrameType
+from typing import Any, Generic, TypeVar, cast
+
+import numpy as np
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from typing import Self
+
+from crowd_env.core.console import notes, say, stops_by
+
+from ..evaluation.evaluation import VALIDATION_SEED, evaluate
+from ..evaluation.plans import judge_plan
+from ..networks import NETWORK
+from ..policy import Policy
+from ..trained import LearnedController, LearnedPolicy
+from ..training_config import TrainingConfig, judged_place, physics_of, task_of
+from .curve import CURVE, SEARCH, best_row, figures_in_plans, figures_of, read_curve, write_curve
+
+START = "start.safetensors"  # the network that training began with
+
+Trained = LearnedPolicy | LearnedController
+Learner = TypeVar("Learner", contravariant=True)
+
+
+class EvaluationCallback(ABC, Generic[Learner]):
+    """Evaluates a policy during its training, and ends the training."""
+
+    @property
+    @abstractmethod
+    def progress(self) -> float:
+        """Share of the budget that is spent: the learning rate falls with it."""
+
+    @property
+    def stopped(self) -> bool:
+        """Whether to end now, in the middle of a rollout."""
+        return False
+
+    @abstractmethod
+    def on_update(self, steps: int, policy: Callable[[], Learner], returns: Sequence[float] = ()) -> bool:
+        """Evaluate the policy if that is due; return whether to go on training.
+
+        Parameters
+        ----------
+        steps : decision steps of pedestrians so far.
+        policy : returns the policy as it is now, which later training must not change.
+        returns : of the episodes that have ended since the last call.
+        """
+
+
+class RunCallback(EvaluationCallback[Trained]):
+    """Evaluates a training on validation draws; keeps in its folder the curve, the first network, and the best.
+
+    Of a selfish task the last network is kept.  Used as a context it shows a bar, and ends the training in time, or at the
+    first Ctrl-C or SIGTERM; a second one ends it at once.
+
+    Parameters
+    ----------
+    folder, config : of the run.
+    keep : takes each new row of the curve, before its file says that training can be resumed there: it writes a checkpoint.
+    threads : of the evaluations.
+
+    Attributes
+    ----------
+    curve : a row for each evaluation, of earlier parts of the run too.
+    steps : decision steps of all slots so far.
+    cpu_elsewhere : s, spent in other processes.
+    interrupted : whether Ctrl-C or SIGTERM came.
+    """
+
+    def __init__(
+        self, folder: Path, config: TrainingConfig, keep: Callable[[dict[str, float]], object], threads: int = 1
+    ) -> None:
+        self.folder, self.config, self.interrupted, self.cpu_elsewhere = folder, config, False, 0.0
+        self.curve = read_curve(folder / CURVE)
+        last = self.curve[-1] if self.curve else dict.fromkeys(("steps", "seconds", "cpu_seconds"), 0.0)
+        self.steps, self._due = int(last["steps"]), last["steps"] + (config.eval_every if self.curve else 0)
+        self._begun = self.steps, time.monotonic()
+        self._seconds = time.monotonic() - last["seconds"]
+        self._cpu_seconds = time.process_time() - last["cpu_seconds"]
+        self._keep, self._threads = keep, threads
+        self._returns: list[float] = []
+        self._searched: list[dict[str, float]] = []
+        self._context = ExitStack()
+        self._bar = Progress(  # on the error stream: the table goes to standard output
+            TextColumn("training"),
+            BarColumn(),
+            TextColumn("{task.percentage:3.0f} %"),
+            TextColumn("{task.fields[figures]}"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=notes,
+        )
+        self._task = self._bar.add_task("", total=1.0, figures="")
+
+    def __enter__(self) -> Self:
+        self._context.enter_context(stops_by(self.interrupt))
+        self._context.enter_context(self._bar)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._context.close()
+
+    def interrupt(self, number: int, frame: FrameType | None) -> None:
+        """End the training as soon as possible; called a second time, at once."""
+        if self.interrupted:
+            raise KeyboardInterrupt
+        self.interrupted = True
+        say("stopping: saving what there is (Ctrl-C again stops at once)")
+
+    @property
+    def seconds(self) -> float:
+        """Training time so far [s], earlier parts of the run included."""
+        return time.monotonic() - self._seconds
+
+    @property
+    def _time_share(self) -> float:
+        return self.seconds / (60.0 * self.config.minutes)
+
+    @property
+    def progress(self) -> float:
+        """Share of the steps that is spent, or of the second half of the time.
+
+        Training that needs less than half of its time depends on its seed alone, and not on what else the machine does.
+        """
+        return max(self.steps / self.config.steps, 2.0 * self._time_share - 1.0)
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the time is over, or the training was interrupted."""
+        return self.interrupted or self._time_share > 1.0
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing is left of the budget, or the training was interrupted."""
+        return self.stopped or self.steps >= self.config.steps
+
+    def on_update(self, steps: int, policy: Callable[[], Trained], returns: Sequence[float] = ()) -> bool:
+        """Evaluate the policy if that is due, and at the very start; return whether to go on training."""
+        self.steps = steps
+        self._returns += returns
+        if not self.curve or (self._due <= steps and not self.over):
+            self.evaluate(policy())
+        rate = (steps - self._begun[0]) / max(time.monotonic() - self._begun[1], 1e-9)
+        best = min((row["evacuation_time"] for row in self.curve if row["unfinished"] == 0), default=np.nan)
+        done = min(max(steps / self.config.steps, self._time_share), 1.0)
+        self._bar.update(self._task, completed=done, figures=f"{rate:.0f} steps/s, best {best:.2f} s")
+        return not self.over
+
+    def on_end(self, steps: int, policy: Callable[[], Trained], returns: Sequence[float] = ()) -> None:
+        """Evaluate the policy after its last update."""
+        self.steps = steps
+        self._returns += returns
+        if self.curve[-1]["steps"] < steps:
+            self.evaluate(policy())
+
+    def evaluate(self, policy: Trained) -> None:
+        """Add a row to the curve, and keep the policy if it is the first, or the best by now."""
+        row = self._row(policy, self.steps)
+        self._returns.clear()
+        self._due = self.steps + self.config.eval_every
+        self.curve.append(row)
+        self._keep(row)
+        if len(self.curve) == 1:
+            policy.save(self.folder / START)
+        if best_row(self.curve) is row or task_of(self.config).selfish:
+            policy.save(self.folder / NETWORK)
+        write_curve(self.folder / CURVE, self.curve)
+        if not notes.is_terminal:  # a line in place of the bar
+            say(
+                f"{row['steps']:.0f} of {self.config.steps} steps, {row['seconds']:.0f} s: evacuation "
+                f"{row['evacuation_time']:.2f} ± {row['standard_error']:.2f} (standard error) s, "
+                f"{row['unfinished']:.0f} left inside"
+            )
+
+    def on_search(self, steps: int, policy: Policy) -> None:
+        """Add the best policy of a search so far to the curve of the search."""
+        self._searched.append(self._row(policy, steps))
+        write_curve(self.folder / SEARCH, self._searched)
+
+    def _row(self, policy: Policy | LearnedController, steps: int) -> dict[str, float]:
+        spent = {
+            "steps": float(steps),
+            "seconds": self.seconds,
+            "cpu_seconds": time.process_time() - self._cpu_seconds + self.cpu_elsewhere,
+        }
+        earned = {
+            "reward": float(np.mean(self._returns)) if self._returns else np.nan,
+            "episodes": float(len(self._returns)),
+        }
+        return spent | self._figures(policy) | earned
+
+    def _figures(self, policy: Policy | LearnedController) -> dict[str, float]:
+        config, runs = self.config, self.config.eval_runs
+        if config.places is not None:
+            return figures_in_plans([judge_plan(cast(Policy, policy), VALIDATION_SEED + k) for k in range(runs)])
+        options = {**physics_of(config), "learned_share": task_of(config).learned_share, "threads": self._threads}
+        return figures_of(evaluate(policy, judged_place(config), runs=runs, first_seed=VALIDATION_SEED, **options))
+
+
+class ComparisonCallback(EvaluationCallback[Policy]):
+    """Ends a training when its budget of processor time is spent, and judges the policy on the way.
+
+    Parameters
+    ----------
+    seconds : of processor time of this process, without what ``judge`` takes.
+    judge : takes a policy and returns figures, the smaller ``order`` the better.
+    checkpoints : how often the policy is judged beside the start; the last time is at the end.
+
+    Attributes
+    ----------
+    curve : a row for each judgement: ``steps``, ``seconds`` of processor time, and what ``judge`` returned.
+    best : the policy of the best row, and its number.
+    """
+
+    def __init__(self, seconds: float, judge: Callable[[Policy], Mapping[str, Any]], checkpoints: int) -> None:
+        self.seconds, self.checkpoints = seconds, checkpoints
+        self.curve: list[dict[str, Any]] = []
+        self.best: tuple[Policy, int] | None = None
+        self._judge = judge
+        self._begun = time.process_time()
+
+    @property
+    def progress(self) -> float:
+        """Share of the processor time that is spent."""
+        return min((time.process_time() - self._begun) / self.seconds, 1.0)
+
+    def on_update(self, steps: int, policy: Callable[[], Policy], returns: Sequence[float] = ()) -> bool:
+        """Judge the policy if that is due; return whether processor time is left."""
+        spent = time.process_time() - self._begun
+        if len(self.curve) <= self.checkpoints * min(spent / self.seconds, 1.0):
+            found = policy()
+            row = {"steps": int(steps), "seconds": round(spent, 3), **self._judge(found)}
+            if self.best is None or row["order"] < self.curve[self.best[1]]["order"]:
+                self.best = found, len(self.curve)
+            self.curve.append(row)
+            self._begun = time.process_time() - spent  # judging is no training
+        return spent < self.seconds
