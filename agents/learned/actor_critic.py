@@ -1,6 +1,6 @@
 """The actor-critic policy of pedestrians and controllers: a critic that reads what the actor sees, nothing computed twice."""
 
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import gymnasium
 import torch
@@ -11,7 +11,6 @@ from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.common.type_aliases import Schedule
 from torch import Tensor, nn
 from torch.nn.functional import relu
-from typing import Self
 
 from ..networks import MLP
 

@@ -1,6 +1,6 @@
 """A policy of stable-baselines3 whose actions follow Beta distributions: bounded, with a mode that can be the bound."""
 
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import gymnasium
 import numpy as np
@@ -9,7 +9,6 @@ from stable_baselines3.common.distributions import Distribution
 from stable_baselines3.common.type_aliases import Schedule
 from torch import Tensor, nn
 from torch.nn.functional import softplus
-from typing import Self
 
 from crowd_env.core.arrays.state import Floats
 

@@ -15,13 +15,14 @@ from repository import ROOT
 from training_runs import call, checkpoint, curve, tiny, with_ppo
 
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
-from crowd_env.agents import make_policy, training_config
+from crowd_env.agents import PRETRAINED, make_policy, training_config
 from crowd_env.agents.evaluation.comparison import last_times, minus_first
 from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.networks import read_network
 from crowd_env.agents.tasks import PRESETS, TASKS
 from crowd_env.agents.training_config import make_env
 from crowd_env.cli.agents import learn
+from crowd_env.core.files.json_file import read_json
 from crowd_env.envs.action import make_action
 
 PPO = late("stable_baselines3", "PPO")
@@ -387,3 +388,24 @@ def test_the_learning_rate_falls_with_the_time_where_that_runs_out_first(tmp_pat
     assert rates == pytest.approx(
         [full * min(1.0 - k * rollout / 1e6, 2.0 - 2.0 * k * rollout / 6000) for k in range(1, 5)]
     )
+
+
+@looped("name", PRETRAINED)
+def test_the_stored_parameters_of_shipped_policies_are_read_as_they_are(name):
+    stored = {"places": None} | read_json(PRETRAINED[name].with_suffix(".json"))["config"]
+    assert training_config.TrainingConfig(**stored).as_table() == stored
+
+
+@looped(
+    ("field", "value", "words"),
+    [
+        ("envs", "two", "envs is 'two'"),
+        ("seed", -1, "seed is -1; it must be 0 to 999999"),
+        ("dt", 0.0, "dt is 0.0"),
+        ("ppo", {"smell": 1}, "unknown key 'smell'"),
+    ],
+)
+def test_parameters_that_cannot_be_are_refused(field, value, words):
+    config = training_config.default_config("room-v0", "nsm2", 0, 2, 100, 1.0)
+    with pytest.raises(ValueError, match=words):
+        replace(config, **{field: value})
