@@ -129,9 +129,9 @@ def test_training_table_curve_and_film_use_the_same_physics_step(tmp_path, monke
     seen, init = set(), Simulation.__init__
     default = training_config.default_config
 
-    def watched(self, *args, dt, **options):
-        seen.add(dt)
-        init(self, *args, dt=dt, **options)
+    def watched(self, *args, physics, **options):
+        seen.add(physics.dt)
+        init(self, *args, physics=physics, **options)
 
     def smaller(*args, **given):
         config = with_ppo(default(*args, **given), n_steps=4)
@@ -289,9 +289,9 @@ def test_a_task_is_trained_by_its_preset_and_judged_as_it_stands(tmp_path, monke
     """Trained with other people and another physics step than it is judged with."""
     seen, init = [], Simulation.__init__
 
-    def watched(self, scenarios, *args, dt, **options):
-        init(self, scenarios, *args, dt=dt, **options)
-        seen.append((dt, self.bodies.env_start[1]))
+    def watched(self, scenarios, *args, physics, **options):
+        init(self, scenarios, *args, physics=physics, **options)
+        seen.append((physics.dt, self.bodies.env_start[1]))
 
     monkeypatch.setattr(Simulation, "__init__", watched)
     monkeypatch.setattr("crowd_env.agents.evaluation.evaluation._warm_up", lambda *args: None)  # in a room of its own
