@@ -91,7 +91,7 @@ def test_rows_hold_the_share(small):
         (("--set", "learned=0"), r"--set learned is 0\.0; it must be above 0 and at most 1"),
         (("--set", "learned=1.5"), r"--set learned is 1\.5; it must be above 0"),
         (("--set", "learned=0.5", "--policies", "nearest"), "'nearest' cannot move a part of the people: it chooses"),
-        (("--set", "learned=0.5", "--policies", "headway"), "'headway' cannot move a part .* a manner"),
+        (("--set", "learned=0.5", "--policies", "headway"), "'headway' cannot move a part .* the walking of all"),
     ],
 )
 def test_what_cannot_be_mixed_is_said_in_one_line(small, arguments, message):

@@ -268,7 +268,7 @@ def test_the_same_seed_trains_the_same_policy_however_fast_the_machine_is(tmp_pa
         (("--set", "tolerance=2"), "tolerance dt outline"),
         (("--decides", "routing", "--start", "follow"), "--start follow nearest exits"),
         (("--decides", "routing", "--scenario", "room-v0"), "nothing to choose"),
-        (("--decides", "routing", "--set", "grid=1000,1000"), "--grid 10000"),
+        (("--decides", "routing", "--set", "grid=1000,1000"), "--set grid"),
         (("--task", "floor"), "no preset floor competitive-door"),
         (("--scenario", "room-v0", "--people", 5), "--people 5 scenario says"),
         (("--people", 5000), "5000 people do not fit"),
