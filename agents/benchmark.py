@@ -18,6 +18,7 @@ from crowd_env.core.files.json_file import json_number
 from crowd_env.core.files.store import Store, claimed
 from crowd_env.envs.metrics import share_interval
 from crowd_env.envs.protocol import WalkingBatch
+from crowd_env.envs.settings import arguments_of
 
 from . import PRETRAINED, make_policy, starts_from, told_start
 from .evaluation.comparison import last_times, mean_times
@@ -172,7 +173,7 @@ def _trained(job: Job, plan: Plan, folder: Path) -> dict[str, Any]:
 
     def judge(policy: Policy) -> dict[str, Any]:
         draws: dict[str, Any] = {"runs": plan.validation_runs, "first_seed": VALIDATION_SEED}
-        return checkpoint(evaluate(policy, place, **draws, **physics_of(config)))
+        return checkpoint(evaluate(policy, place, **draws, **arguments_of(physics_of(config))))
 
     callback = ComparisonCallback(60.0 * plan.minutes, judge, plan.checkpoints)
     ALGORITHMS[job.name].train(config, callback)
@@ -199,8 +200,9 @@ def checkpoint(result: Evaluation) -> dict[str, Any]:
 def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
     """Return the figures of a policy in the task as it stands, on held-out draws, and those of every run."""
     task = make_task(plan.task)
+    draws: dict[str, Any] = {"runs": plan.runs, "first_seed": task.seeds.start, "measure": True}
+    result = evaluate(policy, task.place(), **draws, **task.arguments())
     options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
-    result = evaluate(policy, task.place(), runs=plan.runs, first_seed=task.seeds.start, measure=True, **options)
     row = task_row(task, task.place(), result, [result])
     del row["minus_first"], row["credible"]  # beside nothing else than itself
     last = np.where(result.column("unfinished") == 0, last_times(result), np.nan)

@@ -1,24 +1,23 @@
 """What drives a rollout beside the rules of the environment: a policy, or a controller that sends people to exits."""
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, is_dataclass, replace
-from functools import partial
-from typing import Any, cast
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, is_dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
+from typing_extensions import Unpack
 
-from crowd_env import CrowdEnv, ObservationLayout, Scenario, Step
+from crowd_env import CrowdEnv, Physics, Scenario, Step, Walking
 from crowd_env.envs.rollout import Driver, run_episodes
 from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
-from crowd_env.envs.settings import arguments_of
+from crowd_env.envs.settings import EnvArguments, arguments_of
 
 from .controllers import Controller
 from .mixed import MixedEnv
 from .policy import Policy
-from .rules import ShortestPath, StandStill, StrategyPolicy
+from .rules import ShortestPath
 from .sight import Sight
-from .trained import LearnedPolicy
-from .walking import DensityCap, Evolved, Follow, RuleAtShare, Zipper
+from .walking import RuleAtShare
 
 SAMPLE = 0.1  # s  between two measurements of a crowd
 INTERVAL = 2.0  # s  between two decisions of a controller that does not say otherwise
@@ -26,11 +25,22 @@ INTERVAL = 2.0  # s  between two decisions of a controller that does not say oth
 SHARES = tuple(k / 10 for k in range(10, 1, -1))  # of the desired speed
 SEARCH_RUNS, SEARCH_SEED = 10, 10_000  # draws of `best_share`, below those that are held out
 
-REST, AT_REST = 1e-4, 3.0  # m/s, s: a crowd of which nobody has been faster for so long is at rest
-# What these ask for follows from what is seen alone: who has come to rest is asked for the same, again and again.
-_STEADY = (ShortestPath, StrategyPolicy, StandStill, RuleAtShare, DensityCap, Follow, Zipper, Evolved, LearnedPolicy)
+REST, AT_REST = 1e-4, 3.0  # m/s, s: a crowd in which everyone has been slower for so long is at rest
 
 _NOISE = 8  # beside its seed: what disturbs the senses in a run
+
+
+class Hindrance(NamedTuple):
+    """What disturbs the senses and decisions of a policy; the rule of the environment and a manner are not disturbed."""
+
+    noise: float = (
+        0.0  # standard deviation of what is added to every number seen that is not 0; the sum stays in [-1, 1]
+    )
+    delay: float = 0.0  # s, after which a decision takes effect; until the first does, people follow the rule
+    unseen: float = 0.0  # share of the others whom a pedestrian does not see, drawn for every decision, see `Sight`
+
+
+UNHINDERED = Hindrance()
 
 
 class PolicyDriver(Driver):
@@ -38,29 +48,26 @@ class PolicyDriver(Driver):
 
     Parameters
     ----------
+    others : moves the others of a mixed crowd.
+    hindrance : of the policy; a run's seed alone draws it.
     passes_rest : where people have come to rest for good, pass over the wait until the exits count as blocked.
-    noise : standard deviation of what is added to every number that the policy sees and that is not 0, which stays within
-        [-1, 1]; a run's seed alone draws it.
-    delay : s, after which a decision takes effect; until the first does, people follow the rule of the environment.  That rule
-        itself, and what a manner makes of a policy's wish, is neither disturbed nor late.
-    unseen : share of the others whom a person does not see, others in every decision, see `crowd_env.agents.sight.Sight`.
     """
 
     def __init__(
         self,
         policy: Policy,
         env: CrowdEnv,
+        *,
+        others: Policy | None = None,
+        hindrance: Hindrance = UNHINDERED,
         passes_rest: bool = False,
-        noise: float = 0.0,
-        delay: float = 0.0,
-        unseen: float = 0.0,
     ) -> None:
         super().__init__(env)
-        self.policy, self.noise = policy, noise
-        self._sight = Sight(env, unseen) if unseen else None
-        self._late = round(delay / env.decision_dt)  # decisions
-        self._rests = passes_rest and rests_for_good(policy, env)
-        self._rests &= not (noise or unseen) or isinstance(policy, ShortestPath)
+        self.policy, self.noise = policy, hindrance.noise
+        self._sight = Sight(env, hindrance.unseen) if hindrance.unseen else None
+        self._late = round(hindrance.delay / env.decision_dt)  # decisions
+        disturbed = bool(hindrance.noise or hindrance.unseen) and not isinstance(policy, ShortestPath)
+        self._rests = passes_rest and not disturbed and rests_for_good(env, policy, others)
 
     def reset(self, seeds: list[int]) -> None:
         """Start new evacuations, each from its seed."""
@@ -74,7 +81,7 @@ class PolicyDriver(Driver):
         self._moved = np.zeros(len(seeds))  # s  when someone was last faster than `REST`
 
     def step(self) -> Step:
-        """Let the policy act on those whom it moves."""
+        """Let the policy act on the people whom it moves."""
         self._decided.append(self.policy.act(self._seen(), self.env.layout, self._rng))
         step = self.env.step(self._decided.pop(0))
         self._observation = step.observation
@@ -105,101 +112,11 @@ class PolicyDriver(Driver):
             env.pass_rest(int(e))
 
 
-def rests_for_good(policy: Policy, env: CrowdEnv) -> bool:
-    """Return whether a crowd at rest stays so: nobody loses patience, and no way, door or sign changes."""
-    for one in (policy, getattr(env, "others", None) or policy):
-        if type(one) not in _STEADY or (isinstance(one, LearnedPolicy) and one.draws):
-            return False
+def rests_for_good(env: CrowdEnv, *policies: Policy | None) -> bool:
+    """Return whether a crowd at rest stays so: all policies are steady, and no way, door or sign changes."""
+    steady = all(getattr(one, "steady", False) for one in policies if one is not None)
     changes = (place.is_dynamic or place.plan.rules or place.plan.events for place in env.route_set)
-    return env.simulation.behaviors["manner"] is None and env.action_kind.dwell < AT_REST and not any(changes)
-
-
-@dataclass(frozen=True)
-class PolicyBatches:
-    """Makes batches of a scenario under a policy.
-
-    Parameters
-    ----------
-    options : of `CrowdEnv`; the policy's own override them.
-    learned_share : of the people whom the policy moves, and the manner of the run is that of the others alone, see `MixedEnv`.
-        None: all, and a manner is everyone's.
-    others : moves the others; None: the rule does.
-    passes_rest : see `PolicyDriver`: the figures are those of the whole wait, but nobody can look on.
-    noise, delay, unseen : see `PolicyDriver`.
-    """
-
-    policy: Policy
-    scenario: Scenario
-    options: dict[str, Any]
-    learned_share: float | None = None
-    others: Policy | None = None
-    passes_rest: bool = False
-    noise: float = 0.0
-    delay: float = 0.0
-    unseen: float = 0.0
-
-    @property
-    def constants(self) -> dict[str, Any]:
-        """Return the constants of a policy that is made of them, ready for JSON."""
-        return asdict(cast(Any, self.policy)) if is_dataclass(self.policy) else {}
-
-    def __call__(self, num_envs: int) -> Driver:
-        """Return a batch of so many evacuations."""
-        options = {**self.options, **self.policy.env_options}
-        if self.learned_share is None:
-            env = CrowdEnv(self.scenario, num_envs=num_envs, **arguments_of(options))
-        else:
-            if self.others is not None:  # who observes less finds it among what the other observes
-                both = (one.env_options for one in (self.policy, self.others))
-                options["observation"] = max((one["observation"] for one in both if "observation" in one), key=_size)
-            mixed: dict[str, Any] = {"share": self.learned_share, "others": self.others, "num_envs": num_envs}
-            env = MixedEnv(self.scenario, **mixed, **arguments_of(options))
-        return PolicyDriver(self.policy, env, self.passes_rest, self.noise, self.delay, self.unseen)
-
-
-def _size(layout: ObservationLayout) -> int:
-    return layout.size
-
-
-def policy_driver(
-    policy: Policy,
-    scenario: Scenario,
-    *,
-    learned_share: float | None = None,
-    noise: float = 0.0,
-    delay: float = 0.0,
-    unseen: float = 0.0,
-    **options: Any,
-) -> PolicyBatches:
-    """Return a maker of batches of a scenario under a policy, whose own options of `CrowdEnv` override ``options``.
-
-    A `RuleAtShare` without a share gets the best one for this scenario and these options: see `best_share`.
-    """
-    if isinstance(policy, RuleAtShare) and policy.share is None:
-        policy = RuleAtShare(best_share(scenario, learned_share=learned_share, **options))
-    return PolicyBatches(policy, scenario, options, learned_share, noise=noise, delay=delay, unseen=unseen)
-
-
-def best_share(scenario: Scenario, **options: Any) -> float:
-    """Return the share of the desired speed at which the rule "walk the shortest path" empties a scenario soonest.
-
-    Every share in `SHARES` is tried, from full speed downwards, on the same `SEARCH_RUNS` draws, which are neither those that
-    policies are judged on nor those of training.  What counts is how many people are left inside in all of them, and only then
-    the mean time of the last person, over the runs that cleared: no time limit stands for a time.  The search ends at the
-    first share under which everyone gets out, but later than under the best: whoever walks slower still takes longer still.
-    """
-    found, best = 1.0, (np.inf, np.inf)
-    for share in SHARES:
-        driver = replace(policy_driver(RuleAtShare(share), scenario, **options), passes_rest=True)
-        episodes = run_episodes(scenario, SEARCH_RUNS, seed=SEARCH_SEED, driver=driver)
-        left = sum(episode.metrics.unfinished for episode in episodes)
-        cleared = [episode.metrics.evacuation_time for episode in episodes if not episode.metrics.unfinished]
-        outcome = left, float(np.mean(cleared)) if cleared else np.inf
-        if outcome < best:
-            found, best = share, outcome
-        elif not left:
-            break
-    return found
+    return steady and env.simulation.behaviors["manner"] is None and env.action_kind.dwell < AT_REST and not any(changes)
 
 
 class ControllerDriver(Driver):
@@ -209,15 +126,15 @@ class ControllerDriver(Driver):
 
     Parameters
     ----------
-    options : of `RoutingBatch`; the controller's own override them.
+    arguments : of `RoutingBatch`; the controller's own override them.
     """
 
-    def __init__(self, controller: Controller, scenario: Scenario, **options: Any) -> None:
+    def __init__(self, controller: Controller, scenario: Scenario, **arguments: Any) -> None:
         self.controller = controller
-        interval = controller.options.get("interval", INTERVAL)
-        sample_dt = SAMPLE if _divides(SAMPLE, interval) and _divides(options.get("dt") or SAMPLE, SAMPLE) else interval
+        interval, dt = controller.options.get("interval", INTERVAL), Physics.of(arguments["physics"]).dt
+        sample_dt = SAMPLE if _divides(SAMPLE, interval) and _divides(dt or SAMPLE, SAMPLE) else interval
         self.batch = RoutingBatch(
-            **routing_arguments(scenario, sample_dt=sample_dt, **{**options, **controller.options})
+            **routing_arguments(scenario, sample_dt=sample_dt, **{**arguments, **controller.options})
         )
         super().__init__(self.batch.env)
 
@@ -245,21 +162,107 @@ def _divides(part: float, whole: float) -> bool:
     return abs(whole / part - round(whole / part)) < 1e-6 and whole > 0.5 * part
 
 
-def _controlled(who: Controller, scenario: Scenario, options: dict[str, Any], num_envs: int) -> Driver:
-    return ControllerDriver(who, scenario, num_envs=num_envs, **options)
-
-
-def driver_of(
-    who: Policy | Controller, scenario: Scenario, *, learned_share: float | None = None, **options: Any
-) -> Callable[[int], Driver]:
-    """Return a maker of batches of a scenario under a policy (`policy_driver`) or a controller.
+@dataclass(frozen=True)
+class DrivenCrowd:
+    """A scenario whose people a policy or a controller drives: makes the batches of a rollout.
 
     Parameters
     ----------
-    options : of `CrowdEnv`; a controller chooses routes, and decides at its own interval.
+    policy : that drives.
+    scenario : where.
+    arguments : of `CrowdEnv`; the policy's own override them.  A controller chooses routes, and decides at its own interval.
+    name : what tables call it; by default that of the policy.
+    learned_share : of the people whom the policy moves, and the manner of the run is that of the others alone, see `MixedEnv`.
+        None: all, and a manner is everyone's.
+    others : moves the others; None: the rule does.
+    hindrance : see `PolicyDriver`; a controller is not hindered.
+    passes_rest : see `PolicyDriver`: the figures are those of the whole wait, but no recorder sees it.
     """
-    if not isinstance(who, Policy):
-        not_own = ("strategy", "decision_dt", "rules", "noise", "delay", "unseen")
-        own = {name: value for name, value in options.items() if name not in not_own}
-        return partial(_controlled, who, scenario, own)
-    return policy_driver(who, scenario, learned_share=learned_share, **options)
+
+    policy: Policy | Controller
+    scenario: Scenario
+    arguments: EnvArguments = field(default_factory=EnvArguments)
+    name: str = ""
+    learned_share: float | None = None
+    others: Policy | None = None
+    hindrance: Hindrance = UNHINDERED
+    passes_rest: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", self.name or self.policy.name)
+
+    @property
+    def physics(self) -> Physics:
+        """What bodies do when they touch."""
+        return Physics.of(self.env_arguments.get("physics", "nsm2"))
+
+    @property
+    def walking(self) -> Walking:
+        """How people walk before they touch."""
+        return Walking.of(self.env_arguments.get("walking"))
+
+    @property
+    def env_arguments(self) -> dict[str, Any]:
+        """Arguments of `CrowdEnv`, with those that the policy was made for."""
+        return {**self.arguments, **(own_arguments(self.policy) if isinstance(self.policy, Policy) else {})}
+
+    @property
+    def constants(self) -> dict[str, Any]:
+        """Constants of a policy that is made of them, ready for JSON."""
+        made_of = isinstance(self.policy, Policy) and is_dataclass(self.policy)
+        return asdict(self.policy) if made_of else {}  # type: ignore[call-overload]  # an instance, no class
+
+    def settled(self) -> "DrivenCrowd":
+        """Return the same crowd; a `RuleAtShare` without a share has the best one here, see `best_share`."""
+        if not isinstance(self.policy, RuleAtShare) or self.policy.share is not None:
+            return self
+        return replace(self, policy=RuleAtShare(best_share(self)))
+
+    def __call__(self, num_envs: int) -> Driver:
+        """Return a batch of so many evacuations."""
+        if not isinstance(self.policy, Policy):
+            routed = {name: one for name, one in self.arguments.items() if name not in ("routing", "decision_dt")}
+            return ControllerDriver(self.policy, self.scenario, num_envs=num_envs, **{"physics": "nsm2", **routed})
+        arguments = self.env_arguments
+        if self.learned_share is None:
+            env = CrowdEnv(self.scenario, num_envs=num_envs, **arguments)
+        else:
+            if self.others is not None:  # the larger observation holds the smaller one
+                layouts = [own_arguments(one).get("observation") for one in (self.policy, self.others)]
+                arguments["observation"] = max((one for one in layouts if one is not None), key=lambda one: one.size)
+            env = MixedEnv(self.scenario, share=self.learned_share, others=self.others, num_envs=num_envs, **arguments)
+        how: dict[str, Any] = {"hindrance": self.hindrance, "passes_rest": self.passes_rest}
+        return PolicyDriver(self.policy, env, others=self.others, **how)
+
+
+def own_arguments(policy: Policy) -> dict[str, Any]:
+    """Return the arguments of `CrowdEnv` that a policy was made for; a strategy by its name alone leaves signs off."""
+    own: Mapping[str, Any] = policy.env_options
+    return arguments_of({"rules": False, **own} if "strategy" in own else own)
+
+
+def drive(policy: Policy | Controller, scenario: Scenario, **arguments: Unpack[EnvArguments]) -> DrivenCrowd:
+    """Return the `DrivenCrowd` of a policy in a scenario under arguments of `CrowdEnv`, its best share found."""
+    return DrivenCrowd(policy, scenario, arguments).settled()
+
+
+def best_share(crowd: DrivenCrowd) -> float:
+    """Return the share of the desired speed at which the rule "walk the shortest path" empties a scenario soonest.
+
+    Every share in `SHARES` is tried, from full speed downwards, on the same `SEARCH_RUNS` draws, which are neither those that
+    policies are judged on nor those of training.  What counts is how many people are left inside in all of them, and only then
+    the mean time of the last person, over the runs that cleared: no time limit stands for a time.  The search ends at the
+    first share under which everyone gets out, but later than under the best: whoever walks slower still takes longer still.
+    """
+    found, best = 1.0, (np.inf, np.inf)
+    for share in SHARES:
+        tried = replace(crowd, policy=RuleAtShare(share), hindrance=UNHINDERED, passes_rest=True)
+        episodes = run_episodes(crowd.scenario, SEARCH_RUNS, seed=SEARCH_SEED, driver=tried)
+        left = sum(episode.metrics.unfinished for episode in episodes)
+        cleared = [episode.metrics.evacuation_time for episode in episodes if not episode.metrics.unfinished]
+        outcome = left, float(np.mean(cleared)) if cleared else np.inf
+        if outcome < best:
+            found, best = share, outcome
+        elif not left:
+            break
+    return found

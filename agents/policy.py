@@ -15,6 +15,7 @@ class Policy(Protocol):
     ----------
     name : what tables and plots call it.
     env_options : arguments of `CrowdEnv` the policy was made for (action, observation, walking); empty if any will do.
+    steady : optional; true where what it asks for follows from what it is shown alone, so that a crowd at rest stays so.
     """
 
     @property

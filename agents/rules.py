@@ -4,13 +4,14 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env import ObservationLayout
+from crowd_env import ObservationLayout, Routing
 
 
 class ShortestPath:
     """Leave everyone to the rule of the environment: by default to walk the shortest path at full desired speed."""
 
     name = "shortest"
+    steady = True  # a crowd at rest is asked for the same again and again
 
     def __init__(self) -> None:
         self.env_options: dict[str, Any] = {}
@@ -33,9 +34,9 @@ class StrategyPolicy(ShortestPath):
     """
 
     def __init__(self, strategy: str, *, rules: bool = False, name: str = "") -> None:
-        self.name = name or strategy
-        nothing = ObservationLayout(terms=("desired_speed",))  # nobody reads it
-        self.env_options = {"strategy": strategy, "rules": rules, "observation": nothing}
+        self.name, self.routing = name or strategy, Routing(strategy, signs=rules)
+        unread = ObservationLayout(terms=("desired_speed",))
+        self.env_options = {"routing": self.routing, "observation": unread}
 
 
 class StandStill(ShortestPath):
@@ -52,6 +53,7 @@ class RandomWalk(ShortestPath):
     """Draw every desired velocity uniformly from the action space."""
 
     name = "random"
+    steady = False
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
         """Return uniform actions."""

@@ -33,7 +33,7 @@ class Sight:
         if self.groups < 2 or abs(self.groups * share - 1.0) > 1e-9:
             raise ValueError(f"unseen is {share:g}; it must be 1 / n of a whole n from 2 on, such as 0.5 or 0.2")
         self.env = env
-        ways = env._observer.view.fields.ways
+        ways = env.observer.view.fields.ways
         in_world = env.action_kind.frame == "world"
         # Of all pairs: cells of the physics would show everyone who is inside.
         self._observer = Observer(env.simulation, env.layout, ways, in_world=in_world, all_pairs=env.num_people)

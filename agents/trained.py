@@ -113,6 +113,11 @@ class LearnedPolicy(_Learned):
         found.name, found.draws = f"{self.name}{SAMPLED}", True
         return found
 
+    @property
+    def steady(self) -> bool:
+        """Whether what it asks for follows from what it is shown alone, see `Policy`."""
+        return not self.draws
+
     def reset(self, env_mask: np.ndarray) -> None:
         """Nothing to forget."""
 

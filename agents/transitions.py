@@ -26,7 +26,7 @@ from crowd_env.core.checks import Range, whole
 from crowd_env.core.files.atomic import check_suffix, written
 from crowd_env.envs.action import plain_action
 
-from .drivers import PolicyBatches
+from .drivers import DrivenCrowd
 from .evaluation.evaluation import HELD_OUT_SEED
 from .policy import Policy
 from .runs import versions
@@ -75,8 +75,7 @@ def runs_of(policy: Policy, task: Task, runs: int, seed: int = 0) -> Iterator[tu
     whole("runs", runs, Range(1, HELD_OUT_SEED))
     whole("seed", seed, Range(0, HELD_OUT_SEED - runs).because("later draws are held out for evaluation"))
     noted, reward = _Noted(policy), PRESETS[task.name].reward if task.name in PRESETS else None
-    options = {"scheme": task.scheme, "rules": False, "reward": reward, **task.env_options(task.scheme)}
-    driver = PolicyBatches(noted, task.place(), options)(1)
+    driver = DrivenCrowd(noted, task.place(), {**task.arguments(), "reward": reward})(1)
     env = driver.env
     neutral = np.asarray(env.action_kind.neutral)
     facts = {

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from crowd_env import ObservationLayout, ObservationTerm
+from crowd_env import ObservationLayout, ObservationTerm, Walking
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.behaviors.headway import Headway, Manner
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
@@ -30,11 +30,12 @@ class WalkingRule(ABC):
     name: ClassVar[str]
     terms: ClassVar[tuple[str | ObservationTerm, ...]]
     full_state: ClassVar[bool] = False  # it knows more than what is within 3 m
+    steady: ClassVar[bool] = True  # see `Policy`
 
     @property
     def env_options(self) -> dict[str, Any]:
         """Options of `CrowdEnv`: the terms that the rule sees, and the axes in which it acts."""
-        return {"observation": ObservationLayout(terms=self.terms), "frame": "path", "action": "continuous"}
+        return {"observation": ObservationLayout(terms=self.terms), "action": "continuous"}
 
     def reset(self, env_mask: np.ndarray) -> None:  # noqa: B027  a hook: most rules remember nothing
         """Nothing to forget."""
@@ -147,6 +148,7 @@ class HeadwayRule(WalkingRule):
     """
 
     name = "headway"
+    steady = False
     terms = ("desired_speed",)  # nobody reads it
     manner: Manner = "hurried"
 
@@ -156,7 +158,7 @@ class HeadwayRule(WalkingRule):
     @property
     def env_options(self) -> dict[str, Any]:
         """Options of `CrowdEnv`, the manner among them: without it people would walk on at full speed."""
-        return {**super().env_options, "manner": self.manner, "acts_on": "everyone"}
+        return {**super().env_options, "walking": Walking(self.manner)}
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
         """Return full speed along the shortest path, whatever is seen: the rest is done by the environment."""
@@ -286,6 +288,7 @@ class YieldWhenStuck(Evolved):
     """
 
     name = "yield-when-stuck"
+    steady = False
     terms: ClassVar[tuple[str, ...]] = (*Evolved.terms, "stood")
     patience: float = 2.0
 

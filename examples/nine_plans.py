@@ -8,7 +8,7 @@ import PIL.Image
 
 from crowd_env import Scenario
 from crowd_env.agents import make_policy
-from crowd_env.agents.drivers import policy_driver
+from crowd_env.agents.drivers import DrivenCrowd, Hindrance
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.evaluation.plans import routing_of
 from crowd_env.recording import Recording, record
@@ -32,8 +32,9 @@ def places() -> dict[int, Scenario]:
 def walked(policy: str, seed: int, place: Scenario) -> Recording:
     """Return the evacuation of a place under a policy, with the law, the manner and the noise of its seed."""
     law, manner, noise = conditions_of(seed)
-    options = {"scheme": law, "manner": manner, "strategy": routing_of(place)}
-    return record(place, seed=seed, driver=policy_driver(make_policy(policy), place, noise=noise, **options))
+    arguments = {"physics": law, "walking": manner, "routing": routing_of(place)}
+    crowd = DrivenCrowd(make_policy(policy), place, arguments, hindrance=Hindrance(noise=noise))
+    return record(place, seed=seed, driver=crowd.settled())
 
 
 def renderer_of(recording: Recording) -> Renderer:

@@ -33,7 +33,9 @@ class Patient:
 
 
 def main(runs: int = 50) -> None:
-    results = [evaluate(policy, "room-v0", scheme="nsm2", runs=runs) for policy in (make_policy("shortest"), Patient())]
+    results = [
+        evaluate(policy, "room-v0", physics="nsm2", runs=runs) for policy in (make_policy("shortest"), Patient())
+    ]
     Console().print(comparison_table(results, f"room-v0, nsm2, {runs} held-out draws"))
 
 

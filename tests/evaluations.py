@@ -17,7 +17,7 @@ from crowd_env import (
     Uniform,
 )
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import evaluate_driver
+from crowd_env.agents.evaluation.evaluation import evaluate_crowd
 from crowd_env.agents.networks import MLP
 from crowd_env.agents.trained import LearnedPolicy
 from crowd_env.analysis.results.measurements import MeasurementRecorder
@@ -46,13 +46,7 @@ RULED = hall(rules=(ControlRule("west door", at_least=3, route="east"),))
 
 def run(name, scenario=SMALL, scheme="nsm2", runs=3, **options):
     (entry,) = make_entries([name], scenario)
-    return evaluate_driver(
-        entry.driver(scenario, scheme, 1),
-        scenario,
-        entry.name,
-        scheme,
-        **{"runs": runs, "measure": True, **options},
-    )
+    return evaluate_crowd(entry.driver(scenario, physics=scheme), **{"runs": runs, "measure": True, **options})
 
 
 def recorded(scenario, steps=0, scheme="nsm2"):

@@ -123,11 +123,11 @@ def evaluate_nothing(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     """
     found: list[object] = []
 
-    def reached(*cells: object, **options: object) -> None:
-        found.append(cells)
+    def reached(*crowds: object, **options: object) -> None:
+        found.append(crowds)
         raise SystemExit
 
-    monkeypatch.setattr(same_draws, "evaluate_cells", reached)
+    monkeypatch.setattr(same_draws, "evaluate_crowds", reached)
     return found
 
 

@@ -7,18 +7,19 @@ Schelling (1973), as Perolat et al. (2017) and Hughes et al. (2018, "Inequity av
 social dilemmas") draw it for learners.
 """
 
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
 
 from crowd_env.analysis.figures import named
 
-from ..drivers import PolicyBatches
+from ..drivers import DrivenCrowd
 from ..mixed import MixedEnv
 from ..policy import Policy
 from ..tasks.task import Task
 from .comparison import clearing_times, paired
-from .evaluation import HELD_OUT_SEED, Evaluation, evaluate_driver
+from .evaluation import HELD_OUT_SEED, Evaluation, evaluate_crowd
 
 SHARES = (0.01, 0.05, 0.2, 0.5, 0.8)
 
@@ -38,15 +39,12 @@ def follow(policy: Policy, task: Task, *, runs: int, deviator: Policy | None = N
     ValueError
         If one of the policies cannot be told what it observes where the other observes more.
     """
-    driver = _batches(policy, task, deviator, share)
-    return evaluate_driver(driver, driver.scenario, policy.name, task.scheme, runs=runs)
+    return evaluate_crowd(_crowd(policy, task, deviator, share), runs=runs)
 
 
-def _batches(policy: Policy, task: Task, deviator: Policy | None, share: float) -> PolicyBatches:
-    options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
-    if deviator is None:
-        return PolicyBatches(policy, task.place(), options)
-    return PolicyBatches(deviator, task.place(), options, share, policy)
+def _crowd(policy: Policy, task: Task, deviator: Policy | None, share: float) -> DrivenCrowd:
+    crowd = DrivenCrowd(policy, task.place(), task.arguments())
+    return crowd if deviator is None else replace(crowd, policy=deviator, learned_share=share, others=policy)
 
 
 def gain(all_follow: Evaluation, some_deviate: Evaluation) -> dict[str, Any]:
@@ -73,7 +71,7 @@ def deterrent(policy: Policy, task: Task, *, runs: int, deviator: Policy, share:
     It is a weight of the reward term ``contact`` beside a weight of 1 of ``time``: means over the runs that everyone left, nan
     where there is none, infinite where who deviates touches no more.
     """
-    driver = _batches(policy, task, deviator, share)(runs)
+    driver = _crowd(policy, task, deviator, share)(runs)
     driver.reset([HELD_OUT_SEED + k for k in range(runs)])
     env, state = cast(MixedEnv, driver.env), driver.env.simulation.state
     touched = np.zeros(env.num_people)

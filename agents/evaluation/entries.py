@@ -1,52 +1,67 @@
 """What can be evaluated, by name: strategies of the people, rules of the scenario, policies, and learned networks."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from crowd_env import Scenario
-from crowd_env.core.behaviors.headway import Manner
-from crowd_env.core.executors import Executor, WorkerDied
+from typing_extensions import Unpack
+
+from crowd_env import Routing, Scenario, Walking
 from crowd_env.core.files.own import load_own, names_own
-from crowd_env.envs.rollout import Driver
 from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
-from crowd_env.physics import ContactScheme, make_scheme
+from crowd_env.envs.settings import EnvArguments
 from crowd_env.routing.strategies import STRATEGIES
 
 from .. import POLICIES, PRETRAINED, make_policy
 from ..controllers import Controller
-from ..drivers import SAMPLE, driver_of
+from ..drivers import SAMPLE, UNHINDERED, DrivenCrowd, Hindrance, own_arguments
 from ..policy import Policy
 from ..rules import ShortestPath, StrategyPolicy
 from ..tasks.task import Task
 from ..trained import SAMPLED, LearnedPolicy, load_trained, names_file
 
-Law = str | ContactScheme
 RULES = "rules"
 RULE = "rule"  # the strategy of a task, at full speed
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Entry:
     """A policy or controller of an evaluation.
 
     Parameters
     ----------
     name : what tables and files call it.
-    driver : takes a scenario, a scheme, a number of threads and further options of `CrowdEnv`, and returns a maker of batches;
-        that takes a number of evacuations.
+    policy : that drives.
     source : file of the network; None for a policy without one.
-    manner : how people walk under a policy that says so itself; None = as the run says.
-    leads : whether it decides how people walk, and not only which way.
+    task : whose rule, interval of decisions and physics step it walks under; None = those of the scenario.
+    learned_share, hindrance : see `crowd_env.agents.drivers.DrivenCrowd`.
     """
 
     name: str
-    driver: Callable[..., Callable[[int], Driver]]
+    policy: Policy | Controller
     source: Path | None = None
-    manner: Manner | None = None
-    leads: bool = True
+    task: Task | None = None
+    learned_share: float | None = None
+    hindrance: Hindrance = UNHINDERED
+
+    @property
+    def leads(self) -> bool:
+        """Whether it decides how people walk, and not only which way."""
+        return isinstance(self.policy, Policy) and not isinstance(self.policy, StrategyPolicy | ShortestPath)
+
+    def driver(self, scenario: Scenario, **arguments: Unpack[EnvArguments]) -> DrivenCrowd:
+        """Return the crowd that it drives; ``arguments`` of `CrowdEnv` override those of the task.
+
+        The control rules of the scenario are off unless the policy or the arguments say otherwise.
+        """
+        physics = arguments.pop("physics", None)
+        if self.task is None:
+            usual = EnvArguments(physics=physics or "nsm2", routing=Routing(signs=False), decision_dt=SAMPLE)
+        else:
+            usual = self.task.arguments(physics)
+        usual.update(arguments)
+        return DrivenCrowd(self.policy, scenario, usual, self.name, self.learned_share, hindrance=self.hindrance)
 
 
 def make_entries(
@@ -83,37 +98,9 @@ def make_entries(
             raise
     labels = [entry.name for entry in found]
     return [
-        Entry(given, one.driver, one.source) if one.source and labels.count(one.name) > 1 else one
+        replace(one, name=given) if one.source and labels.count(one.name) > 1 else one
         for given, one in zip(names, found, strict=True)
     ]
-
-
-def made_drivers(
-    pairs: Sequence[tuple[Entry, str | ContactScheme]], scenario: Scenario, threads: int, executor: Executor
-) -> list[Callable[[int], Driver]]:
-    """Return the makers of batches of entries, each under a scheme.
-
-    A rule may have to look for its best constant first, hence this too is work for an executor.
-
-    Raises
-    ------
-    ValueError
-        If a process of the executor has died.
-    """
-    found: dict[int, Callable[[int], Driver]] = {}
-    pieces = [(entry, scenario, scheme, threads) for entry, scheme in pairs]
-    try:
-        executor.run(_made_driver, pieces, found.__setitem__)
-    except WorkerDied as error:
-        raise ValueError(str(error)) from None
-    return [found[k] for k in range(len(pieces))]
-
-
-def _made_driver(
-    piece: tuple[Entry, Scenario, str | ContactScheme, int], stopped: Callable[[], bool]
-) -> Callable[[int], Driver]:
-    entry, scenario, scheme, threads = piece
-    return entry.driver(scenario, scheme, threads)
 
 
 class Unsuited(ValueError):
@@ -169,41 +156,19 @@ def policy_entry(
     """Return the entry of a policy, whose network lies in the file ``source``; see `make_entries`."""
     if learned_share is not None:
         _check_mixed(policy, "shortest" if task is None else task.rule)
-    leads = not isinstance(policy, StrategyPolicy | ShortestPath)
-    name = policy.name if source is None else source.stem
-    return Entry(name, partial(_driver, policy, task, learned_share), source, policy.env_options.get("manner"), leads)
-
-
-def _driver(
-    who: Policy | Controller,
-    task: Task | None,
-    share: float | None,
-    place: Scenario,
-    scheme: Law,
-    threads: int,
-    **more: Any,
-) -> Callable[[int], Driver]:
-    # Rules are off unless the policy says otherwise: all entries walk in the same scenario.
-    options: dict[str, Any] = {"scheme": scheme, "rules": False, "decision_dt": SAMPLE, "threads": threads}
-    return driver_of(who, place, learned_share=share, **options | _of_task(task, scheme) | more)
+    return Entry(policy.name if source is None else source.stem, policy, source, task, learned_share)
 
 
 def _check_mixed(policy: Policy, rule: str) -> None:
     """Raise Unsuited if a policy cannot move some of the people while the others follow the rule."""
-    options = policy.env_options
-    if isinstance(policy, StrategyPolicy) and (options["strategy"], options["rules"]) != (rule, False):
+    if isinstance(policy, StrategyPolicy) and policy.routing != Routing(rule, signs=False):
         why = f"it chooses everyone's way, and the others of a mixed crowd follow the rule, which is {rule}"
-    elif options.get("manner") is not None:
+    elif Walking.of(own_arguments(policy).get("walking")).manner is not None:
         why = "it sets the walking of all; in a mixed crowd --walking is that of the people who follow the rule"
     else:
         return
     why = f"policy {policy.name!r} cannot move a part of the people: {why}; leave out --set learned, or it"
     raise Unsuited(why)
-
-
-def _of_task(task: Task | None, scheme: str | ContactScheme) -> dict[str, Any]:
-    """Return the options of `CrowdEnv` that a task adds to its scenario under a scheme."""
-    return {} if task is None else task.env_options(make_scheme(scheme).info.name)
 
 
 def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
@@ -242,5 +207,4 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
 
 def controller_entry(controller: Controller, task: Task | None = None) -> Entry:
     """Return the entry of a controller of ``crowd_env/routing-v0``."""
-
-    return Entry(controller.name, partial(_driver, controller, task, None), leads=False)
+    return Entry(controller.name, controller, task=task)

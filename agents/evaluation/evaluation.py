@@ -2,24 +2,26 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+from typing_extensions import Unpack
 
-from crowd_env import CrowdEnv, EpisodeMetrics, Physics, Scenario, make_scenario
+from crowd_env import CrowdEnv, EpisodeMetrics, Scenario, make_scenario
 from crowd_env.analysis.figures import column, figures_of, median_time, named
 from crowd_env.analysis.results.measurements import Measured, MeasurementRecorder
 from crowd_env.core.arrays.state import Bools, Floats
-from crowd_env.core.behaviors.headway import Headway, Manner
+from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.executors import Executor, Serial, WorkerDied
+from crowd_env.core.executors.executor import never
 from crowd_env.core.files.json_file import json_number
-from crowd_env.envs.rollout import BatchDone, Driver, RunBatch, make_batches, simulate_batch
-from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
-from crowd_env.physics.settings import AsPhysics
+from crowd_env.envs.rollout import BatchDone, RunBatch, make_batches, simulate_batch
+from crowd_env.envs.settings import EnvArguments
+from crowd_env.physics import SCHEMES
 
 from ..controllers import Controller
-from ..drivers import PolicyBatches, driver_of
+from ..drivers import UNHINDERED, DrivenCrowd, Hindrance
 from ..mixed import learned_people
 from ..policy import Policy
 from .goals import at_goals
@@ -159,48 +161,36 @@ def evaluate(
     policy: str | Policy | Controller,
     scenario: str | Scenario = "room-v0",
     *,
-    physics: AsPhysics | None = None,
-    scheme: str | ContactScheme = "nsm2",
     runs: int = 50,
     first_seed: int = HELD_OUT_SEED,
     measure: bool = False,
     progress: Callable[[int], None] | None = None,
-    **options: Any,
+    learned_share: float | None = None,
+    hindrance: Hindrance = UNHINDERED,
+    **arguments: Unpack[EnvArguments],
 ) -> Evaluation:
     """Run ``runs`` evacuations under a policy or controller, draw ``first_seed + k`` for run ``k``.
 
     Parameters
     ----------
-    physics : as `CrowdEnv` takes it; it goes before ``scheme``.
-    measure, progress : see `evaluate_cells`.
-    options : further arguments of `CrowdEnv`; those that the policy was trained with override them.
+    measure, progress : see `evaluate_crowds`.
+    learned_share, hindrance : see `crowd_env.agents.drivers.DrivenCrowd`.
+    arguments : of `CrowdEnv`, such as ``physics``; those that the policy was made for override them.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As `evaluate_crowd`, and if `CrowdEnv` refuses an argument.
     """
     from .. import make_policy  # which knows this file by its tasks
 
-    place = make_scenario(scenario)
     policy = make_policy(policy) if isinstance(policy, str) else policy
-    if physics is not None:
-        part = Physics.of(physics)
-        scheme = part.law
-        options |= {"dt": part.dt, "outline": part.outline, "max_drive": part.max_drive, "threads": part.threads}
-    driver = driver_of(policy, place, scheme=scheme, **options)
-    how: dict[str, Any] = {"runs": runs, "first_seed": first_seed, "measure": measure, "progress": progress}
-    return evaluate_driver(driver, place, policy.name, scheme, **how)
+    crowd = DrivenCrowd(policy, make_scenario(scenario), arguments, learned_share=learned_share, hindrance=hindrance)
+    return evaluate_crowd(crowd, runs=runs, first_seed=first_seed, measure=measure, progress=progress)
 
 
-def evaluate_driver(
-    driver: Callable[[int], Driver],
-    scenario: Scenario,
-    name: str,
-    scheme: str | ContactScheme,
-    **options: Any,
-) -> Evaluation:
-    """Run evacuations under any driver, here; ``options`` are those of `evaluate_cells`.
-
-    Parameters
-    ----------
-    driver : takes a number of evacuations of ``scenario`` and returns a batch of them.
-    name : of the policy.
+def evaluate_crowd(crowd: DrivenCrowd, **options: Any) -> Evaluation:
+    """Run evacuations of one crowd, here; ``options`` are those of `evaluate_crowds`.
 
     Raises
     ------
@@ -208,23 +198,12 @@ def evaluate_driver(
         If the number of runs or the seed is out of range, or the crowd does not fit.
     """
     found: list[Evaluation] = []
-    cell = Cell(driver, scenario, name, scheme)
-    evaluate_cells([cell], finished=lambda _, result: found.append(result), **options)
+    evaluate_crowds([crowd], finished=lambda _, result: found.append(result), **options)
     return found[0]
 
 
-class Cell(NamedTuple):
-    """A policy or controller that is evaluated under a scheme."""
-
-    driver: Callable[[int], Driver]  # takes a number of evacuations of the scenario and returns a batch of them
-    scenario: Scenario
-    name: str  # of the policy
-    scheme: str | ContactScheme
-    manner: Manner | None = None  # how people walk, if the policy says so itself
-
-
-def evaluate_cells(
-    cells: Sequence[Cell],
+def evaluate_crowds(
+    crowds: Sequence[DrivenCrowd],
     *,
     runs: int,
     first_seed: int = HELD_OUT_SEED,
@@ -233,9 +212,9 @@ def evaluate_cells(
     finished: Callable[[int, Evaluation], None],
     progress: Callable[[int], None] | None = None,
 ) -> None:
-    """Run the evacuations of all cells: every evaluation of policies and controllers comes here.
+    """Run the evacuations of all crowds: every evaluation of policies and controllers comes here.
 
-    The runs of a cell are cut into batches, always the same ones, and put together in their order: an evaluation does not
+    The runs of a crowd are cut into batches, always the same ones, and put together in their order: an evaluation does not
     depend on where its batches were simulated.  Crowds that have come to rest for good are not simulated to the end of the
     wait, see `crowd_env.agents.drivers.PolicyDriver`; their figures are those of the whole wait.
 
@@ -243,7 +222,7 @@ def evaluate_cells(
     ----------
     measure : take a sample every decision step, see `crowd_env.analysis.results.measurements`.
     executor : simulates the batches, by default one after the other here.
-    finished : called with the number of a cell and its evaluation, as soon as all of its runs have ended.
+    finished : called with the number of a crowd and its evaluation, as soon as all of its runs have ended.
     progress : called with the number of runs that have just finished.
 
     Raises
@@ -251,13 +230,9 @@ def evaluate_cells(
     ValueError
         If the number of runs or the seed is out of range, the crowd does not fit, or a process of the executor has died.
     """
+    executor, settled = executor or Serial(), dict[int, DrivenCrowd]()
     pieces: list[tuple[int, RunBatch]] = []
-    for k, cell in enumerate(cells):
-        recorder = MeasurementRecorder(cell.scenario.geometry) if measure else None
-        driver = replace(cell.driver, passes_rest=True) if isinstance(cell.driver, PolicyBatches) else cell.driver
-        batches = make_batches(cell.scenario, runs, seed=first_seed, driver=driver, recorder=recorder, workers=1)
-        pieces += [(k, batch) for batch in batches]
-    outcomes: list[dict[int, BatchDone]] = [{} for _ in cells]  # of each cell, by the first run of the batch
+    outcomes: list[dict[int, BatchDone]] = [{} for _ in crowds]  # of each crowd, by the first run of the batch
 
     def done(number: int, outcome: BatchDone) -> None:
         k, batch = pieces[number]
@@ -265,52 +240,68 @@ def evaluate_cells(
         if progress is not None:
             progress(len(batch.runs))
         if sum(len(one.episodes) for one in outcomes[k].values()) == runs:
-            batch.driver.last = None  # no batch of the cell is left to use it again
-            finished(k, _joined(cells[k], [outcomes[k][first] for first in sorted(outcomes[k])]))
+            batch.reused.clear()  # no batch of the crowd is left to use its environment again
+            finished(k, _joined(settled[k], [outcomes[k][first] for first in sorted(outcomes[k])]))
             outcomes[k].clear()
 
     try:
-        (executor or Serial()).run(_simulate, [(cells[k], batch) for k, batch in pieces], done)
+        executor.run(_settled, crowds, settled.__setitem__)  # a search of constants is work for an executor too
+        for k in range(len(crowds)):
+            driver, scenario = replace(settled[k], passes_rest=True), crowds[k].scenario
+            recorder = MeasurementRecorder(scenario.geometry) if measure else None
+            batches = make_batches(scenario, runs, seed=first_seed, driver=driver, recorder=recorder, workers=1)
+            pieces += [(k, batch) for batch in batches]
+        executor.run(_simulate, [batch for _, batch in pieces], done)
     except WorkerDied as error:
         raise ValueError(str(error)) from None
 
 
-def _simulate(piece: tuple[Cell, RunBatch], stopped: Callable[[], bool]) -> BatchDone:
-    cell, batch = piece
-    if batch.recorder is not None:
-        _warm_up(cell)
+def _settled(crowd: DrivenCrowd, stopped: Callable[[], bool] = never) -> DrivenCrowd:
+    return crowd.settled()
+
+
+def _simulate(batch: RunBatch, stopped: Callable[[], bool]) -> BatchDone:
+    if batch.recorder is not None and isinstance(batch.driver, DrivenCrowd):
+        _warm_up(batch.driver)
     return simulate_batch(batch, stopped)
 
 
-_warm: set[tuple[str, bool, bool]] = set()  # schemes whose kernels this process has loaded, with distances and outlines
+_warm: set[tuple[str, bool, bool, bool]] = set()  # kernels that this process has loaded: law, and which options are on
 
 
-def _warm_up(cell: Cell) -> None:
+def _warm_up(crowd: DrivenCrowd) -> None:
     """Load the kernels, once in a process, so that compiling them is not counted as computing."""
-    headway, outline = cell.scenario.behavior(Headway, cell.manner), cell.scenario.behavior(Outline)
-    key = (make_scheme(cell.scheme).info.name, headway is None, outline is None)
+    physics, headway = crowd.physics, crowd.scenario.behavior(Headway, crowd.walking.manner)
+    outline = crowd.scenario.behavior(Outline, physics.outline)
+    key = (physics.law.info.name, headway is None, outline is None, physics.balance is None)
     if key in _warm:
         return
-    env = CrowdEnv("room-v0", physics=Physics(cell.scheme, outline=outline), walking=headway, routing="fastest")
+    physics = replace(physics, dt=None, outline=outline, threads=1)
+    env = CrowdEnv("room-v0", physics=physics, walking=headway, routing="fastest")
     env.reset(seed=0)
     env.step(None)
     _warm.add(key)
 
 
-def _joined(cell: Cell, batches: Sequence[BatchDone]) -> Evaluation:
-    """Return the evaluation that the batches of a cell, in their order, amount to."""
-    episodes = [at_goals(episode, cell.scenario) for batch in batches for episode in batch.episodes]
-    recorder = batches[0].recorder
+def _joined(crowd: DrivenCrowd, batches: Sequence[BatchDone]) -> Evaluation:
+    """Return the evaluation that the batches of a crowd, in their order, amount to."""
+    scenario = crowd.scenario
+    episodes = [at_goals(episode, scenario) for batch in batches for episode in batch.episodes]
+    recorder, learned = batches[0].recorder, None
     for batch in batches[1:] if recorder is not None else ():
         recorder.merge(batch.recorder)
-    constants, learned = {}, None
-    if isinstance(cell.driver, PolicyBatches):
-        constants = cell.driver.constants
-        if cell.driver.learned_share is not None:
-            seeds = [episode.seed for episode in episodes]
-            learned = learned_people(seeds, cell.scenario.population.people, cell.driver.learned_share)
-    metrics, exits = [episode.metrics for episode in episodes], [episode.exit_time for episode in episodes]
-    ended, names = np.array([episode.end for episode in episodes]), cell.scenario.geometry.exit_names
-    measured, scheme = None if recorder is None else recorder.measured(episodes), make_scheme(cell.scheme).info.name
-    what = metrics, exits, ended, episodes[0].time_limit, names, measured, constants, learned
-    return Evaluation(cell.name, scheme, *what)
+    if crowd.learned_share is not None:
+        seeds = [episode.seed for episode in episodes]
+        learned = learned_people(seeds, scenario.population.people, crowd.learned_share)
+    return Evaluation(
+        crowd.name,
+        crowd.physics.law.info.name,
+        [episode.metrics for episode in episodes],
+        [episode.exit_time for episode in episodes],
+        np.array([episode.end for episode in episodes]),
+        episodes[0].time_limit,
+        scenario.geometry.exit_names,
+        None if recorder is None else recorder.measured(episodes),
+        crowd.constants,
+        learned,
+    )

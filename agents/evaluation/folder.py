@@ -11,7 +11,7 @@ from urllib.parse import quote
 import numpy as np
 
 import crowd_env
-from crowd_env import EpisodeMetrics, Scenario, make_scheme
+from crowd_env import EpisodeMetrics, Physics, Scenario
 from crowd_env.analysis.results.measurements import CELL, Grid, Maps, Measured, RunMeasurements
 from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.behaviors.outline import Outline
@@ -19,6 +19,7 @@ from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.store import Store
 from crowd_env.physics import ContactScheme
+from crowd_env.physics.settings import AsPhysics
 
 from ..networks import network_digest
 from ..runs import versions
@@ -38,6 +39,7 @@ _PRESSURE = {
 }
 _CURVES = 5  # in one figure, as many as there are colors
 _ARRAYS = RunMeasurements._fields
+_PHYSICS = ("dt", "outline", "max_drive", "balance")  # that a result names where they are other than usual
 _NUMBERS = ("simulated", "computing", "replanning")
 
 
@@ -57,11 +59,14 @@ def settings_of(
     return {**facts, "digest": fingerprint(held), "runs": runs, "seed": seed}
 
 
-def _made_by(entry: Entry, law: ContactScheme) -> dict[str, Any]:
-    """Return what else a result depends on: the network, the scheme with its parameters and time step, and the code."""
+def _made_by(entry: Entry, physics: Physics) -> dict[str, Any]:
+    """Return what else a result depends on: the network, the physics with its parameters, and the code."""
+    law, usual = physics.law, Physics()
     network = None if entry.source is None else network_digest(entry.source)
     source = Path(inspect.getfile(type(law))).read_bytes()  # of the user's own scheme too
     facts = {"network": network, "scheme": fingerprint(law, source), "dt": law.info.default_dt}
+    changed = {name: getattr(physics, name) for name in _PHYSICS if getattr(physics, name) != getattr(usual, name)}
+    facts |= {"physics": fingerprint(changed)} if changed else {}
     return {**facts, "code": source_stamp(), "fields": list(EpisodeMetrics._fields)}
 
 
@@ -97,22 +102,22 @@ class EvaluationFolder(Store):
     def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
         super().__init__(folder, settings, about=_SETTINGS, owned=_OWNED)
 
-    def load_result(self, entry: Entry, scheme: str | ContactScheme) -> Evaluation | None:
-        """Return the kept result of a policy under a scheme.
+    def load_result(self, entry: Entry, physics: AsPhysics) -> Evaluation | None:
+        """Return the kept result of a policy under some physics.
 
-        None if there is nothing, if the result was made by another network, scheme or code, or if the file is damaged.
+        None if there is nothing, if the result was made by another network, physics or code, or if the file is damaged.
         """
-        law = make_scheme(scheme)
-        kept = self.load(_name(entry, law), _made_by(entry, law), redo=True)
+        part = Physics.of(physics)
+        kept = self.load(_name(entry, part.law), _made_by(entry, part), redo=True)
         try:
-            return None if kept is None else evaluation_of(entry.name, law.info.name, kept)
+            return None if kept is None else evaluation_of(entry.name, part.law.info.name, kept)
         except Exception:  # arrays of a damaged file, of other shapes
             return None
 
-    def keep_result(self, entry: Entry, scheme: str | ContactScheme, result: Evaluation) -> None:
+    def keep_result(self, entry: Entry, physics: AsPhysics, result: Evaluation) -> None:
         """Keep a result, whole or not at all."""
-        law = make_scheme(scheme)
-        self.keep(_name(entry, law), content_of(result), _made_by(entry, law))
+        part = Physics.of(physics)
+        self.keep(_name(entry, part.law), content_of(result), _made_by(entry, part))
 
     def write_runs(self, results: Sequence[Evaluation], seed: int) -> None:
         """Write ``runs.csv``, one line a run."""

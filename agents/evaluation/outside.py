@@ -75,8 +75,8 @@ def judge_outside(policy: Outside, runs: int = 40) -> dict[str, Any]:
         If the number of runs is out of range.
     """
     task, runs = make_task(policy.task), whole("runs", runs)
-    options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
-    result = evaluate(policy, task.place(), runs=runs, first_seed=task.seeds.start, measure=True, **options)
+    options: dict[str, Any] = {"runs": runs, "first_seed": task.seeds.start, "measure": True}
+    result = evaluate(policy, task.place(), **options, **task.arguments())
     return task_row(task, task.place(), result, [result])
 
 

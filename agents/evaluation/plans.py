@@ -6,7 +6,6 @@ on, which no training draws.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import quote
@@ -27,7 +26,7 @@ from crowd_env.physics.pressure import contact_pressure
 from crowd_env.scenarios.generated import VERSION, conditions_of, draw_place
 
 from .. import PRETRAINED, make_policy
-from ..drivers import policy_driver
+from ..drivers import DrivenCrowd, Hindrance
 from ..networks import network_digest
 from ..policy import Policy
 from ..rules import StrategyPolicy
@@ -162,8 +161,13 @@ def judge_plan(
     if most is not None and place.population.people > most:
         return Outcome(*[np.nan] * len(Outcome._fields))
     who = StrategyPolicy(routing_of(place), name=RULE) if policy == RULE else make_policy(policy)
-    options: dict[str, Any] = {"scheme": law, "manner": manner, "strategy": routing_of(place), "noise": noise}
-    driver = replace(policy_driver(who, place, **options), passes_rest=True)
+    driver = DrivenCrowd(
+        who,
+        place,
+        {"physics": law, "walking": manner, "routing": routing_of(place)},
+        hindrance=Hindrance(noise=noise),
+        passes_rest=True,
+    ).settled()
     batches = make_batches(place, 1, seed=seed, driver=driver, recorder=PressureRecorder())
     episodes = simulate_batch(batches[0], stopped).episodes
     if not episodes:

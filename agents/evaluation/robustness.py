@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,6 +10,7 @@ from rich.table import Table
 from crowd_env import Scenario
 from crowd_env.core.console import say
 
+from ..drivers import Hindrance
 from ..runs import versions
 from ..tasks.task import Task, place_digest
 from ..tasks.variations import AS_IT_STANDS, Variation, variations
@@ -70,7 +70,7 @@ def make_trial(task: Task, one: Variation, policies: Sequence[str]) -> Trial:
     while True:
         try:
             entries = make_entries(named, place, task, learned_share=one.learned_share)
-            hindered = [replace(e, driver=partial(e.driver, **one.hindrances())) for e in entries]
+            hindered = [replace(entry, hindrance=Hindrance(**one.hindrances())) for entry in entries]
             return Trial(one, place, one.scheme or task.scheme, hindered, left_out)
         except Unsuited as error:
             if one is AS_IT_STANDS:

@@ -2,18 +2,19 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
-from crowd_env import Scenario
+from crowd_env import Physics, Scenario
 from crowd_env.core.console import notes, progress_bar, say
 from crowd_env.core.executors import Executor, Processes, Serial
-from crowd_env.physics import ContactScheme
+from crowd_env.physics.settings import AsPhysics
 
 from ..runs import versions
 from ..tasks import Task
 from .comparison import clearing_means, minus_first, ranking
-from .entries import Entry, made_drivers
-from .evaluation import HELD_OUT_SEED, Cell, Evaluation, evaluate_cells
+from .entries import Entry
+from .evaluation import HELD_OUT_SEED, Evaluation, evaluate_crowds
 from .folder import EvaluationFolder
 from .protocol import task_row
 
@@ -23,7 +24,7 @@ _WORTH_PROCESSES = 50  # runs: a process takes some seconds to begin
 def compare(
     entries: Sequence[Entry],
     scenario: Scenario,
-    schemes: Sequence[str | ContactScheme],
+    physics: Sequence[AsPhysics],
     *,
     runs: int,
     seed: int = 0,
@@ -31,12 +32,12 @@ def compare(
     folder: EvaluationFolder | None = None,
     executor: Executor | None = None,
 ) -> list[Evaluation]:
-    """Evaluate every entry under every scheme: run ``k`` of all of them starts from the same people in the same places.
+    """Evaluate every entry under each ``physics``: run ``k`` of all of them starts from the same people in the same places.
 
     What ``folder`` has kept is taken from there.  The rest is shared out by ``executor``, by default to as many processes as
     ``threads`` where that is worth it, else one batch after the other here; results do not depend on it.
     """
-    pairs = [(entry, scheme) for scheme in schemes for entry in entries]
+    pairs = [(entry, Physics.of(one)) for one in physics for entry in entries]
     results = [None if folder is None else folder.load_result(*pair) for pair in pairs]
     todo = [k for k, result in enumerate(results) if result is None]
     if executor is None and threads > 1 and runs * len(todo) >= _WORTH_PROCESSES:
@@ -63,13 +64,9 @@ def compare(
             say(f"{title}: {(result.column('unfinished') == 0).sum()} of {runs} runs cleared")
 
     with progress_bar("evaluating", all_runs) as progress:
-        drivers = made_drivers([pairs[k] for k in todo], scenario, threads, executor)
-        cells = [
-            Cell(driver, scenario, entry.name, scheme, entry.manner)
-            for (entry, scheme), driver in zip([pairs[k] for k in todo], drivers, strict=True)
-        ]
+        crowds = [pairs[k][0].driver(scenario, physics=replace(pairs[k][1], threads=threads)) for k in todo]
         options: dict[str, Any] = {"runs": runs, "first_seed": HELD_OUT_SEED + seed, "measure": True}
-        evaluate_cells(cells, executor=executor, finished=finished, progress=count, **options)
+        evaluate_crowds(crowds, executor=executor, finished=finished, progress=count, **options)
     return [result for result in results if result is not None]
 
 

@@ -75,7 +75,7 @@ def _does_so(task: Task, result: Evaluation) -> bool:
     if name == RuleAtShare.name:  # not to look for its share again
         entry = policy_entry(RuleAtShare(**result.constants), task)
     draws = min(_DRAWS, result.runs)
-    driver = entry.driver(place, task.scheme, 1)(draws)
+    driver = entry.driver(place)(draws)
     there = np.sort(result.exit_times[:draws])[:, :_PEOPLE]
     driver.reset([HELD_OUT_SEED + k for k in range(draws)])
     state, until = driver.env.simulation.state, np.max(there, where=np.isfinite(there), initial=0.0)

@@ -13,11 +13,11 @@ from crowd_env.analysis.figures import named
 from crowd_env.core.console import progress_bar
 from crowd_env.core.executors import Executor, Processes, Serial
 from crowd_env.core.files.json_file import json_number, write_json
+from crowd_env.envs.settings import arguments_of
 from crowd_env.scenarios.titles import run_title
 
 from .. import starts_from, told_start
 from ..controllers import FixedSplit, RandomController
-from ..drivers import driver_of
 from ..networks import NETWORK, network_digest
 from ..rules import StrategyPolicy
 from ..tasks.presets import ALL_PLACES
@@ -26,7 +26,7 @@ from ..training_config import TrainingConfig, judged_place, law_of, physics_of, 
 from ..walking import HeadwayRule
 from . import shipped
 from .comparison import clearing_means, clearing_times, last_times, minus_first, paired, ratio
-from .entries import RULE, controller_entry, make_entries
+from .entries import RULE, Entry, controller_entry, make_entries
 from .evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
 from .folder import EvaluationFolder, settings_of
 from .plans import RULES as PLAN_RULES
@@ -205,7 +205,7 @@ def _references(config: TrainingConfig, results: list[Evaluation]) -> dict[str, 
         return {f"{name}, held-out draws": time for name, time in named.items() if time is not None}
     # The curve was measured on validation draws, so the rule it is compared with is too.
     rule = StrategyPolicy(config.strategy)
-    place, physics = judged_place(config), physics_of(config)
+    place, physics = judged_place(config), arguments_of(physics_of(config))
     beside = evaluate(rule, place, **physics, runs=config.eval_runs, first_seed=VALIDATION_SEED)
     return {f"{config.strategy} path": float(last_times(beside).mean())}
 
@@ -217,8 +217,7 @@ def _write_film(folder: Path, config: TrainingConfig, results: list[Evaluation])
     task, place = task_of(config), judged_place(config)
     stuck = np.flatnonzero(results[0].column("unfinished") > 0)
     seed = HELD_OUT_SEED + (int(stuck[0]) if len(stuck) else 0)
-    law = law_of(config)
-    options = {"scheme": law, "rules": False, "learned_share": task.learned_share, **task.env_options(law.info.name)}
-    shown: dict[str, Any] = {RULE_AHEAD: StrategyPolicy(task.rule), LEARNED: load_trained(folder / NETWORK)}
-    ways = {title: partial(driver_of, who, **options) for title, who in shown.items()}
+    shown = {RULE_AHEAD: StrategyPolicy(task.rule), LEARNED: load_trained(folder / NETWORK)}
+    entries = [Entry(title, who, task=task, learned_share=task.learned_share) for title, who in shown.items()]
+    ways = {one.name: partial(one.driver, physics=law_of(config)) for one in entries}
     write_beside(folder / "evacuation.gif", record_beside(ways, place, seed))

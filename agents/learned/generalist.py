@@ -25,7 +25,7 @@ from crowd_env.envs.action import make_action
 from crowd_env.envs.rollout import run_episodes
 
 from .. import make_policy
-from ..drivers import policy_driver
+from ..drivers import drive
 from ..evaluation.entries import RULE
 from ..evaluation.goals import at_goals
 from ..evaluation.plans import BLOCK, judge_plans
@@ -99,9 +99,9 @@ def _best_beside(places: Sequence[TaskPlace], executor: Executor) -> list[str]:
 
 def _cost_beside(piece: tuple[TaskPlace, str], stopped: Callable[[], bool] = never) -> tuple[float, float]:
     """Return how many people a policy leaves in some draws of a place, and the mean time of the last [s]."""
-    (_, place, (law, manner, _)), name = piece
-    driver = policy_driver(_policy(name, place), place, scheme=law, manner=manner, strategy=place.strategy_of_run())
-    driver = replace(driver, passes_rest=True)
+    (_, place, conditions), name = piece
+    options: dict[str, Any] = {"physics": conditions.law, "walking": conditions.manner}
+    driver = replace(drive(_policy(name, place), place, **options, routing=place.strategy_of_run()), passes_rest=True)
     episodes = [at_goals(one, place) for one in run_episodes(place, _DRAWS, driver=driver)]
     left = float(sum(episode.metrics.unfinished for episode in episodes))
     return left, float(np.mean([episode.end for episode in episodes]))

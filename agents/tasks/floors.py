@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from crowd_env import Scenario
+from crowd_env import Routing, Scenario
 from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.rollout import run_episodes
 
@@ -57,13 +57,12 @@ def free_walk_time(task: Task, one: Variation = AS_IT_STANDS) -> float:
     """
     people, parts = round(one.people * task.people), len(task.place().population.parts)
     alone = replace(one, people=parts / task.people).place(task)
-    scheme = one.scheme or task.scheme
-    options = {"scheme": scheme, "rules": False, **task.env_options(scheme)}
+    arguments = task.arguments(one.scheme)
     if (
         not alone.zones
-    ):  # nobody is slow anywhere: the fastest way of someone alone is the shortest, which takes no planning
-        options["strategy"] = "shortest"
-    times = np.sort(np.concatenate([one.exit_time for one in run_episodes(alone, _ALONE, seed=0, **options)]))
+    ):  # without slow zones the fastest route of a lone pedestrian is the shortest, which takes no planning
+        arguments["routing"] = Routing("shortest", signs=False)
+    times = np.sort(np.concatenate([one.exit_time for one in run_episodes(alone, _ALONE, seed=0, **arguments)]))
     times = times[np.isfinite(times)]
     share = (np.arange(len(times) + 1) / len(times)) ** people
     return float(times @ np.diff(share))

@@ -11,7 +11,7 @@ from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.atomic import write_text
 from crowd_env.envs.observation.layout import TERMS
-from crowd_env.envs.settings import arguments_of
+from crowd_env.envs.settings import EnvArguments
 
 from .task import FILE, TASKS, Task
 
@@ -39,8 +39,7 @@ def probe(task: Task) -> list[float]:
 
 def _run(task: Task, terms: tuple[str, ...], *, led: bool) -> tuple[Floats, Floats, np.ndarray]:
     """Return where people begin and end (P, 2) [m], and what is observed in the end (P, D)."""
-    options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
-    env = CrowdEnv(task.place(), **arguments_of({**options, "observation": ObservationLayout(terms=terms)}))
+    env = CrowdEnv(task.place(), **(task.arguments() | EnvArguments(observation=ObservationLayout(terms=terms))))
     seen, _ = env.reset([task.seeds.start])
     start, layout = env.simulation.state.position.copy(), env.layout
     env.simulation.bodies.response_time[:] = 0.0  # else some crowds would stand all the time

@@ -15,11 +15,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from crowd_env import FULL_SPEED, Pulls, Scenario, make_scenario, make_scheme
+from crowd_env import FULL_SPEED, Physics, Pulls, Routing, Scenario, make_scenario, make_scheme
 from crowd_env.core.behaviors.headway import Headway, Manner
 from crowd_env.core.checks import known, whole
 from crowd_env.core.files.fingerprint import fingerprint
+from crowd_env.envs.settings import EnvArguments
 from crowd_env.physics.scheme import DECISION_DT
+from crowd_env.physics.settings import AsPhysics
 
 from ..evaluation.evaluation import HELD_OUT_SEED
 
@@ -104,6 +106,16 @@ class Task:
         """Return options of `CrowdEnv` of a run of the task under a scheme; another than its own has its own step."""
         dt = {"dt": self.dt} if scheme == self.scheme else {}
         return {"strategy": self.rule, "decision_dt": self.decision_dt, **dt}
+
+    def arguments(self, physics: AsPhysics | None = None) -> EnvArguments:
+        """Return the arguments of `CrowdEnv` of a run of the task, under its own contact law or under other ``physics``.
+
+        The law of the task has its own step unless ``physics`` gives one.
+        """
+        part = Physics.of(self.scheme if physics is None else physics)
+        if part.dt is None and part.law.info.name == self.scheme:
+            part = replace(part, dt=self.dt)
+        return {"physics": part, "routing": Routing(self.rule, signs=False), "decision_dt": self.decision_dt}
 
     def configuration(self) -> dict[str, Any]:
         """Return everything that decides what happens in the task, as plain data."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from crowd_env.agents.evaluation.entries import Entry, make_entries
 from crowd_env.agents.trained import load_trained
 from crowd_env.envs.rollout import Driver
-from crowd_env.envs.settings import Routing
+from crowd_env.envs.settings import EnvArguments, Routing
 from crowd_env.physics.settings import Physics
 from crowd_env.scenarios.scenario import Scenario
 
@@ -33,9 +33,8 @@ class Led(NamedTuple):
 
     def driver(self, physics: Physics, routing: Routing | None = None) -> Callable[[int], Driver]:
         """Return a maker of batches; without routing the policy says it."""
-        way: dict[str, Any] = {} if routing is None else {"strategy": routing.strategy, "rules": routing.signs}
-        way |= {name: value for name in ("dt", "max_drive") if (value := getattr(physics, name)) is not None}
-        return self.entry.driver(self.place, physics.law, 1, **way)
+        arguments = EnvArguments(physics=physics) if routing is None else EnvArguments(physics=physics, routing=routing)
+        return self.entry.driver(self.place, **arguments).settled()
 
     @classmethod
     def of(cls, entry: Entry, place: Scenario) -> "Led":

@@ -198,6 +198,11 @@ class CrowdEnv:
         return cast(Bools, self._transition.finished)
 
     @property
+    def observer(self) -> Observer:
+        """What writes the observations."""
+        return self._observer
+
+    @property
     def num_people(self) -> int:
         """Number of slots P."""
         return int(self.env_start[-1])

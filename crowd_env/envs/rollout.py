@@ -4,7 +4,7 @@ import copy
 import functools
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -124,23 +124,6 @@ def rollout(scenario: Scenario, runs: int, **options: Any) -> Iterator[Episode]:
     return (episode for batch in make_batches(scenario, runs, **options) for episode in batch.episodes())
 
 
-class ReusedDriver:
-    """Makes drivers, and gives the last one again where the next batch is as large; its copy elsewhere begins with none."""
-
-    def __init__(self, make: Callable[[int], Driver]) -> None:
-        self.make = make
-        self.last: Driver | None = None
-
-    def __call__(self, num_envs: int) -> Driver:
-        """Return a driver of so many evacuations."""
-        if self.last is None or self.last.env.num_envs != num_envs:
-            self.last = self.make(num_envs)
-        return self.last
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"make": self.make, "last": None}
-
-
 def _scripted_driver(scenario: Scenario, options: dict[str, Any], num_envs: int) -> Driver:
     arguments = arguments_of(options)
     physics = Physics.of(arguments.pop("physics", "nsm2"))
@@ -154,8 +137,14 @@ class RunBatch:
 
     runs: Sequence[int]  # their numbers
     seed: int  # run k is the draw seed + k
-    driver: ReusedDriver
+    driver: Callable[[int], Driver]  # takes a number of evacuations
     recorder: Recorder | None
+    reused: list[Driver] = field(
+        default_factory=list
+    )  # the last one made, shared by batches; a copy elsewhere begins without
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "reused": []}
 
     def episodes(self, stopped: Callable[[], bool] = lambda: False) -> Iterator[Episode]:
         """Yield the evacuations as they end.
@@ -165,7 +154,9 @@ class RunBatch:
         KeyboardInterrupt
             If ``stopped``, which is called every step, says so.
         """
-        driver, recorder = self.driver(len(self.runs)), self.recorder
+        if not self.reused or self.reused[0].env.num_envs != len(self.runs):
+            self.reused[:] = [self.driver(len(self.runs))]
+        driver, recorder = self.reused[0], self.recorder
         env = driver.env
         driver.reset([self.seed + run for run in self.runs])
         if recorder is not None:
@@ -251,14 +242,16 @@ def make_batches(
     most = max(1, min(_RUNS_AT_ONCE, _PEOPLE_AT_ONCE // scenario.population.people))
     if at_once is not None and driver is None:
         most = min(most, at_once)
-    reused = ReusedDriver(driver or functools.partial(_scripted_driver, scenario, options))
+    driver_of_batch = driver or functools.partial(_scripted_driver, scenario, options)
     if workers is not None and driver is None:
         rounds = -(-len(numbers) // (most * workers))  # in which every worker has a batch
         edges = np.linspace(0, len(numbers), min(rounds * workers, len(numbers)) + 1).astype(int).tolist()
     else:
         edges = [*range(0, len(numbers), most), len(numbers)]
     parts = [numbers[first:stop] for first, stop in itertools.pairwise(edges)]
-    return [RunBatch(part, seed, reused, recorder if workers is None else copy.deepcopy(recorder)) for part in parts]
+    recorders = (recorder if workers is None else copy.deepcopy(recorder) for _ in parts)
+    reused: list[Driver] = []
+    return [RunBatch(part, seed, driver_of_batch, one, reused) for part, one in zip(parts, recorders, strict=True)]
 
 
 def run_episodes(

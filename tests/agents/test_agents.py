@@ -9,7 +9,7 @@ import pytest
 from cases import looped
 from rich.console import Console
 
-from crowd_env import SCHEMES, make_scenario
+from crowd_env import SCHEMES, Physics, Uniform, make_scenario
 from crowd_env.agents import POLICIES, ShortestPath, make_policy
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate
 from crowd_env.agents.evaluation.report import comparison_table
@@ -48,14 +48,14 @@ def test_every_policy_meets_the_same_people_in_the_same_places():
     evaluate(Watching(), SMALL, runs=3)
     first = met[0].copy()
     met.clear()
-    evaluate(Watching(), SMALL, runs=3, scheme="dem")
+    evaluate(Watching(), SMALL, runs=3, physics="dem")
     np.testing.assert_array_equal(first, met[0])
 
 
 @looped("scheme", SCHEMES)
 def test_the_shortest_path_is_the_rule_of_the_command_line(scheme):
     rule = run_episodes(SMALL, 5, scheme=scheme, seed=HELD_OUT_SEED)
-    assert repr(evaluate(make_policy("shortest"), SMALL, scheme=scheme, runs=5).episodes) == repr(
+    assert repr(evaluate(make_policy("shortest"), SMALL, physics=scheme, runs=5).episodes) == repr(
         [episode.metrics for episode in rule]
     )
 
@@ -67,7 +67,7 @@ def test_more_runs_than_fit_beside_each_other_are_run_one_after_the_other():
     assert len(episodes) == len(told) == 60
     assert len({episode.metrics.evacuation_time for episode in episodes}) == 60
     assert repr(episodes[55].metrics) == repr(run_episodes(place, 1, scheme="dem", seed=55)[0].metrics)
-    evaluated = evaluate(make_policy("shortest"), place, scheme="dem", runs=60, first_seed=0)
+    evaluated = evaluate(make_policy("shortest"), place, physics="dem", runs=60, first_seed=0)
     assert repr(evaluated.episodes) == repr([episode.metrics for episode in episodes])
 
 
@@ -188,3 +188,25 @@ def test_json_is_written_whole_or_not_at_all(tmp_path):
 
 def test_versions_name_what_can_change_a_result():
     assert {"python", "numpy", "numba"} <= set(versions())
+
+
+@looped(
+    "physics",
+    [Physics("nsm2", balance="stepping"), Physics("nsm2", max_drive=100.0), Physics("nsm2", dt=0.005), Physics("dem")],
+    ids=repr,
+)
+def test_an_evaluation_takes_its_physics_whole(physics):
+    """Nothing of it is dropped on the way: every run is that of an environment of this physics."""
+    crowd = make_scenario("room-v0", people=30).population.changed(response_time=Uniform(0.0, 6.0))
+    place = make_scenario("room-v0", population=crowd, time_limit=8.0)  # who walks bumps into those who still stand
+    judged = evaluate(make_policy("shortest"), place, physics=physics, routing="shortest", runs=2)
+    alone, usual = (
+        repr([one.metrics for one in run_episodes(place, 2, seed=HELD_OUT_SEED, physics=one, routing="shortest")])
+        for one in (physics, "nsm2")
+    )
+    assert repr(judged.episodes) == alone != usual
+
+
+def test_an_evaluation_knows_physics_by_one_name_alone():
+    with pytest.raises(TypeError, match="no argument 'scheme'; say physics="):
+        evaluate(make_policy("shortest"), SMALL, scheme="dem", runs=1)

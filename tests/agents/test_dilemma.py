@@ -10,11 +10,11 @@ from evaluations import made_up, random_policy
 
 from crowd_env import CrowdEnv
 from crowd_env.agents import make_policy
-from crowd_env.agents.drivers import PolicyBatches
+from crowd_env.agents.drivers import DrivenCrowd
 from crowd_env.agents.evaluation import trained_run
 from crowd_env.agents.evaluation.dilemma import deterrent, follow, gain, payoffs, price_of_anarchy
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_driver
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_crowd
 from crowd_env.agents.mixed import MixedEnv, learned_people
 from crowd_env.agents.rules import StandStill, StrategyPolicy
 from crowd_env.agents.tasks import TASKS, Task
@@ -109,7 +109,7 @@ def test_what_cannot_move_others_is_refused():
 def test_a_task_says_whom_policies_move():
     task, place = replace(DOOR, learned_share=0.8), DOOR.place()
     (entry,) = make_entries(["stand-still"], place, task)
-    found = evaluate_driver(entry.driver(place, "nsm2", 1), place, entry.name, "nsm2", runs=2)
+    found = evaluate_crowd(entry.driver(place), runs=2)
     np.testing.assert_array_equal(found.learned, learned_people(range(HELD_OUT_SEED, HELD_OUT_SEED + 2), 10, 0.8))
     assert task.digest() != DOOR.digest()
 
@@ -177,8 +177,8 @@ def test_at_the_price_that_deters_who_pushes_earns_what_the_others_earn():
     task = replace(DOOR, scheme="hertz", dt=0.005, people=20)
     price = deterrent(QUEUE, task, runs=6, deviator=PUSH, share=0.3)
     assert 0.0 < price < 100.0
-    part = PolicyBatches(PUSH, task.place(), {**task.env_options("hertz"), "scheme": "hertz"}, 0.3, QUEUE)
-    driver = replace(part, options={**part.options, "reward": {"time": 1.0, "contact": price}})(6)
+    part = DrivenCrowd(PUSH, task.place(), task.arguments("hertz"), learned_share=0.3, others=QUEUE)
+    driver = replace(part, arguments={**part.arguments, "reward": {"time": 1.0, "contact": price}})(6)
     driver.reset([HELD_OUT_SEED + k for k in range(6)])
     earned, env = np.zeros(driver.env.num_people), driver.env
     while not env.finished.all():

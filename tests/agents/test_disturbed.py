@@ -9,9 +9,9 @@ from evaluations import SMALL, hall, random_policy
 
 from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.agents import Follow
-from crowd_env.agents.drivers import PolicyDriver, policy_driver
+from crowd_env.agents.drivers import DrivenCrowd, Hindrance, PolicyDriver
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import evaluate_driver
+from crowd_env.agents.evaluation.evaluation import evaluate_crowd
 from crowd_env.agents.rules import ShortestPath
 from crowd_env.agents.sight import Sight
 
@@ -32,8 +32,7 @@ class Counting(ShortestPath):
 
 
 def episodes(policy, runs=3, **hindered):
-    driver = policy_driver(policy, SMALL, **hindered)
-    return repr(evaluate_driver(driver, SMALL, policy.name, "nsm2", runs=runs).episodes)
+    return repr(evaluate_crowd(DrivenCrowd(policy, SMALL, hindrance=Hindrance(**hindered)), runs=runs).episodes)
 
 
 @looped("policy", [FOLLOW, NETWORK], ids=lambda policy: policy.name)
@@ -59,7 +58,7 @@ def test_a_run_is_the_same_in_a_batch_of_any_size_and_another_than_undisturbed(m
 @looped(("delay", "late"), [(0.0, 0), (0.1, 1), (0.3, 3), (0.5, 5)])
 def test_a_decision_takes_effect_so_many_decisions_later(delay, late):
     env, policy, taken = CrowdEnv(hall(4), num_envs=2), Counting(), []
-    driver, step = PolicyDriver(policy, env, delay=delay), env.step
+    driver, step = PolicyDriver(policy, env, hindrance=Hindrance(delay=delay)), env.step
     env.step = lambda action: taken.append(action) or step(action)
     for _ in range(2):  # what was decided on before a reset takes no effect behind it
         taken.clear()
@@ -72,7 +71,7 @@ def test_a_decision_takes_effect_so_many_decisions_later(delay, late):
 
 def test_noise_is_added_to_what_is_there_and_stays_within_the_bounds():
     env, policy = CrowdEnv(hall(14), num_envs=2), Counting()
-    driver = PolicyDriver(policy, env, noise=0.05)
+    driver = PolicyDriver(policy, env, hindrance=Hindrance(noise=0.05))
     driver.reset([5, 6])
     truth = []
     for _ in range(60):
@@ -89,9 +88,8 @@ def test_noise_is_added_to_what_is_there_and_stays_within_the_bounds():
 
 def test_entries_take_all():
     (entry,) = make_entries(["follow"], SMALL)
-    hindered = {"noise": 0.05, "delay": 0.3, "unseen": 0.2}
-    driver = entry.driver(SMALL, "nsm2", 1, **hindered)
-    assert driver == replace(entry.driver(SMALL, "nsm2", 1), **hindered)
+    hindrance = Hindrance(noise=0.05, delay=0.3, unseen=0.2)
+    assert replace(entry, hindrance=hindrance).driver(SMALL) == replace(entry.driver(SMALL), hindrance=hindrance)
 
 
 SEEN = ObservationLayout(terms=("velocity", "walls", "density", "ahead", "neighbors"), neighbors=8)

@@ -14,11 +14,11 @@ from evaluations import NAMES, RULED, SMALL, call, made_up, run
 from repository import ROOT
 from rich.console import Console
 
-from crowd_env import CrowdEnv
+from crowd_env import CrowdEnv, Physics
 from crowd_env.agents.controllers import FixedSplit, RandomController
-from crowd_env.agents.drivers import driver_of
+from crowd_env.agents.drivers import drive
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate, evaluate_driver
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate, evaluate_crowd
 from crowd_env.agents.evaluation.folder import _curves
 from crowd_env.agents.evaluation.report import crowding_table, exits_table, left_table, times_table
 from crowd_env.agents.training_config import check_config, default_config, make_env, task_of
@@ -33,7 +33,7 @@ def test_all_policies_start_from_the_same_people_in_the_same_places(scheme):
     reference = CrowdEnv(SMALL, num_envs=2)
     reference.reset(seeds)
     for entry in make_entries(NAMES, SMALL):
-        driver = entry.driver(SMALL, scheme, 1)(2)
+        driver = entry.driver(SMALL, physics=scheme)(2)
         driver.reset(seeds)
         np.testing.assert_array_equal(driver.env.simulation.state.position, reference.simulation.state.position)
         for ours, theirs in zip(driver.env.simulation.bodies, reference.simulation.bodies, strict=True):
@@ -67,7 +67,7 @@ def test_rules_are_in_force_for_rules_alone():
 @looped("name", NAMES)
 def test_all_walk_in_the_same_place(name):
     (entry,) = make_entries([name], RULED)
-    assert bool(entry.driver(RULED, "nsm2", 1)(1).env.route_set[0].plan.rules) == (name == "rules")
+    assert bool(entry.driver(RULED)(1).env.route_set[0].plan.rules) == (name == "rules")
 
 
 def test_the_name_of_an_exit_sends_everyone_there():
@@ -91,9 +91,7 @@ class Balancing:
 def test_a_controller_sampled_between_its_decisions_is_the_controller(kind):
     options = {"grid": (4, 1), "interval": 1.0}
     controller = kind(options)
-    ours = evaluate_driver(
-        driver_of(controller, SMALL, scheme="nsm2"), SMALL, "controller", "nsm2", runs=3, measure=True
-    )
+    ours = evaluate_crowd(replace(drive(controller, SMALL), name="controller"), runs=3, measure=True)
     batch, seeds = RoutingBatch(SMALL, num_envs=3, **options), [HELD_OUT_SEED + k for k in range(3)]
     observation, rng = batch.reset(seeds), np.random.default_rng(HELD_OUT_SEED)
     while not batch.env.finished.all():
@@ -158,7 +156,9 @@ def test_policies_that_do_the_same_share_a_curve():
 
 @looped(("interval", "dt"), [(0.25, 0.01), (0.3, 0.03)])
 def test_a_controller_may_decide_at_times_at_which_no_sample_fits(interval, dt):
-    judged = evaluate(FixedSplit({"grid": (4, 1), "interval": interval}), SMALL, runs=1, first_seed=0, dt=dt)
+    judged = evaluate(
+        FixedSplit({"grid": (4, 1), "interval": interval}), SMALL, runs=1, first_seed=0, physics=Physics(dt=dt)
+    )
     assert judged.column("unfinished").tolist() == [0.0]
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from crowd_env import make_scenario
-from crowd_env.agents.drivers import policy_driver
+from crowd_env.agents.drivers import drive
 from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.evaluation.goals import strayed
 from crowd_env.agents.evaluation.plans import judge_plan
@@ -27,7 +27,7 @@ def test_people_of_a_route_are_out_by_its_exit_alone(place):
 
 def test_it_is_the_physics_that_lets_them_out():
     place = make_scenario("counter-flow-v0", people=8)
-    for episode in run_episodes(place, 3, driver=policy_driver(BACK, place)):
+    for episode in run_episodes(place, 3, driver=drive(BACK, place)):
         assert episode.metrics.unfinished == 0
         assert strayed(episode.exit_index, place).all()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from evaluations import SMALL, call, hall, run
 
-from crowd_env import MANNERS
+from crowd_env import MANNERS, Walking
 from crowd_env.agents.controllers import RandomController
 from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
@@ -25,12 +25,12 @@ def test_entries_walk_in_the_manner_of_the_scenario():
 def test_policies_and_controllers_are_evaluated_in_a_manner():
     shared = {"runs": 2, "first_seed": 5}
     policy = StrategyPolicy("shortest", rules=False)
-    in_calm, calm = evaluate(policy, CALM, **shared), evaluate(policy, SMALL, manner="calm", **shared)
+    in_calm, calm = evaluate(policy, CALM, **shared), evaluate(policy, SMALL, walking="calm", **shared)
     assert repr(in_calm.episodes) == repr(calm.episodes) != repr(evaluate(policy, SMALL, **shared).episodes)
     for controller in (RandomController(),):
         place = evaluate(controller, CALM, **shared)
-        option = evaluate(controller, SMALL, manner="calm", **shared)
-        back = evaluate(controller, CALM, manner="competitive", **shared)
+        option = evaluate(controller, SMALL, walking="calm", **shared)
+        back = evaluate(controller, CALM, walking="competitive", **shared)
         usual = evaluate(controller, SMALL, **shared)
         assert repr(place.episodes) == repr(option.episodes) != repr(usual.episodes) == repr(back.episodes)
 
@@ -81,7 +81,7 @@ def test_a_policy_in_training_is_evaluated_in_its_manner(tmp_path, monkeypatch):
     seen = []
 
     def spy(policy, scenario, **options):
-        seen.append(options["manner"])
+        seen.append(Walking.of(options["walking"]).manner)
         return evaluate(policy, scenario, **options)
 
     monkeypatch.setattr("crowd_env.agents.learned.callbacks.evaluate", spy)
@@ -104,4 +104,4 @@ def test_a_controller_is_judged_in_the_manner_of_the_evaluation(tmp_path):
         tmp_path / "c.safetensors"
     )
     (entry,) = make_entries([str(tmp_path / "c.safetensors")], CALM)
-    assert entry.driver(CALM, "nsm2", 1)(1).env.simulation.behaviors["manner"] == MANNERS["calm"]
+    assert entry.driver(CALM)(1).env.simulation.behaviors["manner"] == MANNERS["calm"]

@@ -9,7 +9,7 @@ from cases import looped
 from evaluations import SMALL, call, hall, random_network, run
 
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_driver
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_crowd
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.mixed import learned_people
 from crowd_env.agents.trained import LearnedController
@@ -18,8 +18,7 @@ from crowd_env.envs.routing.batch import RoutingBatch
 
 def mixed(name, share, scenario=SMALL, runs=3, **options):
     (entry,) = make_entries([name], scenario, learned_share=share)
-    driver = entry.driver(scenario, "nsm2", 1)
-    return evaluate_driver(driver, scenario, entry.name, "nsm2", runs=runs, measure=True, **options)
+    return evaluate_crowd(entry.driver(scenario), runs=runs, measure=True, **options)
 
 
 def test_a_run_decides_who_has_learned_and_a_larger_share_adds_people():

@@ -5,7 +5,7 @@ import json
 import pytest
 from evaluations import call, hall
 
-from crowd_env import OUTLINES
+from crowd_env import OUTLINES, Physics
 from crowd_env.agents.controllers import RandomController
 from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
@@ -24,15 +24,15 @@ def test_a_folder_holds_one_outline(tmp_path):
 
 
 def test_policies_and_controllers_are_evaluated_with_an_outline():
-    shared = {"runs": 1, "first_seed": 5, "scheme": "hertz"}
+    shared = {"runs": 1, "first_seed": 5, "physics": "hertz"}
     place, usual = hall(outline="torso"), hall()
     policy = StrategyPolicy("shortest", rules=False)
     found = repr(evaluate(policy, place, **shared).episodes)
-    assert found == repr(evaluate(policy, usual, outline="torso", **shared).episodes)
+    assert found == repr(evaluate(policy, usual, **{**shared, "physics": Physics("hertz", outline="torso")}).episodes)
     assert found != repr(evaluate(policy, usual, **shared).episodes)
     for controller in (RandomController(),):
         own = evaluate(controller, place, **shared)
-        option = evaluate(controller, usual, outline="torso", **shared)
+        option = evaluate(controller, usual, **{**shared, "physics": Physics("hertz", outline="torso")})
         assert repr(own.episodes) == repr(option.episodes)
 
 
@@ -57,7 +57,7 @@ def test_training_keeps_its_outline(tmp_path, monkeypatch):
     folder, seen = tmp_path / "run", []
 
     def spy(policy, scenario, **options):
-        seen.append(options["outline"])
+        seen.append(options["physics"].outline)
         return evaluate(policy, scenario, **options)
 
     monkeypatch.setattr("crowd_env.agents.learned.callbacks.evaluate", spy)

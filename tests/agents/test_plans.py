@@ -68,7 +68,7 @@ def test_an_outcome_is_what_an_evaluation_of_the_place_finds():
     seed = small_seed()
     place = draw_place(seed=seed)
     rule = StrategyPolicy(plans.routing_of(place))
-    result = evaluate(rule, place, scheme="dem", runs=1, first_seed=seed, measure=True)
+    result = evaluate(rule, place, physics="dem", runs=1, first_seed=seed, measure=True)
     found = judge_plan("rule", seed)
     assert found.time == result.column("evacuation_time")[0] and found.left == 0
     assert found.pressure == pytest.approx(result.measured.max_pressure[0], rel=1e-12)

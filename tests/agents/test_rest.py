@@ -10,7 +10,7 @@ from evaluations import NAMES, RULED, hall, run
 from crowd_env import CrowdEnv, Uniform
 from crowd_env.agents import drivers
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_driver
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_crowd
 from crowd_env.agents.tasks import TASKS
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.recording import record
@@ -32,7 +32,7 @@ def judged(monkeypatch, name, task, rest, **options):
     place = task.place()
     (entry,) = make_entries([name], place, task)
     options |= {"measure": True, "first_seed": 1_000_001}
-    return evaluate_driver(entry.driver(place, task.scheme, 1), place, name, task.scheme, **options)
+    return evaluate_crowd(entry.driver(place), **options)
 
 
 @pytest.mark.more
@@ -88,17 +88,15 @@ def test_nobody_rests_who_may_go_on_by_oneself():
     entries = [(one, RULED) for one in make_entries(NAMES, RULED)]
     entries += [(one, replace(RULED, manner="eager")) for one in make_entries(["shortest"], RULED)]
     entries += [(one, place) for one in make_entries([f"{task.name}/ppo", f"{task.name}/ppo:sampled"], place, task)]
-    made = [entry.driver(place, task.scheme, 1)(1) for entry, place in entries]
+    made = [entry.driver(place)(1) for entry, place in entries]
     rest = [
         entry.name
         for (entry, _), driver in zip(entries, made, strict=True)
-        if drivers.rests_for_good(driver.policy, driver.env)
+        if drivers.rests_for_good(driver.env, driver.policy)
     ]
     assert rest == ["shortest", "nearest", "west", "stand-still", "competitive-door/ppo"]
 
 
 def test_a_film_shows_the_whole_wait():
-    film = record(
-        hall(time_limit=8.0), driver=make_entries(["stand-still"], hall())[0].driver(hall(time_limit=8.0), "nsm2", 1)
-    )
+    film = record(hall(time_limit=8.0), driver=make_entries(["stand-still"], hall())[0].driver(hall(time_limit=8.0)))
     assert np.diff(film.times).max() < 0.2

@@ -88,7 +88,7 @@ def test_a_shipped_policy_fits_its_task_as_it_stands(name):
         assert card["config"]["frame"] == found.env_options["frame"]
     (entry,) = make_entries([name], task.place(), task)
     assert entry.name == name
-    batch = entry.driver(task.place(), task.scheme, 1)(1)
+    batch = entry.driver(task.place())(1)
     batch.reset([0])
     start = batch.env.simulation.state.position.copy()
     batch.step()

@@ -11,7 +11,7 @@ from crowd_env import make_scheme
 from crowd_env.agents.evaluation import shipped
 from crowd_env.agents.evaluation.comparison import mean_times
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_driver
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_crowd
 from crowd_env.agents.evaluation.protocol import task_row
 from crowd_env.agents.tasks import TASKS
 from crowd_env.agents.walking import Follow
@@ -47,8 +47,7 @@ def found(task=ROOM, place=None, law=LAW, runs=5):
 
 def here(name, task, runs, first=0):
     (entry,) = make_entries([name], task.place(), task)
-    driver, seed = entry.driver(task.place(), task.scheme, 1), HELD_OUT_SEED + first
-    return evaluate_driver(driver, task.place(), name, task.scheme, runs=runs, measure=True, first_seed=seed)
+    return evaluate_crowd(entry.driver(task.place()), runs=runs, measure=True, first_seed=HELD_OUT_SEED + first)
 
 
 def test_what_is_still_good_stays_and_what_is_missing_is_made(room, tmp_path, monkeypatch):

@@ -165,10 +165,13 @@ def test_both_lead_the_crowd_of_the_task_on_draws_that_nobody_has_seen(tmp_path,
     from crowd_env.agents.networks import network_digest
 
     monkeypatch.setattr(significance, "DRAWS", 2)
-    seeds, run_cells = [], evaluation.evaluate_cells
+    seeds, run_crowds = [], evaluation.evaluate_crowds
     monkeypatch.setattr(
-        "crowd_env.agents.evaluation.same_draws.evaluate_cells",
-        lambda cells, **options: (seeds.append((options["first_seed"], options["runs"])), run_cells(cells, **options)),
+        "crowd_env.agents.evaluation.same_draws.evaluate_crowds",
+        lambda crowds, **options: (
+            seeds.append((options["first_seed"], options["runs"])),
+            run_crowds(crowds, **options),
+        ),
     )
     config = replace(task_config("room", 3, envs=2, steps=700), eval_every=10**6, eval_runs=2)
     config = with_ppo(config, **QUICK)

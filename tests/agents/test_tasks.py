@@ -153,10 +153,10 @@ def test_everyone_walks_along_the_ways_of_the_rule_and_decides_as_often_as_the_t
     strategies = {}
     for name in ("rule", "fastest", "follow", "shortest"):
         (entry,) = make_entries([name], place, task)
-        env = entry.driver(place, "nsm2", 1)(1).env
+        env = entry.driver(place, physics="nsm2")(1).env
         assert (env.decision_dt, env.simulation.dt) == (0.2, 0.005)
         strategies[name] = env.routing.strategy
-        other = entry.driver(place, "hertz", 1)(1).env
+        other = entry.driver(place, physics="hertz")(1).env
         assert other.simulation.dt == make_scheme("hertz").info.default_dt
     assert strategies == {"rule": "fastest", "fastest": "fastest", "follow": "fastest", "shortest": "shortest"}
 
@@ -173,7 +173,7 @@ def test_learned_networks_walk_and_route_under_the_steps_of_a_task(tmp_path):
     )
     for name, decision_dt in (("walk", 0.2), ("lead", 0.1)):  # a controller has an interval of its own
         (entry,) = make_entries([str(tmp_path / f"{name}.safetensors")], place, task)
-        env = entry.driver(place, "nsm2", 1)(1).env
+        env = entry.driver(place, physics="nsm2")(1).env
         assert (entry.name, env.simulation.dt, env.decision_dt) == (name, 0.005, decision_dt)
 
 

@@ -9,7 +9,7 @@ from evaluations import call, hall, run
 
 from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.agents import POLICIES, DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, YieldWhenStuck, Zipper
-from crowd_env.agents.drivers import PolicyDriver, best_share
+from crowd_env.agents.drivers import DrivenCrowd, PolicyDriver, best_share
 from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
@@ -96,7 +96,7 @@ def test_streams_that_lock_at_full_speed_come_loose_when_those_who_are_stuck_yie
 
 @looped("scheme", ["dem", "nsm2"])
 def test_the_headway_policy_is_the_manner_bit_by_bit(scheme):
-    place, shared = hall(30, speed=1.8), {"scheme": scheme, "runs": 2}
+    place, shared = hall(30, speed=1.8), {"physics": scheme, "runs": 2}
     policy = evaluate(HeadwayRule(), place, **shared)
     manner = run_episodes(place, 2, seed=1_000_000, scheme=scheme, manner="hurried")
     assert repr(policy.episodes) == repr([episode.metrics for episode in manner])
@@ -229,7 +229,7 @@ def test_a_share_that_is_neither_given_nor_searched_for_is_refused():
 
 def test_the_best_share_is_full_speed_where_nothing_is_in_the_way(monkeypatch):
     monkeypatch.setattr("crowd_env.agents.drivers.SEARCH_RUNS", 2)
-    assert best_share(hall(1)) == 1.0
+    assert best_share(DrivenCrowd(RuleAtShare(), hall(1))) == 1.0
 
 
 @looped(
@@ -264,7 +264,7 @@ def test_the_best_share_leaves_the_fewest_inside_and_then_is_the_soonest(monkeyp
         return [episode._replace(metrics=one, time_limit=300.0) for one in two]
 
     monkeypatch.setattr("crowd_env.agents.drivers.run_episodes", made_up)
-    assert best_share(hall(1)) == best and len(tried) == tries
+    assert best_share(DrivenCrowd(RuleAtShare(), hall(1))) == best and len(tried) == tries
 
 
 @pytest.mark.more

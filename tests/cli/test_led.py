@@ -7,7 +7,7 @@ from commands import call, figures
 
 from crowd_env import make_scenario
 from crowd_env.agents import load
-from crowd_env.agents.drivers import driver_of
+from crowd_env.agents.drivers import drive
 from crowd_env.envs.rollout import run_episodes
 
 POLICY = "competitive-door/ppo"
@@ -25,7 +25,7 @@ def test_a_policy_leads_the_people_of_a_plan_as_it_does_in_python(hall):
     place = make_scenario(hall.split()[0], exits=["8,2.5,8,3.5"], people=12)
     policy = load(POLICY)
     assert policy.trained["manner"] == "competitive"
-    driver = driver_of(policy, place, scheme="nsm2", manner="competitive")
+    driver = drive(policy, place, physics="nsm2", walking="competitive")
     alone = [run.metrics.evacuation_time for run in run_episodes(place, 2, driver=driver)]
     assert found["evacuation_time"]["mean"] == pytest.approx(sum(alone) / 2, rel=1e-12)
     assert found["policy"] == POLICY and found["manner"] == "competitive"

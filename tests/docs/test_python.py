@@ -39,7 +39,7 @@ def test_examples_run(name, monkeypatch, tmp_path):
         from crowd_env.agents.tasks import make_task
 
         task = make_task("competitive-door")
-        judged = evaluate(load("competitive-door/ppo"), task.place(8), scheme=task.scheme, runs=1, dt=task.dt)
+        judged = evaluate(load("competitive-door/ppo"), task.place(8), runs=1, **task.arguments())
         assert example.main(people=8) == judged.column("evacuation_time")[0]
     else:
         example.main(tmp_path / "room.png")

@@ -104,4 +104,4 @@ def _of_task(task: str) -> list[str]:
 
 
 def _driver(entry: Entry, task: Task | None, place: Scenario) -> Callable[[int], Driver]:
-    return Led.of(entry, place).driver(Physics("nsm2")) if task is None else entry.driver(place, task.scheme, 1)
+    return Led.of(entry, place).driver(Physics("nsm2")) if task is None else entry.driver(place).settled()
