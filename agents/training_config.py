@@ -403,7 +403,7 @@ def make_env(config: TrainingConfig, envs: int | None = None, threads: int = 1) 
         own = {name: getattr(config.places, name) for name in ("people", "seeds", "share")}
         own["beside"] = [(one.place, one.conditions) for one in places_of_tasks(config.places.people)]
         learned |= {"observation": ObservationLayout(**config.observation), "decision_dt": config.decision_dt}
-        return GeneratedCrowds(num_envs, **own, **learned)
+        return GeneratedCrowds(num_envs, threads=threads, **own, **learned)
     arguments = arguments_of({"threads": threads, **physics_of(config), "frame": config.frame, **learned})
     arguments |= {"num_envs": num_envs, "autoreset": True}
     share = task_of(config).learned_share

@@ -39,7 +39,6 @@ _PRESSURE = {
 }
 _CURVES = 5  # in one figure, as many as there are colors
 _ARRAYS = RunMeasurements._fields
-_PHYSICS = ("dt", "outline", "max_drive", "balance")  # that a result names where they are other than usual
 _NUMBERS = ("simulated", "computing", "replanning")
 
 
@@ -61,11 +60,12 @@ def settings_of(
 
 def _made_by(entry: Entry, physics: Physics) -> dict[str, Any]:
     """Return what else a result depends on: the network, the physics with its parameters, and the code."""
-    law, usual = physics.law, Physics()
+    law = physics.law
     network = None if entry.source is None else network_digest(entry.source)
     source = Path(inspect.getfile(type(law))).read_bytes()  # of the user's own scheme too
     facts = {"network": network, "scheme": fingerprint(law, source), "dt": law.info.default_dt}
-    changed = {name: getattr(physics, name) for name in _PHYSICS if getattr(physics, name) != getattr(usual, name)}
+    own = (one for one in fields(physics) if one.name not in ("scheme", "threads"))
+    changed = {one.name: value for one in own if (value := getattr(physics, one.name)) != one.default}
     facts |= {"physics": fingerprint(changed)} if changed else {}
     return {**facts, "code": source_stamp(), "fields": list(EpisodeMetrics._fields)}
 

@@ -202,7 +202,8 @@ class RunCallback(EvaluationCallback[Trained]):
         config, runs = self.config, self.config.eval_runs
         if config.places is not None:
             return figures_in_plans([judge_plan(cast(Policy, policy), VALIDATION_SEED + k) for k in range(runs)])
-        options = {**physics_of(config), "learned_share": task_of(config).learned_share, "threads": self._threads}
+        options = arguments_of({**physics_of(config), "threads": self._threads})
+        options |= {"learned_share": task_of(config).learned_share}
         return figures_of(evaluate(policy, judged_place(config), runs=runs, first_seed=VALIDATION_SEED, **options))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.checks import Range, known, number, whole
+from crowd_env.core.checks import Range, known, whole
 from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
@@ -74,7 +74,6 @@ def draw_place(
     *,
     seed: int = 0,
     kind: str | None = None,
-    level: float = 1.0,
     people: int | None = None,
     population: People | None = None,
     time_limit: float | None = None,
@@ -83,21 +82,16 @@ def draw_place(
 ) -> Scenario:
     """Return the place of a ``seed``; of one ``kind`` (a name in `KINDS`) if that is given.
 
-    Parameters
-    ----------
-    level : 0 to 1, for training that goes from easy to hard: at 0 there are 10 people and doors of 1.2 m or more; at 1 places
-        are as the module says.
-
     Raises
     ------
     ValueError
-        If the seed or the level is out of range or the kind is unknown, or for what `changed_place` refuses in other options.
+        If the seed is out of range or the kind is unknown, or for what `changed_place` refuses in other options.
     """
     seed = whole("generated: seed", seed, SEEDS)
     rng = np.random.default_rng((VERSION, seed))
     drawn = list(KINDS)[int(rng.integers(len(KINDS)))]
     drawn = drawn if kind is None else known("kind of place", kind, KINDS)
-    crowd = _draw_people(rng, number("generated: level", level, Range(0.0, 1.0)))
+    crowd = _draw_people(rng)
     plan = KINDS[drawn](rng, crowd)
     turn = _turn(rng)
     # In whole millimeters, and before it is turned: what touches then still does.
@@ -143,9 +137,9 @@ def conditions_of(seed: int) -> Conditions:
     return Conditions(law, manner, float(rng.uniform(0.0, 0.1) * (rng.random() < 0.25)))
 
 
-def _draw_people(rng: np.random.Generator, level: float) -> _People:
+def _draw_people(rng: np.random.Generator) -> _People:
     """Draw who is there: adults of one size or several, all in one hurry or each in their own."""
-    people = round(_FEWEST * (_MOST / _FEWEST) ** (level * rng.random()))
+    people = round(_FEWEST * (_MOST / _FEWEST) ** rng.random())
     radius = rng.uniform(0.15, 0.25)
     bodies = Uniform(radius, radius + rng.choice([0.0, 0.05]))
     speed = rng.uniform(0.8, 2.5)
@@ -157,7 +151,7 @@ def _draw_people(rng: np.random.Generator, level: float) -> _People:
         "response_time": LogNormal(3.0, 0.5, 12.0) if rng.random() < 0.25 else Uniform(0.0, 0.0),
     }
     density = min(np.exp(rng.uniform(np.log(0.2), np.log(2.0))), _COVER / (np.pi * bodies.high**2))
-    return _People(people, float(density), fields, 2.0 * bodies.high, _NARROWEST * (2.0 - level))
+    return _People(people, float(density), fields, 2.0 * bodies.high, _NARROWEST)
 
 
 def _turn(rng: np.random.Generator) -> Callable[[Floats], Floats]:

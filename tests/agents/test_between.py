@@ -107,7 +107,7 @@ def test_an_expert_between_two_speeds_is_followed_between_them():
     layout = ObservationLayout(terms=("velocity", "desired_speed", "travel_time"))
     action = {"name": "speeds-directions", "speeds": [0.0, 0.35, 0.7, 1.0]}
     own = {"beside": [(room, Conditions("nsm2", "competitive", 0.0))], "share": 1.0}
-    env = GeneratedCrowds(2, people=14, level=0.0, action=action, observation=layout, routing="shortest", **own)
+    env = GeneratedCrowds(2, people=14, action=action, observation=layout, routing="shortest", **own)
     model = make_ppo(env, PPOSettings(n_steps=4, rule_logit=0.0), seed=0)
     clone(model, HalfSpeed(), 0, rounds=8, decisions=60, kept=1.0)
     who = trained_in(env, network_of(model), generalist_config())

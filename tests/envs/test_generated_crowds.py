@@ -5,10 +5,10 @@ import pytest
 from cases import looped
 from late import late
 
-from crowd_env import CrowdEnv, GeneratedCrowds
+from crowd_env import CrowdEnv, GeneratedCrowds, make_scenario
 from crowd_env.agents.walking import Evolved
 from crowd_env.envs import generated
-from crowd_env.scenarios.generated import conditions_of
+from crowd_env.scenarios.generated import Conditions, conditions_of
 
 PPOSettings, make_ppo = late("crowd_env.agents.learned.ppo", "PPOSettings", "make_ppo")
 CrowdVecEnv, MaskedRolloutBuffer = late("crowd_env.envs.adapters.sb3", "CrowdVecEnv", "MaskedRolloutBuffer")
@@ -18,8 +18,8 @@ cloning = late("crowd_env.agents.learned.cloning")
 OPTIONS = {"routing": "fastest", "action": "speeds", "observation": {"terms": Evolved.terms}}
 
 
-def crowds(num_envs=4, people=12, level=0.0, **more):
-    return GeneratedCrowds(num_envs, people=people, level=level, **{**OPTIONS, **more})
+def crowds(num_envs=4, people=12, **more):
+    return GeneratedCrowds(num_envs, people=people, **{**OPTIONS, **more})
 
 
 def seeds_of(env):
@@ -41,18 +41,25 @@ class Alone:
         self.first, _ = self.env.reset(drawn)
 
 
-def test_places_are_what_they_are_alone_and_take_turns(monkeypatch):
-    drawn, reset = [], CrowdEnv.reset
+@pytest.mark.parametrize("threads", [1, 2])
+def test_places_are_what_they_are_alone_and_take_turns(monkeypatch, threads):
+    drawn, reset = {}, CrowdEnv.reset
 
     def watched(self, seed=None, mask=None):
-        drawn.append(seed)
+        drawn.update({(id(self), int(k)): seed[k] for k in np.flatnonzero(mask)})
         return reset(self, seed, mask)
 
-    env, rng = crowds(people=16, level=0.12), np.random.default_rng(0)
+    def seed_of(env, e):
+        return drawn[id(env._turns[e].crowd), env._turns[e].e]
+
+    env, rng = crowds(5, people=16, threads=threads), np.random.default_rng(0)
     with monkeypatch.context() as patched:
         patched.setattr(CrowdEnv, "reset", watched)
-        seen, _ = env.reset(seed=4)  # two of the four places are noisy
-    alone = [Alone(*pair) for pair in zip(seeds_of(env), env.scenario_of_env, list(drawn), strict=True)]
+        seen, _ = env.reset(seed=0)
+    assert len(env._parts) < 5  # some share a call
+    alone = [
+        Alone(*pair, seed_of(env, e)) for e, pair in enumerate(zip(seeds_of(env), env.scenario_of_env, strict=True))
+    ]
     ended, noisy = 0, False
     while ended < 3 or not noisy:
         for e, one in enumerate(alone):
@@ -65,11 +72,10 @@ def test_places_are_what_they_are_alone_and_take_turns(monkeypatch):
                 np.testing.assert_array_equal(rows[:n] == 0.0, one.first == 0.0)
                 assert np.abs(rows).max() <= 1.0 and np.abs(rows[:n] - one.first).max() < 6.0 * one.noise
         action, before = actions(env, rng), seeds_of(env)
-        drawn.clear()
         with monkeypatch.context() as patched:
             patched.setattr(CrowdEnv, "reset", watched)
             step = env.step(action)
-        seen, again = step.observation, iter(list(drawn))
+        seen = step.observation
         for e, one in enumerate(alone):
             people, n = env.people(e), one.env.num_people
             own = one.env.step(action[people][:n])
@@ -86,7 +92,7 @@ def test_places_are_what_they_are_alone_and_take_turns(monkeypatch):
             if one.noise == 0.0:
                 np.testing.assert_array_equal(step.info["final_observation"][people][:n], own.observation)
             assert seeds_of(env)[e] != before[e] and env.active[people].any()
-            alone[e] = Alone(seeds_of(env)[e], env.scenario_of_env[e], next(again))
+            alone[e] = Alone(seeds_of(env)[e], env.scenario_of_env[e], seed_of(env, e))
 
 
 def test_a_seed_repeats_everything_and_other_seeds_draw_other_places():
@@ -105,36 +111,36 @@ def test_a_seed_repeats_everything_and_other_seeds_draw_other_places():
     assert one[2] == same[2] != other[2]
 
 
-def test_no_place_beyond_the_seeds_is_drawn_and_levels_count_from_the_next_one_on():
-    env = crowds(4, people=60, seeds=7)
+def test_no_place_beyond_the_seeds_is_drawn_and_each_stays_until_it_is_over():
+    env = crowds(3, people=60, seeds=7)
+    assert env.finished.all()
     env.reset(seed=0)
-    assert set(seeds_of(env)) <= set(range(7))
-    assert {place.population.people for place in env.scenario_of_env} == {10}
-    env.level, known = 0.4, seeds_of(env)
-    while not env.finished.any():
+    known = seeds_of(env)
+    assert set(known) <= set(range(7)) and not env.finished.any()
+    while not (step := env.step(None)).info["finished"].any():
         assert seeds_of(env) == known
-        env.step(None)
-    changed = np.flatnonzero(env.finished)
-    assert max(env.scenario_of_env[e].population.people for e in changed) > 10
+    stay = np.flatnonzero(~step.info["finished"])
+    assert [seeds_of(env)[e] for e in stay] == [known[e] for e in stay]
 
 
 @looped(
     ("options", "words"),
     [
         ({"people": 5}, "people is 5"),
-        ({"people": 10, "level": 1.0, "seeds": 1}, "none has at most 10 people"),
+        ({"people": 10, "seeds": 1}, "none has at most 10 people"),
         ({"seeds": 0}, "seeds is 0"),
-        ({"action": "speeds-exits", "seeds": 50}, "space stays"),
+        ({"action": "speeds-exits", "seeds": 50}, "space stays|as many exits and routes"),
     ],
 )
 def test_what_cannot_be_is_refused(monkeypatch, options, words):
     monkeypatch.setattr(generated, "TRIES", 20)
     with pytest.raises(ValueError, match=words):
-        crowds(20, **options).reset(seed=0)
+        crowds(20, **{"people": 60, **options}).reset(seed=0)
 
 
 def test_stable_baselines3_learns_from_those_who_are_inside_alone():
-    env = crowds(2)
+    room = make_scenario("room-v0", people=10)
+    env = crowds(2, beside=[(room, Conditions("nsm2", "competitive", 0.0))], share=1.0)
     model = make_ppo(env, PPOSettings(n_steps=64, batch_size=64, n_epochs=1, hidden=8), 0)
     assert isinstance(model.rollout_buffer, MaskedRolloutBuffer)
     empty = np.tile(np.arange(12) >= 10, 2)

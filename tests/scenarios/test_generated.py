@@ -90,16 +90,6 @@ def test_several_make_a_batch():
     assert env.step(None).observation.shape == (80, env.layout.size)
 
 
-def test_levels_go_from_easy_to_hard():
-    easy, mid, hard = ([make_scenario("generated-v0", seed=k, level=x) for k in range(40)] for x in (0.0, 0.5, 1.0))
-    assert {place.population.people for place in easy} == {10}
-    assert 10 < max(place.population.people for place in mid) <= 63 < max(place.population.people for place in hard)
-    narrow = [min(min(place.geometry.exit_widths.values()) for place in places) for places in (easy, mid, hard)]
-    assert narrow[0] > 1.19 and 0.89 < narrow[1] < 1.2 and narrow[2] < 0.8
-    with pytest.raises(ValueError, match="level is 2"):
-        make_scenario("generated-v0", level=2.0)
-
-
 def test_conditions_are_drawn_apart_from_the_place():
     drawn = [conditions_of(seed) for seed in range(1000)]
     assert 150 < sum(one.manner == "hurried" for one in drawn) < 250
