@@ -13,7 +13,6 @@ import numpy as np
 
 from crowd_env.analysis.figures import cell
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import json_number
 from crowd_env.core.files.store import Store, claimed
 from crowd_env.envs.metrics import share_interval
@@ -202,13 +201,12 @@ def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
     task = make_task(plan.task)
     draws: dict[str, Any] = {"runs": plan.runs, "first_seed": task.seeds.start, "measure": True}
     result = evaluate(policy, task.place(), **draws, **task.arguments())
-    options = {"scheme": task.scheme, "rules": False, **task.env_options(task.scheme)}
     row = task_row(task, task.place(), result, [result])
     del row["minus_first"], row["credible"]  # beside nothing else than itself
     last = np.where(result.column("unfinished") == 0, last_times(result), np.nan)
     raw = (last, mean_times(result), np.isfinite(result.column("blocked_since")))
     runs = {name: [json_number(one) for one in values.astype(float)] for name, values in zip(_RAW, raw, strict=True)}
-    return {"final": row, "of_runs": runs, "constants": result.constants, "options": fingerprint(options)}
+    return {"final": row, "of_runs": runs, "constants": result.constants}
 
 
 # ----------------------------------------------------------------------------------------------------------- what came out
@@ -222,9 +220,17 @@ def bootstrap_interval(values: Sequence[float] | Floats) -> tuple[float, float]:
     """
     if len(values) < _FEWEST:
         return float("nan"), float("nan")
-    drawn = np.random.default_rng(0).integers(0, len(values), (_RESAMPLES, len(values)))
-    low, high = np.quantile(interquartile_mean(np.asarray(values, dtype=np.float64)[drawn]), [0.025, 0.975])
-    return float(low), float(high)
+    from scipy.stats import bootstrap  # which the extra "train" brings
+
+    found = bootstrap(
+        (values,),
+        lambda drawn, axis: interquartile_mean(drawn),
+        vectorized=True,
+        n_resamples=_RESAMPLES,
+        method="percentile",
+        random_state=np.random.default_rng(0),
+    )
+    return float(found.confidence_interval.low), float(found.confidence_interval.high)
 
 
 def summarize(results: Results) -> dict[str, Any]:

@@ -116,7 +116,9 @@ def rests_for_good(env: CrowdEnv, *policies: Policy | None) -> bool:
     """Return whether a crowd at rest stays so: all policies are steady, and no way, door or sign changes."""
     steady = all(getattr(one, "steady", False) for one in policies if one is not None)
     changes = (place.is_dynamic or place.plan.rules or place.plan.events for place in env.route_set)
-    return steady and env.simulation.behaviors["manner"] is None and env.action_kind.dwell < AT_REST and not any(changes)
+    return (
+        steady and env.simulation.behaviors["manner"] is None and env.action_kind.dwell < AT_REST and not any(changes)
+    )
 
 
 class ControllerDriver(Driver):

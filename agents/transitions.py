@@ -51,7 +51,7 @@ class _Noted:
         return action
 
 
-class Run(NamedTuple):
+class RunArrays(NamedTuple):
     """The arrays of a run; see above."""
 
     observation: np.ndarray
@@ -62,7 +62,7 @@ class Run(NamedTuple):
     truncated: np.ndarray
 
 
-def runs_of(policy: Policy, task: Task, runs: int, seed: int = 0) -> Iterator[tuple[dict[str, Any], Run]]:
+def runs_of(policy: Policy, task: Task, runs: int, seed: int = 0) -> Iterator[tuple[dict[str, Any], RunArrays]]:
     """Yield the facts and the arrays of one run after the other; run ``k`` is the draw ``seed + k``, none of which is held out.
 
     Rewards are those of the task's preset, if there is one.
@@ -99,7 +99,7 @@ def runs_of(policy: Policy, task: Task, runs: int, seed: int = 0) -> Iterator[tu
             rows.append((noted.observation.copy(), action, step.reward.astype(np.float32), inside, *done))
             last = step.observation.copy()
         observation, *others = (np.stack(part) for part in zip(*rows, strict=True))
-        yield facts, Run(np.concatenate([observation, last[None]]), *others)
+        yield facts, RunArrays(np.concatenate([observation, last[None]]), *others)
 
 
 def write_runs(path: str | Path, policy: Policy, task: Task, runs: int, seed: int = 0) -> int:

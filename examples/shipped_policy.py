@@ -14,9 +14,8 @@ from crowd_env.envs.settings import arguments_of
 def main(people: int = 100, seed: int = 1_000_000) -> float:
     """Return when the last one of so many people is out of the competitive door [s]."""
     task, policy = make_task("competitive-door"), agents.load("competitive-door/ppo")
-    settings = {"scheme": task.scheme, **task.env_options(task.scheme), **policy.env_options}
-    env = crowd_env.parallel_env(task.place(people), **arguments_of(settings))
-    rng, layout = np.random.default_rng(seed), settings["observation"]
+    env = crowd_env.parallel_env(task.place(people), **{**task.arguments(), **arguments_of(policy.env_options)})
+    rng, layout = np.random.default_rng(seed), policy.env_options["observation"]
     observations, infos = env.reset(seed=seed)
     while env.agents:
         rows = np.array([observations[agent] for agent in env.agents])

@@ -13,7 +13,7 @@ from crowd_env.agents.evaluation.submission import REFERENCES, read_submission
 from crowd_env.agents.evaluation.tiers import Standing, standing
 from crowd_env.agents.networks import network_digest
 from crowd_env.agents.tasks import PRESETS, TASKS
-from crowd_env.agents.tasks.floors import RECORDED_FLOW, exit_widths, free_walk_time, touching_flow
+from crowd_env.agents.tasks.lower_bounds import RECORDED_FLOW, exit_widths, free_walk_time, touching_flow
 from crowd_env.agents.tasks.tiers import SETTINGS
 from crowd_env.agents.tasks.variations import AS_IT_STANDS, variations
 from crowd_env.analysis.figures import cell

@@ -10,24 +10,24 @@ from typing import Any
 
 from crowd_env import Scenario
 
-from ..tasks.floors import LARGEST_RECORDED_FLOW, exit_widths, touching_flow
+from ..tasks.lower_bounds import LARGEST_RECORDED_FLOW, exit_widths, touching_flow
 from ..walking import RuleAtShare
 from .entries import RULE
 
 _OVERLAP, _OVERLAP_MM = 1.25, 1.0  # the deepest of many draws scatters: so many times the rule's, and so much more
 _SPEED, _FLOW, _HURRY = 1.25, 1.1, 1.05  # times what is allowed
 
-Row = Mapping[str, Any]  # of `Evaluation.row`
+EvaluationRow = Mapping[str, Any]  # of `Evaluation.row`
 
 
-def credibility(row: Row, rows: Sequence[Row], place: Scenario) -> dict[str, Any]:
+def credibility(row: EvaluationRow, rows: Sequence[EvaluationRow], place: Scenario) -> dict[str, Any]:
     """Return whether what a policy did can be believed: ``ok`` and the ``reasons``, ready for JSON.
 
     Nobody may have escaped.  The deepest overlap and the largest speed of anyone may be a quarter more than under the rule at
     full speed; nobody may walk faster than desired on average, or 5 % faster than anyone who is pushed on under the rule.  The
-    flow may be a tenth more than people reach (2.8 a second and meter of exit, `crowd_env.agents.tasks.floors`), or
-    than the rule does at
-    its best; where that leaves someone inside in half of its runs, than people one behind the other, touching, at full speed.
+    flow may be a tenth more than people reach (2.8 a second and meter of exit, `crowd_env.agents.tasks.lower_bounds`), or
+    than the rule does at its best; where that leaves someone inside in half of its runs, than people one behind the other,
+    touching, at full speed.
 
     Parameters
     ----------
@@ -49,7 +49,9 @@ def credibility(row: Row, rows: Sequence[Row], place: Scenario) -> dict[str, Any
     return {"ok": not reasons, "reasons": reasons}
 
 
-def _checks(row: Row, rule: Row, best: Sequence[Row], place: Scenario) -> list[tuple[str, float, float, str, str]]:
+def _checks(
+    row: EvaluationRow, rule: EvaluationRow, best: Sequence[EvaluationRow], place: Scenario
+) -> list[tuple[str, float, float, str, str]]:
     """Return what is checked: name, value, the most that is believed, its unit, and why."""
     wanted = max(part.desired_speed.high for part in place.population.parts)
     overlap, speed = _OVERLAP * 1e3 * rule["max_overlap"] + _OVERLAP_MM, _SPEED * max(rule["max_speed"], wanted)
@@ -64,7 +66,7 @@ def _checks(row: Row, rule: Row, best: Sequence[Row], place: Scenario) -> list[t
     ]
 
 
-def _largest_flow(best: Sequence[Row], place: Scenario) -> tuple[float, str]:
+def _largest_flow(best: Sequence[EvaluationRow], place: Scenario) -> tuple[float, str]:
     """Return the largest flow [1/s] that is believed, without tolerance, and whose it is."""
     width = float(exit_widths(place).sum())
     flows = {

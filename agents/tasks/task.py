@@ -102,11 +102,6 @@ class Task:
         limit = self.time_limit * max(1.0, count / self.people)
         return replace(scenario, time_limit=limit, blocked_after=self.blocked_after, manner=self.manner)
 
-    def env_options(self, scheme: str) -> dict[str, Any]:
-        """Return options of `CrowdEnv` of a run of the task under a scheme; another than its own has its own step."""
-        dt = {"dt": self.dt} if scheme == self.scheme else {}
-        return {"strategy": self.rule, "decision_dt": self.decision_dt, **dt}
-
     def arguments(self, physics: AsPhysics | None = None) -> EnvArguments:
         """Return the arguments of `CrowdEnv` of a run of the task, under its own contact law or under other ``physics``.
 
@@ -123,7 +118,7 @@ class Task:
             "scenario": plain_place(self.place()),
             "manner": _plain(Headway.of(self.manner)),
             "scheme": [self.scheme, _plain(make_scheme(self.scheme))],
-            "env": _plain(self.env_options(self.scheme)),
+            "env": _plain({"strategy": self.rule, "decision_dt": self.decision_dt, "dt": self.dt}),
             "seeds": [self.seeds.start, self.seeds.stop],
             **({} if self.learned_share is None else {"learned_share": self.learned_share}),
         }

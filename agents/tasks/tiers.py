@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .floors import capacity_time, free_walk_time
+from .lower_bounds import capacity_time, free_walk_time
 from .task import Task, make_task
 from .variations import AS_IT_STANDS, Variation, variations
 

@@ -52,7 +52,7 @@ class Variation:
     unseen: float = 0.0
 
     def hindrances(self) -> dict[str, float]:
-        """Return by what policies are hindered, as `crowd_env.agents.drivers.policy_driver` takes it."""
+        """Return by what policies are hindered: fields of `crowd_env.agents.drivers.Hindrance`."""
         return {name: value for name in ("noise", "delay", "unseen") if (value := getattr(self, name))}
 
     def place(self, task: Task) -> Scenario:

@@ -14,7 +14,7 @@ from crowd_env.agents.evaluation import credible
 from crowd_env.agents.evaluation.protocol import credible_lines
 from crowd_env.agents.rules import ShortestPath
 from crowd_env.agents.tasks import TASKS, Task
-from crowd_env.agents.tasks.floors import exit_widths, touching_flow
+from crowd_env.agents.tasks.lower_bounds import exit_widths, touching_flow
 
 ROOM = {"scenario": "room-v0", "options": {"side": 5.0, "door_width": 0.8}, "people": 20, "scheme": "dem", "dt": 0.01}
 SMALL = Task("small", "a door", **ROOM, time_limit=30.0, blocked_after=20.0, runs=4, frozen="")

@@ -54,7 +54,7 @@ def test_every_variation_of_a_task_can_be_drawn_and_is_another_place(name):
 def test_people_of_every_task_start_and_get_out_where_it_is_turned_and_mirrored(name):
     """A few of them, by the shortest way, about as late as in the place as it stands: they start elsewhere."""
     task = TASKS[name]
-    place, options = task.place(4), {"scheme": task.scheme, **task.env_options(task.scheme), "strategy": "shortest"}
+    place, options = task.place(4), {**task.arguments(), "routing": "shortest"}
     times = []
     for angle, mirrored in ((0.0, False), (2.4, False), (0.0, True)):
         found = run_episodes(place.turned(angle, mirrored), 4, **options)

@@ -10,7 +10,7 @@ from cases import looped
 from crowd_env.agents.evaluation import tiers
 from crowd_env.agents.evaluation.tiers import judge, standing, usual
 from crowd_env.agents.tasks import TASKS, Task
-from crowd_env.agents.tasks.floors import capacity_time, exit_widths, free_walk_time
+from crowd_env.agents.tasks.lower_bounds import capacity_time, exit_widths, free_walk_time
 from crowd_env.agents.tasks.tiers import SETTINGS, TIERS, Setting, bound_time
 from crowd_env.agents.tasks.variations import AS_IT_STANDS, Variation
 
@@ -37,7 +37,7 @@ def test_every_setting_can_be_drawn(setting):
 
 
 def test_a_bound_is_of_the_door_or_of_the_walk_whichever_is_later(monkeypatch):
-    monkeypatch.setattr("crowd_env.agents.tasks.floors._ALONE", 20)
+    monkeypatch.setattr("crowd_env.agents.tasks.lower_bounds._ALONE", 20)
     assert capacity_time(TASKS["competitive-door"].place()) == pytest.approx(100 / 2.8)
     task = TASKS["room"]
     wide, narrow = (Variation("w", "", options={"door_width": width}) for width in (4.0, 0.5))

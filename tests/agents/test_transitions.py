@@ -9,8 +9,7 @@ from crowd_env import CrowdEnv
 from crowd_env.agents import Follow, transitions
 from crowd_env.agents.rules import ShortestPath
 from crowd_env.agents.tasks import Task
-from crowd_env.agents.transitions import Run, runs_of, write_runs
-from crowd_env.envs.settings import arguments_of
+from crowd_env.agents.transitions import RunArrays, runs_of, write_runs
 
 ROOM = {"scenario": "room-v0", "options": {"side": 4.0, "door_width": 1.2}, "people": 4, "scheme": "nsm2", "dt": 0.01}
 SMALL = Task("small", "four people", **ROOM, time_limit=20.0, blocked_after=5.0, frozen="")
@@ -19,7 +18,7 @@ SMALL = Task("small", "four people", **ROOM, time_limit=20.0, blocked_after=5.0,
 def read(path):
     with np.load(path, allow_pickle=False) as file:
         facts = json.loads(str(file["facts"]))
-        return facts, [Run(*(file[f"{k}/{name}"] for name in Run._fields)) for k in range(facts["runs"])]
+        return facts, [RunArrays(*(file[f"{k}/{name}"] for name in RunArrays._fields)) for k in range(facts["runs"])]
 
 
 def test_the_arrays_lead_through_the_same_evacuation(tmp_path):
@@ -28,8 +27,7 @@ def test_the_arrays_lead_through_the_same_evacuation(tmp_path):
     assert write_runs(path, policy, SMALL, 2, seed=5) == 2
     facts, runs = read(path)
     assert facts["task"] == SMALL.identity() and facts["policy"] == "follow" and facts["seeds"] == [5, 6]
-    options = {**SMALL.env_options("nsm2"), "scheme": "nsm2", **policy.env_options}
-    env = CrowdEnv(SMALL.place(), **arguments_of(options))
+    env = CrowdEnv(SMALL.place(), **{**SMALL.arguments("nsm2"), **policy.env_options})
     assert facts["columns"] == {name: [env.layout[name].start, env.layout[name].stop] for name in env.layout.names}
     for seed, run in zip(facts["seeds"], runs, strict=True):
         observation, _ = env.reset([seed])
