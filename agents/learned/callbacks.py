@@ -15,6 +15,7 @@ import numpy as np
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from crowd_env.core.console import notes, say, stops_by
+from crowd_env.envs.settings import arguments_of
 
 from ..evaluation.evaluation import VALIDATION_SEED, evaluate
 from ..evaluation.plans import judge_plan

@@ -100,8 +100,9 @@ def _best_beside(places: Sequence[TaskPlace], executor: Executor) -> list[str]:
 def _cost_beside(piece: tuple[TaskPlace, str], stopped: Callable[[], bool] = never) -> tuple[float, float]:
     """Return how many people a policy leaves in some draws of a place, and the mean time of the last [s]."""
     (_, place, conditions), name = piece
-    options: dict[str, Any] = {"physics": conditions.law, "walking": conditions.manner}
-    driver = replace(drive(_policy(name, place), place, **options, routing=place.strategy_of_run()), passes_rest=True)
+    way, law, walking = place.strategy_of_run(), conditions.law, conditions.manner
+    driver = drive(_policy(name, place), place, physics=law, walking=walking, routing=way)
+    driver = replace(driver, passes_rest=True)
     episodes = [at_goals(one, place) for one in run_episodes(place, _DRAWS, driver=driver)]
     left = float(sum(episode.metrics.unfinished for episode in episodes))
     return left, float(np.mean([episode.end for episode in episodes]))

@@ -20,7 +20,6 @@ from crowd_env.envs.action import SpeedTable, make_action
 from crowd_env.envs.adapters.sb3 import MaskedRolloutBuffer
 from crowd_env.envs.protocol import WalkingBatch
 from crowd_env.envs.routing.env import RoutingVectorEnv
-from crowd_env.envs.settings import arguments_of
 
 from ..evaluation.evaluation import HELD_OUT_SEED
 from ..networks import MLP, BetweenMLP, Network

@@ -131,15 +131,6 @@ def test_a_recording_says_who_walked_together(suffix, tmp_path):
     np.testing.assert_array_equal(kept.company, made.company)
 
 
-def test_a_file_of_before_says_that_everyone_was_alone(tmp_path):
-    import sqlite3
-
-    path = record(hall(Population(9, companions=3)), scheme="dem", time_limit=0.5).save(tmp_path / "run.sqlite")
-    with sqlite3.connect(path) as file:
-        file.execute("ALTER TABLE people DROP COLUMN company")
-    assert load(path).company.tolist() == [-1] * 9
-
-
 def test_the_company_is_observed():
     env = CrowdEnv(
         hall(Population(10, companions=3)),
