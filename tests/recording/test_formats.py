@@ -57,9 +57,10 @@ def test_the_cases_hold_what_they_are_for(case):
         assert np.diff(kept.times)[:-2] == pytest.approx(0.3) and kept.facts["unfinished"] == int((~out).sum())
     if name == "torso":
         assert kept.outline == "torso" and np.ptp(kept.angle) > 0.1
-    assert (kept.feet is not None) == (kept.facts.get("balance") == "stepping") == (name == "feet")
+    assert ("feet" in kept.memory) == (kept.facts.get("balance") == "stepping") == (name == "feet")
     if name == "feet":
-        assert (np.hypot(*(kept.feet[:, :2] - kept.position).T) < 1.5).all() and np.ptp(kept.feet) > 1.0
+        feet = kept.memory["feet"]
+        assert (np.hypot(*(feet[:, :2] - kept.position).T) < 1.5).all() and np.ptp(feet) > 1.0
     assert kept.facts["finished"] and kept.facts["scenario"] == "two-doors" and kept.facts["seed"] == 3
 
 
