@@ -40,7 +40,7 @@ CASES = {
 def arrays_of(recording):
     """Return name -> array of all that is one, of contacts too."""
     found = {one.name: getattr(recording, one.name) for one in fields(Recording)}
-    found |= {} if recording.contacts is None else dict(recording.contacts._asdict().items())
+    found |= dict(recording.memory) | ({} if recording.contacts is None else recording.contacts._asdict())
     return {name: value for name, value in found.items() if isinstance(value, np.ndarray)}
 
 
