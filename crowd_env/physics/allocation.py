@@ -1,10 +1,10 @@
-"""Arrays from a table: a NamedTuple says of each how large it is and what needs it, and gets them all at once.
+"""Allocation of arrays from the annotations of a NamedTuple.
 
-An array says how large it is beside its type, in letters and numbers: P people, E environments, M entries of the neighbor
-list, R control rules, D doors, N discs of all bodies, S places of those whom a decision looks at, W lists of them, C heads of
-cells, B bodies of a solver (people and a wall an environment), L slabs of all crowds, T forces carried between slabs.  A name
-behind that says what needs it: it is empty unless a scheme (`SchemeInfo.uses`), its social force or a
-behavior (`Behavior.USES`) does.
+An annotation holds the type of an array and its shape, in letters and numbers: P people, E environments, M entries of the
+neighbor list, R control rules, D doors, N discs of all bodies, S people seen in front, W lists of them, C heads of cells,
+B bodies of a solver (people and a wall an environment), L slabs of all crowds, T forces carried between slabs.  A name behind
+the shape marks an optional array.  It is empty unless a scheme (`SchemeInfo.uses`), its social force or a behavior
+(`Behavior.USES`) needs it.
 """
 
 from collections.abc import Collection, Mapping
@@ -19,7 +19,7 @@ Sizes = Mapping[str, int]
 
 @cache
 def _arrays_of(kind: type[Any]) -> dict[str, tuple[Any, list[str], str]]:
-    """Return the arrays of a NamedTuple that say how large they are: name -> type of a number, shape, what needs it."""
+    """Return the annotated arrays of a NamedTuple: name -> type of a number, shape, name of its use."""
     found = {}
     for name, hint in get_type_hints(kind, include_extras=True).items():
         if get_origin(hint) is Annotated:
@@ -29,14 +29,14 @@ def _arrays_of(kind: type[Any]) -> dict[str, tuple[Any, list[str], str]]:
 
 
 def arrays_of_people(fields: Any) -> dict[str, np.ndarray]:
-    """Return the arrays with one row a pedestrian of a NamedTuple that says how large its arrays are, by name."""
+    """Return the arrays of an annotated NamedTuple that have one row a pedestrian, by name."""
     kind: Any = type(fields)
     known = _arrays_of(kind)
     return {name: getattr(fields, name) for name, (_, shape, _) in known.items() if shape[0] == "P"}
 
 
 def allocate(kind: type[Arrays], sizes: Sizes, uses: Collection[str] | None = None, **given: Any) -> Arrays:
-    """Return a NamedTuple whose arrays are zero, but for those that are ``given``; ``uses`` says what is in use, None = all."""
+    """Return a NamedTuple of zeros and ``given`` arrays; optional arrays not in ``uses`` are empty (None = all are used)."""
     for name, (number, letters, needs) in _arrays_of(kind).items():
         if name not in given:
             shape = [sizes[one] if one.isalpha() else int(one) for one in letters]

@@ -1,7 +1,7 @@
-"""Balance in every scheme: the force of the ground on those who stand, as the desired velocity that their drive seeks.
+"""Balance in every scheme: the ground force on standing pedestrians, expressed as a desired velocity of their drive.
 
 A drive m (v_d - v) / tau is the force m a of the pendulum (`crowd_env.core.behaviors.balance`) if v_d = v + tau a.  So every
-scheme with a drive takes it up where it takes up how people walk, and nothing else in a scheme knows of it.
+scheme with a drive has it through the desired velocity, and needs no other code for it.
 """
 
 import numpy as np
@@ -15,9 +15,9 @@ from crowd_env.physics.workspace import Batch
 
 @inner_kernel
 def stand(i: int, time: float, batch: Batch, params: Balance) -> tuple[float, float]:
-    """Let person ``i``, who stands, step if that is due; returns the velocity [m/s] whose drive is the force of the ground.
+    """Move the feet of standing pedestrian ``i`` if due; returns the velocity [m/s] that makes the drive the ground force.
 
-    All that is written depends on the moment alone, so a step of the physics that is done again does the same.
+    The result depends on the present state alone, so a repeated step of the physics gives the same.
     """
     position, velocity, memory = batch.state.position, batch.state.velocity, batch.history.memory.balance
     feet, lands_at = memory.feet, memory.lands_at
@@ -26,7 +26,7 @@ def stand(i: int, time: float, batch: Batch, params: Balance) -> tuple[float, fl
     cx, cy = x + lag * u, y + lag * v
     if not memory.stands[i]:
         memory.stands[i], lands_at[i] = True, np.inf
-        dx, dy = limited(cx - x, cy - y, params.step)  # the last step of who walked, or fell
+        dx, dy = limited(cx - x, cy - y, params.step)  # the last step of a pedestrian that walked, or fell
         feet[i, 0], feet[i, 1], feet[i, 2], feet[i, 3] = x, y, x + dx, y + dy
     if lands_at[i] <= time:
         dx, dy = limited(cx - feet[i, 0], cy - feet[i, 1], params.step)
@@ -51,7 +51,7 @@ def stand(i: int, time: float, batch: Batch, params: Balance) -> tuple[float, fl
 
 @inner_kernel
 def _beyond(x: float, y: float, i: int, other: int, feet: Floats) -> tuple[float, float]:
-    """Return the way [m] to a point from the nearest one on the line from the first foot to the ``other``."""
+    """Return the vector [m] to a point from the nearest one on the line from the first foot to the ``other``."""
     dx, dy = x - feet[i, 0], y - feet[i, 1]
     lx, ly = feet[i, other] - feet[i, 0], feet[i, other + 1] - feet[i, 1]
     square = lx * lx + ly * ly
@@ -61,7 +61,7 @@ def _beyond(x: float, y: float, i: int, other: int, feet: Floats) -> tuple[float
 
 @inner_kernel
 def _carry_on_nearer(x: float, y: float, i: int, feet: Floats) -> None:
-    """Let the foot that is nearer to a point be the first, which carries while the second is in the air."""
+    """Make the foot nearer to a point the first, which carries while the second is in the air."""
     ax, ay, bx, by = feet[i, 0], feet[i, 1], feet[i, 2], feet[i, 3]
     if (x - bx) ** 2 + (y - by) ** 2 < (x - ax) ** 2 + (y - ay) ** 2:
         feet[i, 0], feet[i, 1], feet[i, 2], feet[i, 3] = bx, by, ax, ay

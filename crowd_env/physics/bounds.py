@@ -1,18 +1,17 @@
-"""Bounds of every step: the speed of a person, one radius a step, and the walls.
+"""Bounds of every step: the speed of a pedestrian, one radius a step, and the walls.
 
-A contact law pushes back in proportion to how deep, or how fast, a body comes; it does not promise that a wall holds.  Under
+A contact law pushes back in proportion to the depth or the speed of an overlap; it does not guarantee that a wall holds.  Under
 thousands of people a soft wall gives way by more than a radius, and a center behind a wall is no longer in contact with it.  So
 every step ends with three bounds:
 
-* nobody is faster than `MAX_SPEED`: a velocity beyond it keeps its direction and loses the rest;
-* nobody moves further than the own radius in a step: a step in which it happens is an error, since what lies between could
-  be missed;
-* no center crosses a wall: a path that would do so slides along the wall instead, and the velocity into the wall is lost, as
+* No speed exceeds `MAX_SPEED`: a faster velocity is cut to it and keeps its direction.
+* No path exceeds the radius of the body: a longer one is an error, since obstacles in between could be missed.
+* No center crosses a wall: a path that would do so slides along the wall instead, and the velocity into the wall is lost, as
   against a perfectly inelastic obstacle.  The center stays `MARGIN` away from the wall.
 
-The path of a step can reach a wall only if the wall lay within it at the start.  A wall so near is a contact deeper than the
-radius less the path; where no contact of a step is so deep, there is nothing to do.  How near a wall the center of a body of
-several discs is does not follow from what these touch: there it is always looked.
+The path of a step can reach a wall only if the wall lay within it at the start.  Such a wall is a contact deeper than the
+radius less the path; without one in a step there is nothing to do.  The contacts of a body of several discs do not bound the
+distance of its center from a wall, so that distance is always tested.
 """
 
 import numpy as np
@@ -24,13 +23,13 @@ from crowd_env.physics.narrow_phase import is_beyond_walls
 from crowd_env.physics.neighbors.update import TOO_FAST
 from crowd_env.physics.workspace import Batch
 
-# m; far above the rounding of map coordinates (1e-9 m at 5000 km), far below anything that is measured.
+# m; far above the rounding of map coordinates (1e-9 m at 5000 km), far below any measured length.
 MARGIN = 1e-6
 
 
 @inner_kernel
 def least_radius(e: int, rank_stop: int, batch: Batch) -> float:
-    """Return the smallest radius [m] of those whom `Workspace.inside` lists up to ``rank_stop``."""
+    """Return the smallest radius [m] of the people in `Workspace.inside` up to ``rank_stop``."""
     inside, radius, least = batch.workspace.inside, batch.bodies.radius, np.inf
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         least = min(least, radius[inside[rank]])
@@ -39,13 +38,13 @@ def least_radius(e: int, rank_stop: int, batch: Batch) -> float:
 
 @inner_kernel
 def speed_limit(batch: Batch) -> float:
-    """Return the speed [m/s] that people do not exceed; grains have none."""
+    """Return the largest speed [m/s] of pedestrians; infinite for grains."""
     return MAX_SPEED if batch.control.driving and batch.control.bounded else np.inf
 
 
 @inner_kernel
 def hold_to_speed(e: int, rank_stop: int, batch: Batch, velocity: Floats, limit: float) -> float:
-    """Hold ``velocity`` (P, 2) to ``limit`` [m/s] and return the largest speed [m/s], which is kept in the sums too."""
+    """Limit ``velocity`` (P, 2) to ``limit`` [m/s]; return the largest speed [m/s], which also enters the diagnostics."""
     inside, fastest = batch.workspace.inside, 0.0
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]
@@ -55,7 +54,7 @@ def hold_to_speed(e: int, rank_stop: int, batch: Batch, velocity: Floats, limit:
 
 @inner_kernel
 def hold_fastest(e: int, rank_stop: int, batch: Batch, velocity: Floats, limit: float, fastest: float) -> float:
-    """Do what `hold_to_speed` does, where the ``fastest`` square of a speed [m2/s2] is known."""
+    """Do as `hold_to_speed` if ``fastest``, the largest square of a speed [m2/s2], is known."""
     inside, most = batch.workspace.inside, limit * limit
     if fastest > most:
         for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
@@ -73,10 +72,10 @@ def hold_fastest(e: int, rank_stop: int, batch: Batch, velocity: Floats, limit: 
 
 @inner_kernel
 def stay_within_bounds(e: int, rank_stop: int, batch: Batch, deepest: float, smallest: float, longest: float) -> bool:
-    """Hold environment ``e`` at its walls after a move; False (with the reason in `status`) if somebody went too far.
+    """Keep environment ``e`` within its walls after a move; False (with the reason in `status`) if a path is too long.
 
     ``deepest`` [m] is the deepest contact with a wall at the start of the step, ``smallest`` the least radius and
-    ``longest`` the longest path; people are those whom `Workspace.inside` lists up to ``rank_stop``.
+    ``longest`` the longest path.  `Workspace.inside` lists the people up to ``rank_stop``.
     """
     if deepest + longest <= smallest - 2.0 * MARGIN or not batch.control.bounded:
         return True
@@ -89,7 +88,7 @@ def stay_within_bounds(e: int, rank_stop: int, batch: Batch, deepest: float, sma
 
 @inner_kernel
 def _is_too_far(e: int, rank_stop: int, batch: Batch) -> bool:
-    """Whether anyone has moved further than the own radius in this step."""
+    """Whether any body has moved further than its radius in this step."""
     inside, previous = batch.workspace.inside, batch.workspace.previous_position
     position, radius = batch.state.position, batch.bodies.radius
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
@@ -102,7 +101,7 @@ def _is_too_far(e: int, rank_stop: int, batch: Batch) -> bool:
 
 @inner_kernel
 def _hold_at_walls(e: int, batch: Batch) -> None:
-    """Let nobody of environment ``e`` cross a wall in the step from `Workspace.previous_position` to `CrowdState.position`."""
+    """Stop all paths of environment ``e`` at walls, from `Workspace.previous_position` to `CrowdState.position`."""
     near, state, bodies = batch.workspace.neighbors, batch.state, batch.bodies
     entry_start, entry_end = near.pair_end[e], near.wall_end[e]
     boundary, g, owner, partner = batch.world.boundary, batch.world.geometry_of_env[e], near.owner, near.partner
@@ -134,9 +133,9 @@ def _hold_at_walls(e: int, batch: Batch) -> None:
 def stop_at_walls(
     boundary: Boundary, g: int, partner: Indices, begin: int, stop: int, x0: float, y0: float, x1: float, y1: float
 ) -> tuple[float, float, float, float, float, float]:
-    """Return the end of a path from 0 to 1 that crosses none of the walls ``begin:stop``, and the normals of those it met.
+    """Return the end of a path from 0 to 1 that crosses none of the walls ``begin:stop``, and the normals of the walls met.
 
-    The first wall, or round jamb, is slid along; a second one ends the path.  A normal of zero: no wall was met.
+    The path slides along the first wall, or round jamb, and ends at a second one.  A normal of zero: no wall was met.
     """
     part, met, nx, ny, px, py = 2.0, np.int64(-1), 0.0, 0.0, 0.0, 0.0
     for entry in range(begin, stop):
@@ -164,8 +163,8 @@ def stop_at_walls(
 def _crossing(
     boundary: Boundary, g: int, feature: int, x0: float, y0: float, x1: float, y1: float
 ) -> tuple[float, float, float, float, float]:
-    """Return which part of the path from 0 to 1 lies before a wall feature, 2 if it is not met, the normal towards 0, and a
-    point of the feature where it has that normal.
+    """Return the part of the path from 0 to 1 before a wall feature (2 if not met), the normal towards 0, and a point of the
+    feature with that normal.
     """
     start = boundary.wall_start[g]
     walls = boundary.chord_start[g] - start
@@ -182,7 +181,7 @@ def _crossing(
 
 @inner_kernel
 def _crossing_arc(boundary: Boundary, v: int, x0: float, y0: float, x1: float, y1: float) -> tuple[float, float, float]:
-    """Return what `_crossing` returns, for round jamb ``v``: where the path first comes within the margin of its circle."""
+    """Return as `_crossing`, for round jamb ``v``: the path first comes within the margin of its circle."""
     x, y, dx, dy = x0 - boundary.corner[v, 0], y0 - boundary.corner[v, 1], x1 - x0, y1 - y0
     near = boundary.corner_radius[v] + MARGIN
     square, inwards, away = dx * dx + dy * dy, -(x * dx + y * dy), x * x + y * y
@@ -208,7 +207,7 @@ def _crossing_arc(boundary: Boundary, v: int, x0: float, y0: float, x1: float, y
 def _crossing_wall(
     boundary: Boundary, k: int, x0: float, y0: float, x1: float, y1: float
 ) -> tuple[float, float, float]:
-    """Return what `_crossing` returns, for wall ``k``."""
+    """Return as `_crossing`, for wall ``k``."""
     ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
     tx, ty, length = boundary.tangent[k, 0], boundary.tangent[k, 1], boundary.length[k]
     after = tx * (y1 - ay) - ty * (x1 - ax)
@@ -234,7 +233,7 @@ def _crossing_wall(
 
 @inner_kernel
 def slide(vx: float, vy: float, nx: float, ny: float, mx: float, my: float) -> tuple[float, float]:
-    """Return a velocity without its parts against the normals n and m; it is zero between two walls that close up."""
+    """Return a velocity without its components against the normals n and m; zero between two converging walls."""
     into = min(0.0, vx * nx + vy * ny)
     vx, vy = vx - into * nx, vy - into * ny
     into = min(0.0, vx * mx + vy * my)

@@ -1,16 +1,15 @@
 """The contacts of NSM1 and NSM2 as rows of constraints: two bodies, a direction and a law each.
 
-Both schemes look for impulses P and velocities v = v_start + M^-1 B^T P such that every contact meets its own law, with
+Both schemes seek impulses P and velocities v = v_start + M^-1 B^T P such that every contact meets its law, with
 w = B v + bias the speed at which it separates ((B v)_c = n_c . (v_i - v_j), a_c = 1/m_i + 1/m_j its diagonal):
 
     unilateral          0 <= P orthogonal to w >= 0                                  NSM1, with bias D / h
     with dissipation    P = -K_N (w- + w) / 2 + mu,  0 <= mu orthogonal to w >= 0    NSM2, if it approached; else as above
     tangential          P_T = -K_T (w_T- + w_T) / 2                                  NSM2, if it approached
 
-A row holds two bodies, a direction and what its reaction r = a P [m/s] should be while all others stay as they are; a wall is
-a body that no reaction moves.  Rows of NSM1 are sorted by color: no two of a color share a body (but walls), so that the
-processor need not wait for one row to start the next; a sweep was measured to take 1.5 times as long in the order of the
-contacts.
+A row holds two bodies, a direction and the law of its reaction r = a P [m/s] while all other reactions are fixed.  A wall is a
+body that no reaction moves.  Rows of NSM1 are sorted by color: no two of a color share a body (but walls), so the processor
+need not finish one row before the next.  In the order of the contacts a sweep was measured to take 1.5 times as long.
 """
 
 from typing import Annotated, NamedTuple
@@ -19,12 +18,12 @@ from crowd_env.core.arrays.state import Floats, Indices
 from crowd_env.core.kernels.jit import inner_kernel
 from crowd_env.physics.contacts import Contacts
 
-_FEW = 32  # contacts; this many are in flight together in any order, and sorting costs more than it saves
-_COLORS = 12  # 7 or 8 are used in a jam; a contact that finds none free shares the last
+_FEW = 32  # contacts; this many are in flight together in any order, so sorting costs more than it saves
+_COLORS = 12  # 7 or 8 are used in a jam; a contact without a free color shares the last
 
 
 class Extent(NamedTuple):
-    """Where an environment lies in the arrays of a batch: its people, and its contacts, from which on its rows lie too."""
+    """Ranges of an environment in the arrays of a batch: its people and its contacts; its rows begin at its first contact."""
 
     e: int
     slot_start: int
@@ -34,7 +33,7 @@ class Extent(NamedTuple):
 
 
 class Constraints(NamedTuple):
-    """The rows of all environments, in the order of solution, and the velocities that they act on.
+    """The rows of all environments, in the order of solution, and their velocities.
 
     Environment e has the rows from its first contact on, and the bodies ``env_start[e] + e`` to ``env_start[e + 1] + e``, of
     which the last is the wall.
@@ -46,7 +45,7 @@ class Constraints(NamedTuple):
     # Direction from the second to the first (2); m/s bias, or w- of a soft row; share of i.
     coefficients: Annotated[Floats, "M 4", "constraints"]
     compliance: Annotated[Floats, "M", "constraints"]  # 0 hard, > 0 with dissipation, < 0 tangential
-    reaction: Annotated[Floats, "M 2", "constraints"]  # m/s  r = a P of this sweep and of the one before
+    reaction: Annotated[Floats, "M 2", "constraints"]  # m/s  r = a P of this sweep and of the last
     velocity: Annotated[Floats, "B 2", "constraints"]  # m/s
     previous_velocity: Annotated[Floats, "B 2", "constraints"]  # m/s  of the sweep before
     colors: Annotated[Indices, "B 2", "constraints"]  # colors taken by each body (bits); where each color starts
@@ -59,7 +58,7 @@ def assemble_no_overlap(
     """NSM1: D + h w >= 0 for the contacts of an environment (Pécol et al. 2011, eq 6).
 
     ``v`` (P, 2) m/s are the velocities without contact; ``warm`` starts from the impulses that the contacts hold.
-    Returns the size of the active set: the number of rows that are likely to push, which come first.
+    Returns the size of the active set: the rows that are likely to push, which come first.
     """
     active_rows = _sort_by_color(extent, contacts, v, constraints, dt)
     source, coefficients, reaction = constraints.source, constraints.coefficients, constraints.reaction
@@ -74,11 +73,11 @@ def assemble_no_overlap(
 
 
 class Percussion(NamedTuple):
-    """The contact of NSM2 as kernels read it."""
+    """Parameters of the contact of NSM2 for kernels."""
 
     k_normal: float  # kg
     k_tangent: float  # kg
-    dissipative: bool  # a contact that was separating is closed only down to w+ = -w-, where it does no work
+    dissipative: bool  # a contact that was separating may close down to w+ = -w-, where it does no work
 
 
 @inner_kernel
@@ -145,9 +144,9 @@ def _assemble_row(t: int, c: int, extent: Extent, contacts: Contacts, mass: Floa
 
 @inner_kernel
 def _sort_by_color(extent: Extent, contacts: Contacts, v: Floats, constraints: Constraints, dt: float) -> int:
-    """Sort the contacts by color; last come those that neither pushed nor would close without impulses.
+    """Sort the contacts by color; last come idle ones, which neither pushed nor would close without impulses.
 
-    Returns how many come before these.
+    Returns the number of contacts before the idle ones.
     """
     e, slot_start, slot_stop, contact_start, contact_stop = extent
     source, pair, bodies = constraints.source, constraints.pair, constraints.colors
@@ -157,7 +156,7 @@ def _sort_by_color(extent: Extent, contacts: Contacts, v: Floats, constraints: C
             source[c] = c - contact_start
         return contact_stop - contact_start
     base = slot_start + e
-    idle = min(_COLORS, slot_stop - slot_start)  # the color of these
+    idle = min(_COLORS, slot_stop - slot_start)  # color of idle contacts
     for i in range(base, slot_stop + e + 1):
         bodies[i, 0] = 0
         bodies[i, 1] = 0
@@ -193,7 +192,7 @@ def _sort_by_color(extent: Extent, contacts: Contacts, v: Floats, constraints: C
 
 @inner_kernel
 def set_impulses(extent: Extent, rows: int, contacts: Contacts, mass: Floats, constraints: Constraints) -> None:
-    """Write the impulses [N s] of the solution of ``rows`` rows to the contacts: rows beyond their number are tangential."""
+    """Write the impulses [N s] of ``rows`` solved rows to the contacts: rows beyond the number of contacts are tangential."""
     contact_start, contact_stop = extent.contact_start, extent.contact_stop
     source, coefficients, reaction = constraints.source, constraints.coefficients, constraints.reaction
     impulse, contact_i = contacts.impulse, contacts.i
@@ -207,7 +206,7 @@ def set_impulses(extent: Extent, rows: int, contacts: Contacts, mass: Floats, co
 
 @inner_kernel
 def stash_impulses(extent: Extent, contacts: Contacts, constraints: Constraints) -> None:
-    """Put the impulses of the contacts aside while contacts are found once more, up to a wider gap."""
+    """Save the impulses of the contacts while contacts are found once more, up to a wider gap."""
     reaction, impulse = constraints.reaction, contacts.impulse
     for c in range(extent.contact_start, extent.contact_stop):
         reaction[c, 1] = impulse[c, 0]
@@ -215,7 +214,7 @@ def stash_impulses(extent: Extent, contacts: Contacts, constraints: Constraints)
 
 @inner_kernel
 def restore_impulses(extent: Extent, margin: float, contacts: Contacts, constraints: Constraints) -> None:
-    """Give the stashed impulses to the same contacts: those with a gap below the former ``margin``, in the same order."""
+    """Give the saved impulses to the same contacts: all with a gap below the former ``margin``, in the same order."""
     gap, impulse, reaction, stashed = contacts.gap, contacts.impulse, constraints.reaction, extent.contact_start
     for c in range(extent.contact_start, extent.contact_stop):
         if gap[c] < margin:

@@ -1,6 +1,6 @@
-"""The waist of the hourglass: every contact of disc and disc, wall or corner, as one struct of arrays.
+"""The contact list: every contact of disc and disc, wall or corner, as one struct of arrays.
 
-Bodies with an outline have several discs: then two of them, or one and a wall feature, may have several contacts.
+Bodies with an outline have several discs, so two bodies, or a body and a wall feature, may have several contacts.
 
 Sign conventions: ``gap`` is the distance between the surfaces (negative = overlap); the unit ``normal`` points from ``j`` to
 ``i``, so a positive normal impulse pushes ``i`` along ``+normal`` and ``j`` along ``-normal``; the tangent is the normal turned
@@ -25,9 +25,9 @@ class Contacts(NamedTuple):
     gap: Annotated[Floats, "M"]  # m     < 0 is overlap
     normal: Annotated[Floats, "M 2"]  # unit, from j to i
     impulse: Annotated[Floats, "M 2"]  # N s   normal, tangential, of the current step
-    history: Annotated[Floats, "M 2"]  # what the scheme keeps of a contact while it lasts; 0 at first
-    # nsm1, nsm2: normal impulses [N s], from which the next step starts and of the last; hertz: tangential elongation [m], 0
-    # Which disc of i; without an outline there is but one, and these two are empty.
+    history: Annotated[Floats, "M 2"]  # memory of the scheme while a contact lasts; 0 at first
+    # nsm1, nsm2: normal impulses [N s], warm start of the next step and last step; hertz: tangential elongation [m], 0
+    # Which disc of i; this array and the next are empty without an outline.
     disc_i: Annotated[Ints, "M", "discs"]
     disc_j: Annotated[Ints, "M", "discs"]  # which disc of j; -1 of a wall
 
@@ -46,7 +46,7 @@ class ContactList(NamedTuple):
 
 
 def of_a_contact(contacts: Contacts) -> list[str]:
-    """Return the names of what there is of each contact; the rest of `Contacts` is of an environment, or empty."""
+    """Return the names of the arrays with one row a contact; others have one row an environment, or are empty."""
     return [name for name in Contacts._fields[1:] if len(getattr(contacts, name))]
 
 
@@ -57,7 +57,7 @@ def rows_of(e: int, contacts: Contacts, near: NeighborList) -> slice:
 
 
 def move_contacts(old: Contacts, old_near: NeighborList, new: Contacts, new_near: NeighborList) -> None:
-    """Copy the contacts of every environment to where they belong in longer arrays."""
+    """Copy the contacts of every environment to their place in longer arrays."""
     new.number[:] = old.number
     for e in range(len(old.number)):
         source, target = rows_of(e, old, old_near), rows_of(e, new, new_near)
@@ -73,13 +73,13 @@ def contact_key(i: int, j: int) -> int:
 
 @inner_kernel
 def contact_of_key(key: int) -> tuple[int, int]:
-    """Return the (i, j) that `contact_key` made a number of."""
+    """Return the (i, j) of a number of `contact_key`."""
     i = key >> 32
     j = key - (i << 32)
     return i, (j if j < (1 << 31) else (1 << 31) - 1 - j)
 
 
 def order_of_contacts(i: Ints, j: Ints, disc_i: Ints, disc_j: Ints) -> Ints:
-    """Return the order (C,) of contacts by (i, j, discs), walls last; without an outline there are no discs to go by."""
+    """Return the order (C,) of contacts by (i, j, discs), walls last; without an outline by (i, j)."""
     keys = (i << 32) + np.where(j >= 0, j, (1 << 31) - 1 - j)  # see `contact_key`
     return np.argsort(keys) if not len(disc_i) else np.lexsort((disc_j, disc_i, keys))

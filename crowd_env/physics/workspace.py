@@ -1,4 +1,4 @@
-"""All that a step works on: the world around the crowd, what is asked of it, results, history and scratch."""
+"""The arrays of a step: world, commands, results, history and scratch."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Annotated, Any, NamedTuple, cast
@@ -20,10 +20,10 @@ from crowd_env.physics.neighbors.lists import NeighborList, allocate_neighbors, 
 from crowd_env.routing.fields.lookup import FieldArrays
 from crowd_env.routing.rules import Guidance
 
-BLOCK = 128  # people in front of one whom a decision looks at together
-_QUANTITIES = 12  # numbers of each of them
+BLOCK = 128  # pedestrians in front that a decision handles together
+_QUANTITIES = 12  # numbers for each of them
 NOTHING: Mapping[str, tuple[type[Behavior], bool]] = {}  # acts
-LOOKUP_PERIOD = 4  # in which those look for their way who need not do so every time
+LOOKUP_PERIOD = 4  # look-ups between two refreshes where the field is uniform
 
 
 class World(NamedTuple):
@@ -33,22 +33,22 @@ class World(NamedTuple):
     field: FieldArrays  # directions and travel times of all routes
     geometry_of_env: Ints  # (E,)
     guidance: Guidance  # routes, regions and control rules
-    wall_grid: WallGrid  # which walls may hide people from each other; empty where nobody keeps a headway
+    wall_grid: WallGrid  # walls that may hide people from each other; empty without a headway
 
 
 class Control(NamedTuple):
-    """What is asked of everyone during one call."""
+    """The commands of all pedestrians during one call."""
 
-    command: Annotated[Floats, "P 2"]  # desired velocity as a multiple of the own desired speed
+    command: Annotated[Floats, "P 2"]  # desired velocity over desired speed
     relative: Annotated[Bools, "P"]  # command turns with the direction of the shortest path; else along the world axes
     external_force: Annotated[Floats, "P 2"]  # N
-    gives_way: Annotated[Bools, "P"]  # keeps the headway, where people keep any
+    gives_way: Annotated[Bools, "P"]  # keeps the headway, if the simulation has one
     driving: bool  # pedestrians (eq 11) or passive grains
-    bounded: bool  # nobody is too fast, goes too far in a step, or through a wall: see `crowd_env.physics.bounds`
+    bounded: bool  # limits on speed, path of a step and crossing of walls: see `crowd_env.physics.bounds`
 
 
 class Command(NamedTuple):
-    """What a caller asks for; None = the default."""
+    """The command of a caller; None = the default."""
 
     command: Floats | None  # (1, 0): straight along the way
     relative: Bools | None  # True
@@ -57,13 +57,13 @@ class Command(NamedTuple):
 
 
 class Diagnostics(NamedTuple):
-    """What went on, over the steps of one call or of a whole episode, per environment."""
+    """Sums and maxima over the steps of one call or of a whole episode, per environment."""
 
     max_overlap: Annotated[Floats, "E"]  # m    deepest overlap of two bodies or of a body and a wall
     overlap_sum: Annotated[Floats, "E"]  # m    over all overlapping contacts of all steps
     overlap_count: Annotated[Ints, "E"]
     max_outside: Annotated[Floats, "E"]  # m    furthest that a body reached beyond a wall
-    max_speed: Annotated[Floats, "E"]  # m/s  of anyone, after any step
+    max_speed: Annotated[Floats, "E"]  # m/s  of any body, after any step
     residual: Annotated[Floats, "E"]  # m/s  worst complementarity residual left by the solver
     iterations: Annotated[Ints, "E"]  # solver sweeps in all
     unconverged: Annotated[Ints, "E"]  # steps that ended above the tolerance
@@ -74,11 +74,11 @@ class Diagnostics(NamedTuple):
 
 
 class Results(NamedTuple):
-    """What a call of `Simulation.advance` tells: of the current or last call, for everyone to read."""
+    """Results of the current or last call of `Simulation.advance`."""
 
-    impulse: Annotated[Floats, "P 2"]  # N s  sum of the contact impulses on each person
+    impulse: Annotated[Floats, "P 2"]  # N s  sum of the contact impulses on each body
     impulse_magnitude: Annotated[Floats, "P"]  # N s  sum of their magnitudes
-    wall_impulse: Annotated[Floats, "P 2"]  # N s  those of them that walls gave; they bear the opposite
+    wall_impulse: Annotated[Floats, "P 2"]  # N s  sum of the impulses from walls, which bear the opposite
     diagnostics: Diagnostics
 
     def copy(self) -> "Results":
@@ -92,22 +92,22 @@ class History(NamedTuple):
     contacts: Contacts  # of the last step, and what a scheme keeps of them
     force: Annotated[Floats, "P 2", "force"]  # N    all but contact; hertz: of the end of the last step, contact too
     torque: Annotated[Floats, "P", "torque"]  # N m
-    phase: Annotated[Ints, "E"]  # how far a step is that needs the forces of the one before; 0 = they are not known
+    phase: Annotated[Ints, "E"]  # stage of a step that needs the forces of the previous one; 0 = forces unknown
     direction: Annotated[Floats, "P 2"]  # of the route when it was last looked up
     directions_known: Annotated[Bools, "E"]  # else they must be looked up for everyone
     direction_age: Annotated[Floats, "E"]  # s  since the last look-up
-    is_uniform: Annotated[Bools, "P"]  # the direction is nearly the same all around: it is looked up less often
-    lookup_turn: Annotated[NDArray[np.uint8], "P"]  # when it is, 0 to LOOKUP_PERIOD - 1
+    is_uniform: Annotated[Bools, "P"]  # the direction is nearly the same all around, so it is looked up less often
+    lookup_turn: Annotated[NDArray[np.uint8], "P"]  # turn of that look-up, 0 to LOOKUP_PERIOD - 1
     turn: Annotated[Ints, "E"]  # which of these turns was the last
-    followed: Annotated[Ints, "P"]  # route that one follows: one's own, or that of a control rule
-    region_bits: Annotated[Ints, "P"]  # regions that one stands in
+    followed: Annotated[Ints, "P"]  # route followed: that of `CrowdState`, or of a control rule
+    region_bits: Annotated[Ints, "P"]  # regions that contain the pedestrian
     local_speed: Annotated[Floats, "P"]  # m/s  desired speed there
     rule_on: Annotated[Bools, "E R"]  # control rules of each environment
     rule_since: Annotated[Floats, "E R"]  # s  when they were switched on
     door_open: Annotated[Bools, "E D"]
-    walking_velocity: Annotated[Floats, "P 2", "walking"]  # m/s  that everyone has last decided to walk at
-    have_decided: Annotated[Bools, "E"]  # how to walk, since the start
-    decision_age: Annotated[Floats, "E"]  # s  since then
+    walking_velocity: Annotated[Floats, "P 2", "walking"]  # m/s  chosen in the last decision
+    have_decided: Annotated[Bools, "E"]  # a decision has been made since the start
+    decision_age: Annotated[Floats, "E"]  # s  since the last decision
     memory: Any  # of each behavior its `Behavior.MEMORY`, by name; empty arrays where it does not act
 
 
@@ -121,7 +121,7 @@ class NarrowPhase(NamedTuple):
 
 
 class Discs(NamedTuple):
-    """Where the discs of all bodies are, K a person one behind the other; empty without an outline."""
+    """Places of the discs of all bodies, K consecutive ones a body; empty without an outline."""
 
     x: Annotated[Floats, "N", "discs"]  # m    from the center of the body
     y: Annotated[Floats, "N", "discs"]  # m
@@ -142,26 +142,26 @@ class SocialPairs(NamedTuple):
 class Walkers(NamedTuple):
     """Scratch of a decision."""
 
-    way_x: Annotated[Floats, "P", "walking"]  # unit vector along the way that everyone wants to take
+    way_x: Annotated[Floats, "P", "walking"]  # unit vector along the desired way
     way_y: Annotated[Floats, "P", "walking"]
     speed: Annotated[Floats, "P", "walking"]  # m/s  desired
     reach: Annotated[Floats, "P", "walking"]  # m    gap up to which others matter
-    # The people in the order of cells: whose place it is; position, radius, velocity, way, and 1 for those who give way.
+    # In the order of cells: slot; position, radius, velocity, way, and 1 if the pedestrian gives way.
     slot: Annotated[Indices, "P", "walking"]
     record: Annotated[Floats, "P 8", "walking"]
     columns: Annotated[Ints, "E"]  # of cells
     rows: Annotated[Ints, "E"]
-    # Places in that order of those in front, and what these are to one (see `walking.ahead`); for each part of a cut crowd.
+    # For each part of a cut crowd: places in that order of the people seen in front, and scratch of `walking.ahead`.
     seen: Annotated[Indices, "S", "walking"]
     ahead: Annotated[Floats, f"W {_QUANTITIES * BLOCK}", "walking"]
-    # Companies by their number: the first of the members, and the sum of their positions [m] and their number; -1 = nobody.
+    # Companies by their number: the first of the members, and the sum of their positions [m] and their number; -1 = none.
     first: Annotated[Ints, "P", "pulls"]
     following: Annotated[Ints, "P", "pulls"]  # the next member of the same company
     sums: Annotated[Floats, "P 3", "pulls"]
 
 
 class Workspace(NamedTuple):
-    """Scratch: what is made anew whenever it is not there."""
+    """Scratch arrays; a step computes them again where they are missing."""
 
     neighbors: NeighborList
     narrow_phase: NarrowPhase
@@ -171,10 +171,10 @@ class Workspace(NamedTuple):
     partition: Partition
     social_pairs: SocialPairs
     walkers: Walkers
-    inside: Annotated[Indices, "P"]  # who is inside, environment e from env_start[e] on: see `step.list_active`
-    looking: Annotated[Indices, "P"]  # who looks up the direction, where it stands for them in `inside` or before
+    inside: Annotated[Indices, "P"]  # slots inside, environment e from env_start[e] on: see `step.list_active`
+    looking: Annotated[Indices, "P"]  # slots that look up the direction, at their rank in `inside` or before
     desired_velocity: Annotated[Floats, "P 2", "desired_velocity"]  # m/s
-    # Desired direction by anisotropy of the social force; of which velocity.
+    # Desired direction times the anisotropy of the social force (2); the desired velocity it comes from (2).
     heading: Annotated[Floats, "P 4", "heading"]
     previous_position: Annotated[Floats, "P 2", "previous_position"]  # m    at the start of the step
     previous_velocity: Annotated[Floats, "P 2", "previous_velocity"]  # m/s  at the start of the step
@@ -185,10 +185,10 @@ class Workspace(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """All a step works on; kernels take it as one argument.
+    """All arrays of a step; kernels take it as one argument.
 
-    What may get other arrays is held by reference (`StructRef`): the fields of the world, the contacts of the history, and of
-    the workspace all that has as many rows as the neighbor list.
+    Arrays that may be replaced are held by reference (`StructRef`): the fields of the world, the contacts of the history, and
+    all arrays of the workspace with as many rows as the neighbor list.
     """
 
     world: World
@@ -203,7 +203,7 @@ class Batch(NamedTuple):
 
 
 def allocate_control(people: int, driving: bool, bounded: bool) -> Control:
-    """Return room for what is asked of so many people."""
+    """Return the commands of ``people`` pedestrians, all zero or True."""
     return allocate(
         Control,
         {"P": people},
@@ -215,7 +215,7 @@ def allocate_control(people: int, driving: bool, bounded: bool) -> Control:
 
 
 def set_command(control: Control, asked: Command, copy: Callable[[Any, Any], None] = np.copyto) -> None:
-    """Write what is asked for to where kernels read it; ``copy`` is given an array and what goes there."""
+    """Write a command into the arrays of ``control``; ``copy`` takes an array and its new values."""
     defaults: tuple[Any, ...] = ((1.0, 0.0), True, 0.0, True)
     for array, values, default in zip(control[:4], asked, defaults, strict=True):
         if values is None:
@@ -225,12 +225,12 @@ def set_command(control: Control, asked: Command, copy: Callable[[Any, Any], Non
 
 
 def no_diagnostics(environments: int) -> Diagnostics:
-    """Return diagnostics of no step at all."""
+    """Return diagnostics before the first step: zeros."""
     return allocate(Diagnostics, {"E": environments})
 
 
 def add_diagnostics(total: Diagnostics, call: Diagnostics) -> None:
-    """Add those of a call to the total, in place."""
+    """Add the diagnostics of a call to the total, in place."""
     for name in ("max_overlap", "max_outside", "max_speed", "residual"):
         np.maximum(getattr(total, name), getattr(call, name), out=getattr(total, name))
     for name in ("overlap_sum", "overlap_count", "iterations", "unconverged"):
@@ -238,7 +238,7 @@ def add_diagnostics(total: Diagnostics, call: Diagnostics) -> None:
 
 
 def allocate_results(people: int, environments: int) -> Results:
-    """Return results of no step at all."""
+    """Return results before the first step: zeros."""
     return allocate(Results, {"P": people}, diagnostics=no_diagnostics(environments))
 
 
@@ -250,9 +250,9 @@ def allocate_history(
     uses: Collection[str] | None = None,
     acting: Mapping[str, tuple[type[Behavior], bool]] = NOTHING,
 ) -> History:
-    """Return the history of people whom nothing has happened to, with so many control rules and doors (all open).
+    """Return the history before the first step, for a number of control rules and of doors (all open).
 
-    ``acting`` says of each behavior, by name, what it is and whether it acts: then its memory gets room.
+    ``acting`` maps the name of each behavior to its class and whether it acts: only then is its memory allocated.
     """
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     slots = np.arange(people) - np.repeat(bodies.env_start[:-1], np.diff(bodies.env_start))  # within the environment
@@ -276,7 +276,7 @@ def _memory(kind: type[Behavior], sizes: Mapping[str, int]) -> Any:
 
 
 def begin_history(chosen: Sequence[int], people: Ints, history: History, bodies: Bodies, route: Ints) -> None:
-    """Forget what went on in ``chosen`` environments: no contact, no forces, nobody has looked for the route."""
+    """Reset the history of ``chosen`` environments: no contacts, no forces, no directions."""
     for name in ("phase", "directions_known", "turn", "rule_on", "have_decided"):
         getattr(history, name)[chosen] = 0
     history.contacts.number[chosen], history.door_open[chosen] = 0, True
@@ -288,7 +288,7 @@ def begin_history(chosen: Sequence[int], people: Ints, history: History, bodies:
 
 
 def begin_results(chosen: Sequence[int], people: Ints, results: Results, total: Diagnostics) -> None:
-    """Set to zero what the people of ``chosen`` environments got, and what went on since their start."""
+    """Set the results and the diagnostics of ``chosen`` environments to zero."""
     results.impulse[people], results.impulse_magnitude[people], results.wall_impulse[people] = 0.0, 0.0, 0.0
     for array in (*total, *results.diagnostics):
         array[chosen] = 0
@@ -297,16 +297,16 @@ def begin_results(chosen: Sequence[int], people: Ints, results: Results, total: 
 def allocate_workspace(
     bodies: Bodies, per_person: int = 12, uses: Collection[str] | None = None, discs: int = 1
 ) -> Workspace:
-    """Return scratch with ``per_person`` neighbor entries a pedestrian; what is not in ``uses`` gets no room.
+    """Return scratch with ``per_person`` neighbor entries a pedestrian; arrays not in ``uses`` are empty.
 
-    ``discs`` is the number of those of an outline.
+    ``discs`` is the number of discs of an outline.
     """
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     neighbors = allocate_neighbors(bodies, per_person)
     entries, slabs = len(neighbors.owner), count_slabs(int(np.diff(bodies.env_start).max()))
     sizes = {"P": people, "E": environments, "M": entries, "N": discs * people}
     sizes |= {"S": slabs * people, "W": slabs * environments}
-    # Nothing is carried within one slab.
+    # One slab alone carries no forces.
     sizes |= {"B": people + environments, "L": SLABS * environments, "T": entries if slabs > 1 else 0}
     return allocate(
         Workspace,
@@ -324,12 +324,12 @@ def allocate_workspace(
 
 
 def by_reference(arrays: Arrays) -> Arrays:
-    """Return a reference to arrays that `grow` replaces by longer ones, for all who hold it."""
+    """Return a reference to arrays that `grow` replaces by longer ones, for all holders at once."""
     return cast(Arrays, struct_ref(arrays))
 
 
 def grow(history: History, workspace: Workspace, bodies: Bodies, uses: Collection[str] | None = None) -> None:
-    """Make twice the room for neighbors, in place; contacts are kept, the list is built at the next step."""
+    """Double the capacity for neighbors, in place; contacts are kept, the list is built at the next step."""
     before = workspace.neighbors
     larger = allocate_workspace(bodies, 2 * entries_per_person(before, bodies), uses)
     sizes = {"E": len(bodies.env_start) - 1, "M": len(larger.neighbors.owner)}
@@ -342,5 +342,5 @@ def grow(history: History, workspace: Workspace, bodies: Bodies, uses: Collectio
 
 
 def replace_arrays(reference: Any, arrays: Any) -> None:
-    """Let a part of a batch that is held by reference have other arrays: nowhere else are any replaced."""
+    """Replace the arrays of a part of a batch that is held by reference; no other function replaces any."""
     reference.replace(**arrays._asdict())
