@@ -41,18 +41,18 @@ __all__ = [
 def make_scheme(
     scheme: str | Mapping[str, Any] | ContactScheme, social: str | Mapping[str, Any] | SocialForce | None = None
 ) -> ContactScheme:
-    """Return the scheme of a name, of plain data, or the scheme that is given.
+    """Return a scheme, given as such, by name or as plain data.
 
     Parameters
     ----------
     scheme : a scheme, a name in ``SCHEMES``, or plain data with the name and the parameters that differ:
         ``{"name": "nsm2", "tolerance": 1e-3, "social": "lin"}``.
-    social : a social force, its name or its parameters, to take instead of the scheme's own.
+    social : a social force, its name or its parameters, in place of the scheme's own.
 
     Raises
     ------
     ValueError
-        If a name is unknown (the message lists the known ones), or it is something else.
+        If a name is unknown (the message lists the known ones), or the type is another.
     """
     if isinstance(scheme, str):
         scheme = SCHEMES[known("contact scheme", scheme, SCHEMES)]

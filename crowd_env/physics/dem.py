@@ -1,9 +1,9 @@
-"""DEM: the soft contact of Cundall and Helbing, as Pécol et al. 2011 write it (eqs 3-5).
+"""DEM: the soft contact of Cundall and Helbing, in the form of Pécol et al. 2011 (eqs 3-5).
 
     g_ij = -k min(0, D_ij) e_ji            a linear spring that pushes only while the discs overlap
     u(n+1) = u(n) + h M^-1 (f + g),  q(n+1) = q(n) + h u(n+1)      symplectic Euler
 
-Equation 5 is printed with the unit vector from i to j and would attract; the sign here pushes the two apart.
+Equation 5 as printed, with the unit vector from i to j, would attract; the sign here repels.
 With omega = sqrt(k / m_e), 1/m_e = 1/m_i + 1/m_j, a contact lasts pi / omega and the deepest overlap is v / omega.
 """
 
@@ -71,7 +71,7 @@ class DEM(ContactScheme):
     stiffness: float = 1.2e5
 
     ALLOWED = {"stiffness": POSITIVE.because("the contact force k |D| (eq 5) has to push")}
-    shares_crowds = True  # the slabs of a large one
+    shares_crowds = True  # the slabs of a large crowd
 
     @property
     def info(self) -> SchemeInfo:
@@ -92,7 +92,7 @@ class DEM(ContactScheme):
         return float(impact + lean)
 
     def slabs(self, people: int, driving: bool) -> int:
-        """Return into how many slabs a crowd of so many is cut; the social force is not shared out."""
+        """Return the number of slabs of a crowd of ``people``; 1 with a social force, which is not shared out."""
         return 1 if self.social is not None and driving else int(count_slabs(people))
 
     @property
@@ -110,17 +110,17 @@ class DEM(ContactScheme):
 
 @inner_kernel
 def _spring_force(stiffness: float, gap: float) -> float:
-    """Return the force [N] that pushes two surfaces apart which overlap: -k D (eq 5), for a gap D < 0."""
+    """Return the force [N] that pushes two overlapping surfaces apart: -k D (eq 5), for a gap D < 0."""
     return -stiffness * gap
 
 
 @inner_kernel
 def _push_people(row: int, batch: Batch, stiffness: float) -> None:
-    """Add the spring forces (eqs 4, 5) between the people of one slab, and note how many and how deep their overlaps are.
+    """Add the spring forces (eqs 4, 5) between the people of one slab, and record number and depth of their overlaps.
 
-    The first loop writes down every pair of the neighbor list and keeps its place only if the pair overlaps: a branch would be
-    guessed wrong every third time.  The second one does the root and the division for those alone.  A force on someone of a
-    later slab is carried: that slab adds it in `_receive_forces`.
+    The first loop writes every pair of the neighbor list and keeps its place only if the pair overlaps: a branch would be
+    mispredicted every third time.  The second loop does the root and the division for overlapping pairs alone.  A force on a
+    body of a later slab is carried: that slab adds it in `_receive_forces`.
     """
     near, soa, partition = batch.workspace.neighbors, batch.workspace.soa, batch.workspace.partition
     owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
@@ -164,7 +164,7 @@ def _push_people(row: int, batch: Batch, stiffness: float) -> None:
 
 @inner_kernel
 def _push_off_walls(e: int, row: int, batch: Batch, dt: float, stiffness: float) -> None:
-    """Add the spring forces of walls on the people of one slab, and note how many and how deep these overlaps are."""
+    """Add the spring forces of walls on the people of one slab, and record number and depth of these overlaps."""
     near, soa, partition = batch.workspace.neighbors, batch.workspace.soa, batch.workspace.partition
     boundary, radius, g = batch.world.boundary, batch.bodies.radius, batch.world.geometry_of_env[e]
     owner, partner, found = near.owner, near.partner, partition.found
@@ -188,7 +188,7 @@ def _push_off_walls(e: int, row: int, batch: Batch, dt: float, stiffness: float)
 
 @inner_kernel
 def _receive_forces(e: int, row: int, batch: Batch) -> bool:
-    """Add the forces that earlier slabs carry for the people of this one, in order; returns whether any contact touches it."""
+    """Add the forces that earlier slabs carry for the people of this slab, in order; returns whether any contact touches it."""
     soa, partition = batch.workspace.soa, batch.workspace.partition
     found, begin, end = partition.found, partition.slot_start[row], partition.slot_stop[row]
     is_touched = found[row, OVERLAPS] > 0.0
@@ -207,10 +207,10 @@ def _receive_forces(e: int, row: int, batch: Batch) -> bool:
 
 @inner_kernel
 def _list_contacts(e: int, batch: Batch, dt: float, stiffness: float) -> None:
-    """Write the contacts of this step and their impulses into the list that everyone else reads.
+    """Write the contacts of this step and their impulses into the contact list.
 
-    This is a second narrow phase, in the last step of a call only: the first one, in `_push_people`, keeps no normals.  The
-    gaps are the same, and so are the forces.
+    This is a second narrow phase, in the last step of a call only: the first, in `_push_people`, keeps no normals.  The gaps
+    and the forces are the same.
     """
     state, contacts, soa = batch.state, batch.history.contacts, batch.workspace.soa
     interleave(batch.bodies.env_start[e], batch.bodies.env_start[e + 1], state.active, soa.x, soa.y, state.position)
@@ -238,8 +238,8 @@ def _advance_range(
 ) -> None:
     """Advance the environments ``env_first:env_stop``; several threads may do so together, each with its share of the slabs.
 
-    A crowd lies in buffers while it is stepped (`dem_lanes.buffers`), and a large one is cut into slabs, each a row of
-    `dem_lanes.partition`.  Between two barriers no thread writes what another reads; small stages are left to thread 0.
+    A crowd lies in buffers during the call (`dem_lanes.buffers`), and a large one is cut into slabs, each a row of
+    `dem_lanes.partition`.  Between two barriers no thread writes what another reads; thread 0 alone does small stages.
     """
     partition, env_start, substep = batch.workspace.partition, batch.bodies.env_start, batch.workspace.substep
     for e in range(env_first, env_stop):
@@ -249,7 +249,7 @@ def _advance_range(
             continue
         row_start, row_stop = SLABS * e + thread, SLABS * e + slabs
         if thread == 0:
-            # People: those inside are listed, cut into slabs and copied into the buffers.
+            # People inside: listed, cut into slabs and copied into the buffers.
             gather_crowd(e, slabs, batch, dt, acting.reach, acting.regions)
         while True:
             if thread == 0:
@@ -261,7 +261,7 @@ def _advance_range(
                         _list_contacts(e, batch, dt, stiffness)
             wait_for_all(partition.barrier, team)
             if partition.is_listing[e]:
-                # Thread 0 asks for help with the list; it is back at this barrier when that is done.
+                # Thread 0 asks for help with the list, and returns to this barrier when the list is complete.
                 list_slabs(e, thread, team, batch)
                 wait_for_all(partition.barrier, team)
                 wait_for_all(partition.barrier, team)
@@ -269,7 +269,7 @@ def _advance_range(
                 break
             if acting.walking is not None and partition.steering[e] == DECIDE:
                 for row in range(row_start, row_stop, team):
-                    # How everyone wants to walk.
+                    # Decisions how to walk.
                     decide_share(e, row - SLABS * e, slabs, batch, batch.behaviors.manner)
                 wait_for_all(partition.barrier, team)
             for row in range(row_start, row_stop, team):
@@ -285,9 +285,9 @@ def _advance_range(
                 move_slab(e, row, batch, dt, is_touched, acting.max_drive)
             wait_for_all(partition.barrier, team)
             if thread == 0:
-                # Diagnostics: the sums of all slabs; whether someone has gone too far.
+                # Diagnostics: the sums of all slabs; paths that are too long.
                 merge_slabs(e, slabs, batch, dt)
-                # Exits: people whose center crossed one are out.
+                # Exits: a pedestrian is out when the center crosses one.
                 leave(e, slabs, batch, dt)
                 # Clock.
                 tick(e, batch, dt)

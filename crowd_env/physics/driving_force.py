@@ -1,7 +1,7 @@
-"""What a pedestrian wants: the desired velocity, the driving force that seeks it, and to keep a distance.
+"""Regular forces: the desired velocity, the driving force towards it, and the social force.
 
-Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a = m (v_d e_d - u) / tau, as printed however
-large.  With a limit F it keeps its direction and is no larger than F: f_a min(1, F / |f_a|).
+Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a = m (v_d e_d - u) / tau, as printed without a
+limit.  With a limit F it keeps its direction and is no larger than F: f_a min(1, F / |f_a|).
 """
 
 from collections.abc import Iterable
@@ -17,20 +17,20 @@ from crowd_env.physics.workspace import Batch
 
 
 class Influences(NamedTuple):
-    """What acts besides contact, as kernels take it, all at once: None is not even compiled."""
+    """All influences besides contact, as kernels take them; the code of a None is not compiled."""
 
     social: SocialParams | None  # passive grains feel none
     reach: float  # m    of the social force; 0 without one
     regions: bool | None  # there are regions, and so perhaps rules
-    walking: bool | None  # people decide how to walk: they keep a headway, or are pulled off their way
-    max_drive: float | None  # N    largest driving force of a person
-    balance: bool | None  # those who stand lean over their feet
+    walking: bool | None  # people decide how to walk: a headway or pulls act
+    max_drive: float | None  # N    largest driving force of a pedestrian
+    balance: bool | None  # standing pedestrians lean over their feet
     outline: bool | None  # bodies are of several discs
-    desire: Any  # kernel of behaviors that change what people want; see `Behavior.desire`
+    desire: Any  # kernel of behaviors that change the desired velocity; see `Behavior.desire`
 
 
 def influences(social: SocialForce | None, batch: StructRef, desire: Any = None) -> Influences:
-    """Return what acts on a batch; only bodies have a shape where nobody is driven."""
+    """Return the influences on a batch; on passive grains the outline alone can act."""
     acts, driving = batch.fields.acts.fields, bool(batch.fields.control.driving)
     params = social.params() if social is not None and driving else None
     return Influences(
@@ -46,7 +46,7 @@ def influences(social: SocialForce | None, batch: StructRef, desire: Any = None)
 
 
 def desire_of(others: Iterable[Behavior]) -> Any:
-    """Return the kernel in which some behaviors change one after the other what people want; None if none does."""
+    """Return the kernel in which behaviors change the desired velocity one after the other; None if none does."""
     chained = None
     for one in others:
         kernel = type(one).desire  # of the class: a kernel that is read from an object is bound to it
@@ -67,10 +67,10 @@ def _then(first: Any, second: Any) -> Any:
 def regular_forces(e: int, rank_stop: int, batch: Batch, acting: Influences) -> None:
     """Write the sum of all forces but contact [N] into ``History.force`` (P, 2): external, driving and social.
 
-    It is written for the people whom ``Workspace.inside`` lists up to ``rank_stop``; with it the desired velocity [m/s], into
-    ``Workspace.desired_velocity`` (P, 2).  A command is a multiple of the desired speed, the own one unless a region says
-    otherwise.  A relative command turns with the direction of the followed route (`steering.steer`): command (1, 0) is the
-    rule "walk the way out".  With a social force the neighbor list must be complete up to its cut-off.
+    The desired velocity [m/s] goes into ``Workspace.desired_velocity`` (P, 2).  Both are written for the people in
+    ``Workspace.inside`` up to ``rank_stop``.  A command is a multiple of the pedestrian's desired speed, or of that of a
+    region.  A relative command turns with the direction of the followed route (`steering.steer`): command (1, 0) is the rule
+    "walk the way out".  With a social force the neighbor list must be complete up to its cut-off.
     """
     _drive(e, rank_stop, batch, acting, acting.max_drive)
     _repel(e, rank_stop, batch, acting.social)
@@ -84,7 +84,7 @@ def _repel(e: int, rank_stop: int, batch: Batch, social: SocialParams | None) ->
 
 @inner_kernel
 def asked_of(i: int, batch: Batch) -> tuple[float, float]:
-    """Return the command, turned with the direction if it is relative: along the way that a person wants to take."""
+    """Return the command of pedestrian ``i``, turned with the direction of the route if it is relative."""
     command, direction = batch.control.command, batch.history.direction
     cx, cy = command[i, 0], command[i, 1]
     if batch.control.relative[i]:
@@ -97,9 +97,8 @@ def asked_of(i: int, batch: Batch) -> tuple[float, float]:
 def desired_velocity(i: int, time: float, batch: Batch, acting: Influences) -> tuple[float, float]:
     """Return the desired velocity [m/s]: the command, turned with the direction if it is relative, times the desired speed.
 
-    Where people decide how to walk, it is what they have last decided of that; behaviors with a `Behavior.desire` change it.
-    Of people who stand and keep their balance it is the one whose drive is the force of the ground: see
-    `crowd_env.physics.balance`.
+    Where people decide how to walk, it is the velocity of the last decision; behaviors with a `Behavior.desire` change it.
+    For standing pedestrians with balance it turns the drive into the ground force: see `crowd_env.physics.balance`.
     """
     vx, vy = _wanted_velocity(i, time, batch, acting.walking)
     vx, vy = _changed(i, time, vx, vy, batch, acting.desire)
@@ -159,10 +158,10 @@ def _drive(e: int, rank_stop: int, batch: Batch, acting: Influences, max_drive: 
 
 @inner_kernel
 def drive_after_kick(i: int, batch: Batch, half: float, acting: Influences) -> None:
-    """Let the drive of person ``i`` be that of the velocity after a half kick by all forces, not before it.
+    """Evaluate the drive of pedestrian ``i`` at the velocity after a half kick by all forces, not before it.
 
-    With v' = v + half (F + g) / m and g = m (v_d - v') / tau:  g = (m (v_d - v) - half F) / (tau + half), limited as it is.
-    Of people who stand and keep their balance no part of the force is a drive.
+    With v' = v + half (F + g) / m and g = m (v_d - v') / tau:  g = (m (v_d - v) - half F) / (tau + half), then limited.
+    The force on a standing pedestrian with balance contains no drive and stays as it is.
     """
     _follow_kick(i, batch, half, acting.max_drive, acting.balance)
 

@@ -1,4 +1,4 @@
-"""Exits: people are out whose center crosses an exit line outwards during a step, at the moment of the crossing."""
+"""Exits: a pedestrian is out from the moment when the center crosses an exit line outwards."""
 
 import numpy as np
 
@@ -10,9 +10,9 @@ from crowd_env.physics.workspace import Batch
 
 @inner_kernel
 def leave(e: int, rank_stop: int, batch: Batch, dt: float) -> int:
-    """Take out everyone whose center crossed an exit line outwards during this step.
+    """Take out all people with a center that crossed an exit line outwards during this step.
 
-    `Workspace.inside` lists the active people up to ``rank_stop``; returns where the list ends now.
+    `Workspace.inside` lists the active people up to ``rank_stop``; returns the new end of the list.
     """
     boundary, g, left = batch.world.boundary, batch.world.geometry_of_env[e], False
     inside, previous, position = batch.workspace.inside, batch.workspace.previous_position, batch.state.position
@@ -21,7 +21,7 @@ def leave(e: int, rank_stop: int, batch: Batch, dt: float) -> int:
         for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
             i = inside[rank]
             x0, y0, x1, y1 = previous[i, 0], previous[i, 1], position[i, 0], position[i, 1]
-            if _crossing(exit_line, k, x0, y0, x1, y1) <= 1.0:  # seldom: only then what else there is to read
+            if _crossing(exit_line, k, x0, y0, x1, y1) <= 1.0:  # rare: the other arrays are read only then
                 left |= mark_crossing(e, i, k - first, batch, dt, x0, y0, x1, y1)
     return list_active(e, batch) if left else rank_stop
 
@@ -30,9 +30,9 @@ def leave(e: int, rank_stop: int, batch: Batch, dt: float) -> int:
 def mark_crossing(
     e: int, i: int, exit_number: int, batch: Batch, dt: float, x0: float, y0: float, x1: float, y1: float
 ) -> bool:
-    """Mark person ``i`` as out if the path from 0 to 1 of this step crosses an exit outwards.
+    """Mark pedestrian ``i`` as out if the path from 0 to 1 of this step crosses an exit outwards.
 
-    Of several exits that someone crosses in one step the first counts.  Returns whether the person was inside until now.
+    Of several exits crossed in one step the first counts.  Returns whether the pedestrian was inside until now.
     """
     state, boundary, time = batch.state, batch.world.boundary, batch.state.time[e]
     k = boundary.exit_start[batch.world.geometry_of_env[e]] + exit_number
@@ -50,7 +50,7 @@ def mark_crossing(
 
 @inner_kernel
 def _crossing(exit_line: Floats, k: int, x0: float, y0: float, x1: float, y1: float) -> float:
-    """Return which part of the path from 0 to 1 lies before exit ``k``; infinite if it is not crossed outwards."""
+    """Return the part of the path from 0 to 1 before exit ``k``; infinite if it is not crossed outwards."""
     ax, ay = exit_line[k, 0, 0], exit_line[k, 0, 1]
     tx, ty = exit_line[k, 1, 0] - ax, exit_line[k, 1, 1] - ay
     side1 = tx * (y1 - ay) - ty * (x1 - ax)  # > 0: inside

@@ -1,4 +1,4 @@
-"""How hard a crowd presses: on a body, and as a crowd."""
+"""Contact forces, contact pressure on a body, and crowd pressure."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -16,15 +16,15 @@ from crowd_env.physics.simulation.simulation import Simulation
 
 
 class ContactForces(NamedTuple):
-    """Who presses on whom in a crowd of N, and how hard: C contacts."""
+    """Normal forces of the C contacts in a crowd of N."""
 
     geometry: Geometry
     time: float  # s
     position: Floats  # (N, 2)  m
     radius: Floats  # (N,)    m
     active: Bools  # (N,)    still inside
-    i: Ints  # (C,)    person
-    j: Ints  # (C,)    other person > i, or -1 - k: wall feature k
+    i: Ints  # (C,)    body
+    j: Ints  # (C,)    other body > i, or -1 - k: wall feature k
     at: Floats  # (C, 2)  m, the center of j, or where i touches the wall
     force: Floats  # (C,)    N, normal; > 0 pushes apart
     angle: Floats | None = None  # (N,)    rad
@@ -55,9 +55,9 @@ def contact_pressure(impulse: ArrayLike, duration: float, radius: ArrayLike) -> 
 def contact_forces(simulation: Simulation, e: int = 0) -> ContactForces:
     """Return the contacts of environment ``e`` with their normal forces: the normal impulses of the last step over its length.
 
-    What the discs of two bodies with an outline do to each other, or those of one and a wall, is added up.
+    The forces between all discs of two bodies with an outline, or of a body and a wall, are added up.
 
-    Solvers of impulses leave forces that flicker from step to step; `mean_contact_forces` of many steps is calmer.
+    Forces from impulse solvers fluctuate from step to step; `mean_contact_forces` averages many steps.
     """
     people = slice(int(simulation.bodies.env_start[e]), int(simulation.bodies.env_start[e + 1]))
     position, radius = simulation.state.position[people].copy(), simulation.bodies.radius[people].copy()
@@ -87,9 +87,9 @@ def contact_forces(simulation: Simulation, e: int = 0) -> ContactForces:
 
 
 def mean_contact_forces(samples: Sequence[ContactForces]) -> ContactForces:
-    """Return the time average of the normal forces over ``samples`` of one crowd, people standing as in the last one.
+    """Return the time average of the normal forces over ``samples`` of one crowd, with the positions of the last one.
 
-    A contact counts as 0 N in samples in which it does not exist; contacts of people who left meanwhile are left out.
+    A contact counts as 0 N in samples without it; contacts of people that have left meanwhile are left out.
 
     Raises
     ------
@@ -113,15 +113,16 @@ def mean_contact_forces(samples: Sequence[ContactForces]) -> ContactForces:
 
 
 def _both_inside(active: Bools, i: Ints, j: Ints) -> Bools:
-    """Return which contacts (C,) are of people who are still inside, and walls."""
+    """Return which contacts (C,) join active people, or an active pedestrian and a wall."""
     return active[i] & ((j < 0) | active[np.maximum(j, 0)])
 
 
 def crowd_pressure(simulation: Simulation, radius: float = 1.0) -> Floats:
-    """Return density times velocity variance around everyone (P,) [1/s^2]; 0 for those who are out.
+    """Return density times velocity variance around each pedestrian (P,) [1/s^2]; 0 after leaving.
 
-    Over the people within ``radius`` [m], oneself included.  The "crowd pressure" of Helbing, Johansson, Al-Abideen 2007, who
-    saw turbulence from 0.02 /s^2 on; they weigh by a Gaussian of the distance, here everyone within reach counts the same.
+    Both are taken over the people within ``radius`` [m], the pedestrian included.  This is the "crowd pressure" of Helbing,
+    Johansson, Al-Abideen 2007, with turbulence from 0.02 /s^2 on.  They weight by a Gaussian of the distance; here all people
+    within the radius have equal weight.
 
     Raises
     ------
@@ -133,7 +134,7 @@ def crowd_pressure(simulation: Simulation, radius: float = 1.0) -> Floats:
     for begin, end in pairwise(simulation.bodies.env_start):
         here = begin + np.flatnonzero(state.active[begin:end])
         i, j = pairs_within(state.position[here], radius)
-        count = np.bincount(i)  # oneself included
+        count = np.bincount(i)  # the pedestrian included
         x, y = state.velocity[here].T
         mean_x, mean_y, mean_square = (np.bincount(i, values[j]) / count for values in (x, y, x**2 + y**2))
         variance = mean_square - mean_x**2 - mean_y**2

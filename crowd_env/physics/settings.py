@@ -1,6 +1,6 @@
-"""What moves bodies, in two parts that travel whole from a user's call to the simulation: the physics and the walking.
+"""The settings of a simulation, in two parts that are passed on whole: the physics and the walking.
 
-Each part is a frozen dataclass.  Whoever takes one also takes its first field alone, or a table of its fields.
+Each part is a frozen dataclass.  A function that takes one also takes its first field alone, or a table of its fields.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,26 +41,26 @@ class Part:
 
 @dataclass(frozen=True)
 class Physics(Part):
-    """What bodies do when they touch, and what they are.
+    """Contact scheme, time step and bodies.
 
     Parameters
     ----------
     scheme : contact scheme: a name in ``SCHEMES``, a scheme, or a table such as ``{"name": "nsm2", "social": "lin"}``.
     dt : s, physics step; by default that of the scheme, see `ContactScheme.default_dt`.
-    outline : shape of all bodies: a name in ``OUTLINES``, an `Outline`, or a table of its parameters.  By default the scenario
-        decides, and if it says nothing bodies are discs.  Only schemes that turn bodies take another: `hertz`, `hertz-literal`.
-    max_drive : N, the largest force with which a pedestrian drives forwards, infinite = as large as the papers make it, up to
-        2 kN; by default the scenario decides.  No scheme without a driving force takes it (`nsm1`).
-    balance : how those who stand keep upright: a name in ``BALANCES``, a `Balance`, or a table of its parameters; by default
-        the scenario decides, and if it says nothing their drive brakes them.  No scheme without a driving force takes it.
+    outline : shape of all bodies: a name in ``OUTLINES``, an `Outline`, or a table of its parameters.  By default that of
+        the scenario, or discs.  Only schemes that turn bodies take another: `hertz`, `hertz-literal`.
+    max_drive : N, the largest driving force of a pedestrian, infinite = that of the papers, up to 2 kN; by default that of
+        the scenario.  No scheme without a driving force takes it (`nsm1`).
+    balance : how standing pedestrians keep upright: a name in ``BALANCES``, a `Balance`, or a table of its parameters; by
+        default that of the scenario, or none: the drive brakes them.  No scheme without a driving force takes it.
     threads : spread environments, or with `dem` the parts of one large crowd, over threads; results do not depend on it.
-    allow_unstable : accept a ``dt`` above the stable step of the scheme, and let everyone go as fast, as far in a step and
-        through whatever the contact law alone allows (to show what happens); else see `crowd_env.physics.bounds`.
+    allow_unstable : accept a ``dt`` above the stable step of the scheme, and switch off `crowd_env.physics.bounds`, so that
+        the contact law alone limits speeds, paths and crossing of walls (for demonstrations).
 
     Raises
     ------
     ValueError
-        If one of them is unknown or out of range, or the scheme cannot have it.
+        If a value is unknown or out of range, or the scheme cannot have it.
     """
 
     scheme: str | Mapping[str, Any] | ContactScheme = "nsm2"
@@ -88,21 +88,21 @@ class Physics(Part):
 
 @dataclass(frozen=True)
 class Walking(Part):
-    """How people walk before they touch.
+    """How pedestrians walk before they touch.
 
     Parameters
     ----------
-    manner : a name in ``MANNERS``, a `Headway`, or a table of its parameters; by default the scenario decides.
-    acts_on : "everyone": also those who have an action, which then says what one would do with nobody in front.  "scripted":
-        only those who have no action; the others walk as their action says.
-    pulls : companions and attractions that pull people off their way, of all places or of each; by default the
-        scenario decides.
-    others : behaviors that are not in ``BEHAVIORS``: objects of classes of one's own, derived from `Behavior`.
+    manner : a name in ``MANNERS``, a `Headway`, or a table of its parameters; by default that of the scenario.
+    acts_on : "everyone": pedestrians with an action too, which is then the desired motion on a free way.  "scripted": only
+        pedestrians without an action; the others walk exactly by their action.
+    pulls : companions and attractions that pull people off their way, of all places or of each; by default as in the
+        scenario.
+    others : behaviors that are not in ``BEHAVIORS``: objects of user classes derived from `Behavior`.
 
     Raises
     ------
     ValueError
-        If one of them is unknown.
+        If a value is unknown.
     """
 
     manner: Manner | None = None
@@ -126,7 +126,7 @@ AsWalking: TypeAlias = Walking | str | Mapping[str, Any] | Headway | None
 
 
 def behaviors_of(*parts: Part) -> dict[str, Any]:
-    """Return the behaviors that the parts of the settings choose, by name; None where one is absent, or not said."""
+    """Return the behaviors that the parts of the settings choose, by name; None where one is absent or unset."""
     return {
         name: kind.of(getattr(part, name))
         for name, kind in BEHAVIORS.items()
@@ -136,9 +136,9 @@ def behaviors_of(*parts: Part) -> dict[str, Any]:
 
 
 def check_behaviors(chosen: Mapping[str, Any], scheme: ContactScheme, driving: bool = True) -> None:
-    """Raise ValueError, listing the schemes that can, unless a scheme can have all chosen behaviors.
+    """Raise ValueError unless a scheme supports all chosen behaviors; the message lists the schemes that do.
 
-    Passive grains (not ``driving``) are not driven, whatever the scheme.
+    Passive grains (not ``driving``) have no driving force under any scheme.
     """
     for behavior in chosen.values():
         needs = getattr(behavior, "NEEDS", None)
@@ -154,5 +154,5 @@ def check_behaviors(chosen: Mapping[str, Any], scheme: ContactScheme, driving: b
 
 
 def kinds_of(walking: Walking) -> dict[str, type[Behavior]]:
-    """Return the class of each behavior that there is in a simulation, by name."""
+    """Return the class of each behavior of a simulation, by name."""
     return BEHAVIORS | {one.NAME: type(one) for one in walking.others}

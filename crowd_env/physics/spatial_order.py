@@ -1,9 +1,9 @@
-"""Large crowds in the order of space: who stands together lies together in memory.
+"""Spatial sorting of large crowds: neighbors in space are neighbors in memory.
 
-People keep their slots for whoever looks from outside.  The physics of an environment of many people works on copies, sorted by
-cells of half a meter, row after row of them, anew every half second: in a crowd of 100,000 in the order of their slots nearly
-every touch of a neighbor had to be fetched from beyond the processor's caches.  How people lie changes the order of sums and
-with it their last digits; it depends on nothing but the environment's own clock and positions.
+Callers see people in their slots.  The physics of a large environment works on copies, sorted by cells of half a meter, row by
+row, again every half second.  In slot order, nearly every access to a neighbor in a crowd of 100,000 missed the processor's
+caches.  The memory order changes the order of sums and so their last digits; it depends only on the environment's clock and
+positions.
 """
 
 from typing import Any, NamedTuple
@@ -18,29 +18,29 @@ from crowd_env.physics.contacts import Contacts, order_of_contacts, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
 from crowd_env.physics.workspace import Batch, Command, History, Results, set_command
 
-MANY = 1000  # people from which on an environment is sorted: fewer lie in the caches anyhow
+MANY = 1000  # people from which on an environment is sorted: fewer fit in the caches
 EVERY = 0.5  # s
 _CELL = 0.5  # m
 
 
 class Order(NamedTuple):
-    """In which order people are, and until when: what a checkpoint keeps of a `SortedCrowd`."""
+    """The order of people and the time of the next sort: what a checkpoint keeps of a `SortedCrowd`."""
 
     slot: Ints  # (P,)
     due: Floats  # (E,)  s
 
 
 class SortedCrowd:
-    """Working copies of a batch, in the order of space where an environment is large.
+    """Working copies of a batch, in spatial order where an environment is large.
 
     Parameters
     ----------
-    batch : as others see it, everyone in the own slot.  Of the arrays that have one row a person none is ever replaced.
+    batch : in slot order, as callers see it.  Its arrays with one row a pedestrian are never replaced.
 
     Attributes
     ----------
-    slot : (P,) slot of everyone in the order of the copies; those of one environment stay together.
-    batch : as the physics sees it, with the copies.
+    slot : (P,) slot of each pedestrian in the order of the copies; the slots of one environment stay together.
+    batch : with the copies, as the physics sees it.
     """
 
     def __init__(self, batch: Batch) -> None:
@@ -48,7 +48,7 @@ class SortedCrowd:
         self._in_slots = batch
         self._first_turn = batch.history.lookup_turn.copy()  # in slots
         self._large = np.flatnonzero(np.diff(bodies.env_start) >= MANY).tolist()
-        self._small = _stretches(np.diff(bodies.env_start) < MANY, bodies.env_start)  # who keep their order
+        self._small = _stretches(np.diff(bodies.env_start) < MANY, bodies.env_start)  # keep their order
         self._clock = DueClock(len(state.time))
         self.slot: Ints = np.arange(len(bodies.radius))
         self.batch = batch._replace(
@@ -64,7 +64,7 @@ class SortedCrowd:
         return bool((np.diff(bodies.env_start) >= MANY).any())
 
     def restart(self, e: int) -> None:
-        """Environment ``e`` has other people: in their slots, as at first, and to be sorted before the next step."""
+        """Return environment ``e`` to slot order, to be sorted before the next step: it has other people."""
         people = self._people(e)
         self.slot[people] = np.arange(people.start, people.stop)
         self._in_slots.history.lookup_turn[people] = self._first_turn[people]
@@ -75,16 +75,16 @@ class SortedCrowd:
         return Order(self.slot.copy(), self._clock.due.copy())
 
     def restore(self, order: Order) -> None:
-        """Take up an order; the history that lies in it is restored by itself."""
+        """Restore an order; the caller restores the history, which lies in that order."""
         self.slot[:], self._clock.due[:] = order
         self.gather_bodies(slice(None))
 
     def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
-        """Return after how many steps the next environment is due; None if there is none."""
+        """Return the number of steps until the next environment is due; None if there is none."""
         return self._clock.steps_until_due((e for e in self._large if inside[e] > 0), time, dt)
 
     def update(self, contacts: Contacts, neighbors: NeighborList) -> None:
-        """Sort the environments that are due anew, and let their contacts follow."""
+        """Sort the environments that are due, and renumber their contacts."""
         time = self._in_slots.state.time
         for e in self._large:
             if self._clock.is_due(e, time[e]):
@@ -98,7 +98,7 @@ class SortedCrowd:
         order = _order_of_space(state.position[slots], state.active[slots])
         self.slot[people] = slots[order]
         for array in _in_order(self._in_slots.history):
-            if len(array):  # not every scheme uses all
+            if len(array):  # optional arrays may be empty
                 array[people] = array[people][order]
         self.gather_bodies(people)
         rank = np.empty(len(order), dtype=np.int64)
@@ -110,12 +110,12 @@ class SortedCrowd:
         return slice(int(env_start[e]), int(env_start[e + 1]))
 
     def gather_bodies(self, people: slice) -> None:
-        """Read anew what the bodies of these people are, of whole environments."""
+        """Copy the bodies of these people, of whole environments, from slot order."""
         for copy, array in zip(self.batch.bodies[:-1], self._in_slots.bodies[:-1], strict=True):
             copy[people] = array[self.slot[people]]
 
     def gather(self, asked: Command) -> None:
-        """Read anew what others may have changed, and write what is asked for to where the physics reads it."""
+        """Copy all that callers may have changed, and write the command for the physics."""
         for people in self._small:
             self.gather_bodies(people)
         for copy, array in self._shown():
@@ -123,12 +123,12 @@ class SortedCrowd:
         set_command(self.batch.control, asked, lambda array, values: _gather(self.slot, _flat(values), _flat(array)))
 
     def scatter(self) -> None:
-        """Write what the physics has done to where everyone looks for it."""
+        """Copy the results of the physics back to slot order."""
         for copy, array in self._shown():
             _scatter(self.slot, _flat(copy), _flat(array))
 
     def _shown(self) -> list[tuple[Any, Any]]:
-        """Return what others read and write: each copy, and the array that it is of."""
+        """Return the arrays that callers read and write: pairs of a copy and its array in slot order."""
         copies, arrays = self.batch, self._in_slots
         return [
             *zip(copies.state[:-1], arrays.state[:-1], strict=True),
@@ -138,23 +138,23 @@ class SortedCrowd:
 
 
 def _in_order(history: History) -> list[np.ndarray]:
-    """Return the part of the history that only the physics reads: it lies in the order of space itself."""
+    """Return the part of the history that only the physics reads, which is stored in spatial order."""
     own = [array for name, array in arrays_of_people(history).items() if name != "followed"]
     return own + [array for memory in history.memory for array in arrays_of_people(memory).values()]
 
 
 def _stretches(chosen: Bools, env_start: Ints) -> list[slice]:
-    """Return whose people the chosen environments are, those that follow one another together."""
+    """Return the slots of the chosen environments, one slice for each run of consecutive ones."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]])))
     return [slice(int(env_start[e]), int(env_start[stop])) for e, stop in edges.reshape(-1, 2)]
 
 
 def _flat(array: Any) -> Any:
-    """Return an array with one number a person: a vector (P, 2) as complex numbers."""
+    """Return an array with one number a pedestrian: a vector (P, 2) as complex numbers."""
     return array if array.ndim == 1 else array.view(np.complex128)[:, 0]
 
 
-# NumPy's own take and put need three times as long.
+# NumPy's take and put need three times as long.
 @kernel
 def _gather(slot: Ints, source: Any, copy: Any) -> None:
     """Copy the people of ``source`` in the order of ``slot``."""
@@ -164,13 +164,13 @@ def _gather(slot: Ints, source: Any, copy: Any) -> None:
 
 @kernel
 def _scatter(slot: Ints, copy: Any, target: Any) -> None:
-    """Copy them back."""
+    """Copy people from the order of ``slot`` back to their slots."""
     for i in range(len(slot)):
         target[index(slot[i])] = copy[i]
 
 
 def _order_of_space(position: Floats, active: Bools) -> Ints:
-    """Return the people (N,) row by row of cells; those who are out last."""
+    """Return the order (N,) of people by rows of cells; people that have left come last."""
     if not active.any():
         return np.arange(len(active))
     low = position[active].min(axis=0)
@@ -179,7 +179,7 @@ def _order_of_space(position: Floats, active: Bools) -> Ints:
 
 
 def _renumber(begin: int, rank: Ints, contacts: Contacts, rows: slice) -> None:
-    """Let the contacts ``rows`` of an environment follow people to their new places ``rank``, sorted as they must be."""
+    """Renumber the contacts ``rows`` of an environment by the new places ``rank`` of people, and sort them again."""
     i, j = contacts.i[rows] - begin, contacts.j[rows]
     others = contacts.normal[rows], contacts.disc_i[rows], contacts.disc_j[rows]
     *renumbered, order = between(begin + rank, i, np.where(j >= 0, j - begin, j), *others)
@@ -192,7 +192,7 @@ def _renumber(begin: int, rank: Ints, contacts: Contacts, rows: slice) -> None:
 def between(
     number: Ints, i: Ints, j: Ints, normal: Floats, disc_i: Ints, disc_j: Ints
 ) -> tuple[Ints, Ints, Floats, Ints, Ints, Ints]:
-    """Return contacts between people who get another ``number``, i < j, sorted by (i, j, discs); and the order they had."""
+    """Return contacts after renumbering people by ``number``, i < j, sorted by (i, j, discs); and their former order."""
     i, j = number[i], np.where(j >= 0, number[np.maximum(j, 0)], j)
     swap = (j >= 0) & (j < i)
     i, j = np.where(swap, j, i), np.where(swap, i, j)

@@ -1,4 +1,4 @@
-"""Which way pedestrians walk: the route that each follows, the direction along it, and the desired speed there."""
+"""Steering: the route that each pedestrian follows, the direction along it, and the local desired speed."""
 
 from typing import Any
 
@@ -13,22 +13,20 @@ from crowd_env.physics.workspace import LOOKUP_PERIOD, Batch
 from crowd_env.routing.fields.lookup import BLEND, blended_direction, exit_frame, quick_cell, through_exit, way_at
 from crowd_env.routing.rules import apply_rules, notice_regions
 
-# Directions are looked up anew after this time: at every step of 0.01 s, at every tenth of 0.001 s.  A look-up costs as much
-# as two contacts, and nobody gets 2 cm further in between.
+# Directions are looked up again after this time: at every step of 0.01 s, at every tenth of 0.001 s.  A look-up costs as much
+# as two contacts, and no pedestrian moves 2 cm in between.
 LOOK_EVERY = 0.01  # s
 # The table of directions of a crowd of this size does not fit into the caches, and the look-up is most of a step.  Where all
-# directions of a cell agree to 1/20 (3 degrees) a pedestrian looks only every fourth time: in 0.04 s nobody leaves the cell by
-# more than its width.
+# directions of a cell agree to 1/20 (3 degrees) a pedestrian takes every fourth look-up only: in 0.04 s no pedestrian gets
+# further beyond the cell than its width.
 _MANY = 1000
 _UNIFORM = 0.05
-_AHEAD = (
-    8  # people: what the look of the one so far ahead, most likely in the same field, needs of its table is asked for
-)
+_AHEAD = 8  # people: the table entry of the one this many ranks ahead, most likely in the same field, is prefetched
 
 
 @inner_kernel
 def reset_routes(e: int, batch: Batch, regions: bool | None) -> None:
-    """Where there are no regions everyone walks at the own desired speed on the own route, for the whole of a call."""
+    """Without regions, give all people their own desired speed and route for the whole call."""
     if regions is not None and has_regions(e, batch):
         return
     desired_speed, route = batch.bodies.desired_speed, batch.state.route
@@ -60,13 +58,13 @@ def _steer(e: int, rank_stop: int, batch: Batch, dt: float, regions: bool | None
 
 @inner_kernel
 def is_look_up_due(e: int, batch: Batch, dt: float) -> bool:
-    """Whether directions are to be looked up in this step of environment ``e``; a step done again does not look again."""
+    """Whether this step of environment ``e`` looks up directions; a repeated step does not look again."""
     return not batch.history.directions_known[e] or batch.history.direction_age[e] > max(LOOK_EVERY - 0.5 * dt, 0.0)
 
 
 @inner_kernel
 def is_decision_due(e: int, batch: Batch, dt: float) -> bool:
-    """Whether people decide in this step how to walk, and if so note it: in a step done again they do not decide again."""
+    """Whether people decide in this step how to walk; a decision is recorded, so a repeated step makes no other."""
     history, interval = batch.history, batch.behaviors.manner.interval
     if history.have_decided[e] and history.decision_age[e] <= max(interval - 0.5 * dt, 0.0):
         return False
@@ -92,7 +90,7 @@ def follow_rules(e: int, batch: Batch) -> None:
 
 @inner_kernel
 def begin_look_up(e: int, batch: Batch, regions: bool | None) -> int:
-    """Count a look-up; returns which turn it is for those who need not look every time, -1 = everyone looks."""
+    """Count a look-up; returns the turn of pedestrians in a uniform field, -1 = all look."""
     history, many = batch.history, batch.bodies.env_start[e + 1] - batch.bodies.env_start[e] >= _MANY
     if regions is not None and has_regions(e, batch):
         many = False  # rules send people elsewhere at any time
@@ -106,8 +104,8 @@ def begin_look_up(e: int, batch: Batch, regions: bool | None) -> int:
 def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: float, turn: int) -> None:
     """Look up the direction of the people with the ranks ``rank_start:rank_stop`` in `Workspace.inside`.
 
-    It is written for those whose command is relative to it, and for everyone if it will be good for more than one step; but
-    not for those around whom it is uniform and whose turn it is not.
+    It is written if the command is relative to it, and for all people if it is valid for more than one step.  A pedestrian in
+    a uniform field is skipped except at its turn.
     """
     field, boundary, field_of_route = batch.world.field, batch.world.boundary, batch.world.guidance.field_of_route
     cell, table, exit_line, position = field.cell, field.direction, boundary.exit, batch.state.position
@@ -136,7 +134,7 @@ def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: f
             node, u, v = quick_cell(start, rows, cols, left, bottom, size, x, y)
             kind = cell[node]
             if kind >= 0:
-                if kind != aim:  # most aim at the same exit as the one before
+                if kind != aim:  # most aim at the same exit as the last pedestrian
                     aim = kind
                     frame = exit_frame(exit_line, kind)
                 plain = True
@@ -151,10 +149,10 @@ def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: f
 
 @inner_kernel
 def _list_looking(rank_start: int, rank_stop: int, batch: Batch, everyone: bool, turn: int) -> Any:
-    """List who looks up the direction in `Workspace.looking`, without a branch; returns one past the last.
+    """List the slots that look up the direction in `Workspace.looking`, without a branch; returns one past the last.
 
-    That is ``everyone``, since a command that becomes relative before the next look-up needs the direction too, or those whose
-    command is relative; but for those around whom it is uniform and whose ``turn`` it is not.
+    These are all slots if ``everyone``, since a command may become relative before the next look-up, else the slots with a
+    relative command.  A pedestrian in a uniform field is listed at its ``turn`` only.
     """
     inside, looking, relative = batch.workspace.inside, batch.workspace.looking, batch.control.relative
     is_uniform, lookup_turn, k = batch.history.is_uniform, batch.history.lookup_turn, index(rank_start)
@@ -169,7 +167,7 @@ def _list_looking(rank_start: int, rank_stop: int, batch: Batch, everyone: bool,
 
 @inner_kernel
 def _agree(direction: Floats, node: int, cols: int) -> bool:
-    """Whether the directions at the corners of a cell hardly differ, along either diagonal."""
+    """Whether the directions at the corners of a cell nearly agree, along either diagonal."""
     above = node + cols
     ax, ay = direction[node, 0] - direction[above + 1, 0], direction[node, 1] - direction[above + 1, 1]
     bx, by = direction[node + 1, 0] - direction[above, 0], direction[node + 1, 1] - direction[above, 1]

@@ -1,4 +1,4 @@
-"""Where threads that step one crowd wait for each other: a counter in memory, and no part of any sum."""
+"""The barrier of threads that step one crowd: a counter in memory, which enters no sum."""
 
 import os
 import threading
@@ -15,7 +15,7 @@ _SPINS = 2000  # looks at the counter before a thread lets others run
 
 
 def _declare_atomic_add(_context: Any, array: Any, index: Any, value: Any) -> Any:
-    """Add to an element and return what it was; all threads see one order of such calls."""
+    """Add to an element and return its former value; all threads see one order of such calls."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         data = context.make_array(signature.args[0])(context, builder, args[0]).data
@@ -55,7 +55,7 @@ _let_others_run: Any = _release_interpreter if config.DISABLE_JIT else _yield_pr
 
 @inner_kernel
 def wait_for_all(barrier: Ints, threads: int) -> None:
-    """Return when all ``threads`` have come here; ``barrier`` is a counter that starts at 0 and is used for nothing else."""
+    """Return when all ``threads`` have come here; ``barrier`` is a counter for this use alone, 0 at first."""
     if threads == 1:
         return
     turn = _add_atomically(barrier, 0, 1) // threads + 1

@@ -1,7 +1,7 @@
-"""The crowd as the soft scheme steps it: one array for each quantity, so that one instruction moves eight people.
+"""The crowd in the soft scheme as a structure of arrays, so that one instruction moves eight people.
 
 Positions and velocities are copied here at the start of a call and back at its end; in between only these copies move.  People
-who are out are moved far away and nothing drives them, so that no loop has to ask who is inside.
+that have left are moved far away and get no forces, so no loop has to test whether a pedestrian is inside.
 """
 
 from typing import Annotated, NamedTuple
@@ -12,7 +12,7 @@ from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.neighbors.lists import NeighborList
 
-FAR_AWAY = 1e9  # m   beyond any crowd: nobody touches anyone there, and to add zero changes nothing
+FAR_AWAY = 1e9  # m   beyond any crowd: there are no contacts, and adding zero changes nothing
 
 
 class SoABuffers(NamedTuple):
@@ -25,7 +25,7 @@ class SoABuffers(NamedTuple):
     desired_vx: Annotated[Floats, "P", "soa"]  # m/s
     desired_vy: Annotated[Floats, "P", "soa"]
     inv_tau: Annotated[Floats, "P", "soa"]  # 1/s  of the relaxation time; 0 for passive grains
-    inv_mass: Annotated[Floats, "P", "soa"]  # 1/kg  0 for people who are out
+    inv_mass: Annotated[Floats, "P", "soa"]  # 1/kg  0 for people that have left
     fx: Annotated[Floats, "P", "soa"]  # N    contact force; 0 between steps
     fy: Annotated[Floats, "P", "soa"]
     force_magnitude: Annotated[Floats, "P", "soa"]  # N    sum of the magnitudes of the contact forces; 0 between steps
@@ -38,7 +38,7 @@ class SoABuffers(NamedTuple):
 
 @inner_kernel
 def move_out(i: int, soa: SoABuffers, near: NeighborList) -> None:
-    """Move person ``i`` far away; the place where the neighbor list saw them moves along, so that the list stays valid."""
+    """Move pedestrian ``i`` far away, with the position in the neighbor list, so that the list stays valid."""
     soa.x[i], soa.y[i] = FAR_AWAY + 100.0 * i, FAR_AWAY  # apart from each other
     near.origin_x[i], near.origin_y[i] = soa.x[i], soa.y[i]
     soa.vx[i] = soa.vy[i] = soa.regular_fx[i] = soa.regular_fy[i] = 0.0
@@ -47,7 +47,7 @@ def move_out(i: int, soa: SoABuffers, near: NeighborList) -> None:
 
 @inner_kernel
 def interleave(slot_begin: int, slot_end: int, active: Bools, x: Floats, y: Floats, target: Floats) -> None:
-    """Copy two buffers of the people inside to an array (P, 2), where the code that all schemes share reads them."""
+    """Copy two buffers of the people inside to an array (P, 2), for the code that all schemes share."""
     for i in range(index(slot_begin), index(slot_end)):
         if active[i]:
             target[i, 0], target[i, 1] = x[i], y[i]
@@ -77,9 +77,10 @@ def integrate_velocity(
 def integrate_free(
     slot_begin: int, slot_end: int, dt: float, desired: Floats, inv_tau: Floats, velocity: Floats
 ) -> None:
-    """Advance one coordinate of the velocity of people on whom no force but the driving force acts.
+    """Advance one coordinate of the velocity under the driving force alone.
 
-    The bits are those of `integrate_velocity` with zero forces; the loop is bound by memory, and this one reads a third less.
+    The result equals that of `integrate_velocity` with zero forces bit by bit.  The loop is bound by memory, and this one reads
+    a third less.
     """
     for i in range(index(slot_begin), index(slot_end)):
         velocity[i] += dt * (0.0 + (desired[i] - velocity[i]) * inv_tau[i])
@@ -94,7 +95,7 @@ def integrate_position(slot_begin: int, slot_end: int, dt: float, velocity: Floa
 
 @inner_kernel
 def limit_speed(slot_begin: int, slot_end: int, vx: Floats, vy: Floats, limit: float) -> float:
-    """Hold speeds to ``limit`` [m/s]; returns the greatest speed that is left [m/s].
+    """Limit speeds to ``limit`` [m/s]; returns the largest resulting speed [m/s].
 
     Four people at a time: a comparison has to wait for the one before it, but not for its three neighbors.
     """
@@ -131,7 +132,7 @@ def add_impulse(slot_begin: int, slot_end: int, dt: float, force: Floats, impuls
 
 @inner_kernel
 def count_too_far(slot_begin: int, slot_end: int, soa: SoABuffers, near: NeighborList) -> int:
-    """Return how many people are further from where the neighbor list saw them than it allows for; nan counts."""
+    """Return how many people have moved further than the neighbor list allows; nan counts."""
     x, y, origin_x, origin_y, allowed, count = soa.x, soa.y, near.origin_x, near.origin_y, near.allowed, 0
     for i in range(index(slot_begin), index(slot_end)):
         dx, dy = x[i] - origin_x[i], y[i] - origin_y[i]

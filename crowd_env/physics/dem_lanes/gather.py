@@ -1,4 +1,4 @@
-"""People in and out of the buffers, and the lists of people and neighbors cut into slabs."""
+"""Copies of people into and out of the buffers, and the slabs of the lists of people and neighbors."""
 
 import numpy as np
 
@@ -53,7 +53,7 @@ def gather_crowd(e: int, slabs: int, batch: Batch, dt: float, cutoff: float, reg
 
 @inner_kernel
 def scatter_slab(row: int, batch: Batch) -> None:
-    """Copy the people of one slab back, and the contact impulses that they have got in this call."""
+    """Copy the people of one slab back, and their contact impulses of this call."""
     soa, active, partition = batch.workspace.soa, batch.state.active, batch.workspace.partition
     impulse, magnitude = batch.results.impulse, batch.results.impulse_magnitude
     begin, end = partition.slot_start[row], partition.slot_stop[row]
@@ -66,7 +66,7 @@ def scatter_slab(row: int, batch: Batch) -> None:
 
 @inner_kernel
 def list_active_by_slab(e: int, slabs: int, batch: Batch) -> None:
-    """List who is inside, and note which part of that list belongs to which slab."""
+    """List the people inside, and write the range of that list for each slab."""
     partition, inside = batch.workspace.partition, batch.workspace.inside
     begin, rank_end = batch.bodies.env_start[e], list_active(e, batch)
     partition.people_inside[e] = rank_end - begin
@@ -77,13 +77,13 @@ def list_active_by_slab(e: int, slabs: int, batch: Batch) -> None:
 
 @inner_kernel
 def cut_neighbor_list(e: int, slabs: int, batch: Batch) -> None:
-    """Note which entries of a new neighbor list belong to which slab."""
+    """Write the entries of a new neighbor list for each slab."""
     near, soa, partition = batch.workspace.neighbors, batch.workspace.soa, batch.workspace.partition
     active = batch.state.active
     origin_x, origin_y, x, y = near.origin_x, near.origin_y, soa.x, soa.y
     for i in range(index(batch.bodies.env_start[e]), index(batch.bodies.env_start[e + 1])):
         if not active[i]:
-            origin_x[i], origin_y[i] = x[i], y[i]  # people who are out never make the list stale
+            origin_x[i], origin_y[i] = x[i], y[i]  # people that have left never make the list stale
     partition.list_is_stale[e] = False
     first, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
     for row in range(SLABS * e, SLABS * e + slabs):

@@ -26,8 +26,8 @@ from crowd_env.physics.steering import begin_look_up, follow_rules, is_decision_
 from crowd_env.physics.walking.around import look_around
 from crowd_env.physics.workspace import Batch
 
-# What a step has to do about desired velocities: keep them, compute them from the directions, look up the directions first, or
-# let people decide how to walk, who have looked up the directions already.
+# Task of a step for desired velocities: keep them, compute them from the directions, look up the directions first, or let
+# people decide how to walk (after their look-up).
 KEEP, COMPUTE, LOOK_UP, DECIDE = 0, 1, 2, 3
 
 
@@ -59,7 +59,7 @@ def detect(e: int, slabs: int, team: int, batch: Batch, n_substeps: int, cutoff:
 
 @inner_kernel
 def plan_steering(e: int, batch: Batch, dt: float, acting: Influences) -> None:
-    """Say what this step has to do about desired velocities, and let control rules act when directions are due."""
+    """Choose the task of this step for desired velocities, and apply control rules when directions are due."""
     partition = batch.workspace.partition
     partition.steering[e] = COMPUTE if batch.state.time[e] <= partition.desired_until[e] else KEEP
     if acting.balance is not None or acting.desire is not None:
@@ -84,7 +84,7 @@ def _plan_look_up(e: int, batch: Batch, dt: float, regions: bool | None, walking
 
 @inner_kernel
 def _prepare_decision(e: int, batch: Batch, dt: float) -> None:
-    """Let everyone look up the direction, where that is due, and look around."""
+    """Look up the directions of all people if they are due, and run `look_around`."""
     partition, soa, state = batch.workspace.partition, batch.workspace.soa, batch.state
     begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
     interleave(begin, end, state.active, soa.x, soa.y, state.position)
@@ -178,7 +178,7 @@ def _integrate_limited(slot_begin: int, slot_end: int, dt: float, soa: SoABuffer
 
 @inner_kernel
 def _hold_at_walls(e: int, row: int, batch: Batch, dt: float) -> None:
-    """Let nobody of one slab cross a wall in this step, which began ``dt`` times the velocity before; see `bounds`."""
+    """Stop the paths of one slab at walls; each began ``dt`` times the velocity before its end; see `bounds`."""
     near, soa, partition = batch.workspace.neighbors, batch.workspace.soa, batch.workspace.partition
     boundary, g = batch.world.boundary, batch.world.geometry_of_env[e]
     owner, partner, x, y, vx, vy, inv_mass = near.owner, near.partner, soa.x, soa.y, soa.vx, soa.vy, soa.inv_mass
@@ -205,7 +205,7 @@ def _hold_at_walls(e: int, row: int, batch: Batch, dt: float) -> None:
 
 @inner_kernel
 def merge_slabs(e: int, slabs: int, batch: Batch, dt: float) -> None:
-    """Add what the slabs have found to the sums of the call; see whether someone went too far for a step, or for the list."""
+    """Add the results of the slabs to the sums of the call, and test for paths too long for a step, or for the list."""
     soa, partition, sums = batch.workspace.soa, batch.workspace.partition, batch.results.diagnostics
     found = partition.found
     too_far, count, fastest = 0.0, 0.0, 0.0
@@ -232,11 +232,11 @@ def merge_slabs(e: int, slabs: int, batch: Batch, dt: float) -> None:
 
 @inner_kernel
 def leave(e: int, slabs: int, batch: Batch, dt: float) -> None:
-    """Take out everyone whose center crossed an exit line outwards during this step."""
+    """Take out all people with a center that crossed an exit line outwards during this step."""
     boundary, state, near, soa = batch.world.boundary, batch.state, batch.workspace.neighbors, batch.workspace.soa
     begin, end, g = batch.bodies.env_start[e], batch.bodies.env_start[e + 1], batch.world.geometry_of_env[e]
     left = 0
-    if batch.workspace.partition.list_is_stale[e]:  # it may lack someone who has come near an exit
+    if batch.workspace.partition.list_is_stale[e]:  # it may lack a pedestrian near an exit
         for exit_number in range(boundary.exit_start[g + 1] - boundary.exit_start[g]):
             for i in range(index(begin), index(end)):
                 left += _crosses(e, i, exit_number, batch, dt)
@@ -245,7 +245,7 @@ def leave(e: int, slabs: int, batch: Batch, dt: float) -> None:
             left += _crosses(e, near.owner[entry], np.int64(near.partner[entry]), batch, dt)
     if left > 0:
         for i in range(index(begin), index(end)):
-            if not state.active[i] and soa.x[i] < FAR_AWAY:  # left in this step: stays there for all to see
+            if not state.active[i] and soa.x[i] < FAR_AWAY:  # left in this step: keeps its place in the state
                 state.position[i, 0], state.position[i, 1] = soa.x[i], soa.y[i]
                 state.velocity[i, 0], state.velocity[i, 1] = soa.vx[i], soa.vy[i]
                 move_out(i, soa, near)
@@ -254,7 +254,7 @@ def leave(e: int, slabs: int, batch: Batch, dt: float) -> None:
 
 @inner_kernel
 def _crosses(e: int, i: int, exit_number: int, batch: Batch, dt: float) -> bool:
-    """Mark person ``i`` as out if the last step led through an exit; returns whether the person was inside until then."""
+    """Mark pedestrian ``i`` as out if the last step led through an exit; returns whether it was inside until then."""
     soa = batch.workspace.soa
     x, y = soa.x[i], soa.y[i]
     return mark_crossing(e, i, exit_number, batch, dt, x - dt * soa.vx[i], y - dt * soa.vy[i], x, y)

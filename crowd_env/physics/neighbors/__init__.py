@@ -1,1 +1,1 @@
-"""Lists of neighbors: what they hold, and when they are made anew."""
+"""Lists of neighbors: their content, and when they are rebuilt."""

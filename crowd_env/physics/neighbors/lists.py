@@ -1,4 +1,4 @@
-"""Lists of neighbors: what they hold, and how they are built."""
+"""Lists of neighbors: their content and their construction."""
 
 from collections.abc import Sequence
 from typing import Annotated, NamedTuple
@@ -16,7 +16,7 @@ _FEW = 64  # people
 
 FIRST_HORIZON = 0.05  # s
 
-# Room of every environment beside that of its people.
+# Capacity of every environment beyond that of its people.
 _SPARE_ENTRIES = 16
 _SPARE_CELLS = 64
 _CELLS_PER_PERSON = 4
@@ -35,14 +35,14 @@ class NeighborList(NamedTuple):
     contact_distance: Annotated[Floats, "M"]  # m    sum of the two radii of a pair
     origin_x: Annotated[Floats, "P"]  # m    positions when the list was built
     origin_y: Annotated[Floats, "P"]
-    allowed: Annotated[Floats, "P"]  # m    how far each may go from there
+    allowed: Annotated[Floats, "P"]  # m    allowed path from there, each body's own
     room: Annotated[Floats, "P"]  # m    scratch: radius and allowed displacement, in the order of cells
-    reach: Annotated[Floats, "E"]  # m    gap up to which the list is complete until somebody goes further
-    # There is a list: nobody and no door has been moved from outside since it was built.
+    reach: Annotated[Floats, "E"]  # m    gap up to which the list is complete while no path exceeds `allowed`
+    # The list is valid: no body and no door has been moved from outside since it was built.
     is_valid: Annotated[Bools, "E"]
     horizon: Annotated[Floats, "E"]  # s    for which the list should last
     age: Annotated[Ints, "E"]  # steps since it was built
-    built: Annotated[Floats, "E"]  # s    when that was
+    built: Annotated[Floats, "E"]  # s    time when it was built
     cell_start: Annotated[NDArray[np.int32], "C"]  # cell heads of the counting sort, see `first_cell`
     cell_item: Annotated[NDArray[np.int32], "P"]
     cell_of: Annotated[NDArray[np.int32], "P"]
@@ -51,7 +51,7 @@ class NeighborList(NamedTuple):
 
 
 def allocate_neighbors(bodies: Bodies, per_person: int) -> NeighborList:
-    """Return an empty list with room for ``per_person`` entries a pedestrian (and a few more an environment)."""
+    """Return an empty list with ``per_person`` entries a pedestrian (and a few more an environment)."""
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     entry_start = bodies.env_start * per_person + _SPARE_ENTRIES * np.arange(environments + 1)
     cells = _CELLS_PER_PERSON * people + _SPARE_CELLS * environments
@@ -62,19 +62,19 @@ def allocate_neighbors(bodies: Bodies, per_person: int) -> NeighborList:
 
 
 def invalidate_lists(near: NeighborList, environments: int | Sequence[int] | slice = slice(None)) -> None:
-    """Let the next step of an environment, or of all, build its list anew."""
+    """Make the next step of some or all environments rebuild the list."""
     near.is_valid[environments] = False
 
 
 def entries_per_person(near: NeighborList, bodies: Bodies) -> int:
-    """Return for how many entries a pedestrian the list was allocated."""
+    """Return the number of entries a pedestrian that the list was allocated with."""
     people, environments = len(bodies.radius), len(bodies.env_start) - 1
     return (int(near.entry_start[-1]) - _SPARE_ENTRIES * environments) // max(people, 1)
 
 
 @inner_kernel
 def first_cell(e: int, slot_start: int) -> int:
-    """Return where the cell table of environment ``e`` begins, whose first person is ``slot_start``."""
+    """Return the start of the cell table of environment ``e``, which has ``slot_start`` as its first slot."""
     return _CELLS_PER_PERSON * slot_start + _SPARE_CELLS * e
 
 
@@ -144,7 +144,7 @@ def find_distances(entry_start: int, entry_stop: int, bodies: Bodies, near: Neig
             contact_distance[k] = radius[owner[k]] + radius[partner[k]]
 
 
-# Entries are counted without sign: numba would guard every index that is written to, which takes half as long again.
+# Entries are unsigned: numba would guard every signed index that is written to, which takes half as long again.
 
 
 @inner_kernel
@@ -156,7 +156,7 @@ def _all_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList) ->
     for i in range(index(bodies.env_start[e]), index(slot_stop)):
         if not active[i]:
             continue
-        if entry + index(slot_stop) - i > entry_stop:  # there is room for all of them: no test inside the loop
+        if entry + index(slot_stop) - i > entry_stop:  # all of them fit: no test inside the loop
             return -1
         x, y, limit = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach
         for j in range(i + index(1), index(slot_stop)):
@@ -182,7 +182,7 @@ def sort_for_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList
 def pairs_by_cell(
     e: int, slots: tuple[int, int], entries: tuple[int, int], bodies: Bodies, state: CrowdState, near: NeighborList
 ) -> int:
-    """Write the near pairs whose first is in ``slots`` into ``entries``; returns one past the last, -1 if they do not fit."""
+    """Write the near pairs with an owner in ``slots`` into ``entries``; returns one past the last, -1 if they do not fit."""
     slot_start, radius, active, position = bodies.env_start[e], bodies.radius, state.active, state.position
     head, columns, rows = first_cell(e, slot_start), near.columns[e], near.rows[e]
     cell_of, cell_item, cell_start, allowed = near.cell_of, near.cell_item, near.cell_start, near.allowed
@@ -224,9 +224,9 @@ def list_walls(
     near: NeighborList,
     reach: float,
 ) -> bool:
-    """Write the wall features nearer than ``reach`` to anyone, but for open doors; False if they do not fit.
+    """Write the wall features nearer than ``reach`` to each body, but for open doors; False if they do not fit.
 
-    Where walls turn left nobody inside is beyond both: such a corner touches nobody and is in no list.
+    Where walls turn left no body inside is beyond both: such a corner touches no body and is in no list.
     """
     slot_start, slot_stop, radius = bodies.env_start[e], bodies.env_start[e + 1], bodies.radius
     active, position = state.active, state.position
@@ -266,7 +266,7 @@ def list_walls(
 
 @inner_kernel
 def list_exits(e: int, g: int, boundary: Boundary, bodies: Bodies, state: CrowdState, near: NeighborList) -> bool:
-    """Write the exit lines that anyone's center may come to; False if they do not fit."""
+    """Write the exit lines within reach of each body's center; False if they do not fit."""
     slot_start, slot_stop, active, position = bodies.env_start[e], bodies.env_start[e + 1], state.active, state.position
     entry, entry_stop, line, exit_start = near.wall_end[e], near.entry_start[e + 1], boundary.exit, boundary.exit_start
     owner, partner, allowed = near.owner, near.partner, near.allowed

@@ -1,8 +1,8 @@
 """Pairs that can touch soon: cell list -> Verlet half list with a skin, and the wall features near each body.
 
-The list of an environment names every pair i < j and every (person, wall feature) closer than ``reach`` (gap), each sorted,
-so that the order of every later sum depends neither on the cells nor on when the list was built.  It is flat, one entry after
-the other, pairs first: a loop over it has no inner loop whose end would be mispredicted.
+The list of an environment holds every pair i < j and every (person, wall feature) closer than ``reach`` (gap), each sorted, so
+the order of every later sum depends neither on the cells nor on when the list was built.  It is flat, pairs first: a loop over
+it has no inner loop with an end to mispredict.
 """
 
 import numpy as np
@@ -25,13 +25,12 @@ from crowd_env.physics.workspace import Batch
 # `Workspace.status`; anything but OK returns to Python.
 OK, FULL, DIVERGED, TOO_FAST = 0, 1, 2, 3
 
-# Map coordinates are welcome; beyond this a run has blown up, and the number of cells would overflow.
+# Map coordinates are allowed; beyond this a run has diverged, and the number of cells would overflow.
 _FARTHEST = 1e8  # m
 
-# How far each may go before a new list is needed: as far as the own speed leads within the horizon, so that a few who are shot
-# out of a door do not force a new list on the whole crowd.  The horizon of an environment follows from how long the last list
-# lasted and how many spare pairs it held: a new list costs as much as some forty tests of a pair.  The contacts that are found
-# do not depend on any of this.
+# The allowed path before a new list: a body's speed times the horizon, so that a few people shot out of a door do not force a
+# new list on the whole crowd.  The horizon of an environment follows from the life of its last list and its number of spare
+# pairs: a new list costs as much as some forty tests of a pair.  The contacts found do not depend on these numbers.
 _LEAST_PATH, _MOST_PATH = 0.02, 0.2  # m
 _LONGEST_HORIZON = 1.0  # s
 _TESTS = 40.0
@@ -42,7 +41,7 @@ def update_neighbors(e: int, batch: Batch, margin: float, team: int) -> int:
     """Rebuild the list of environment ``e`` if a gap below ``margin`` could be missing from it.
 
     The other threads of a ``team`` wait at the barrier, and help (`list_slabs`).
-    Returns OK; FULL if the entries do not fit; or DIVERGED if somebody is nowhere near the world.
+    Returns OK; FULL if the entries do not fit; or DIVERGED if a position is beyond `_FARTHEST` or nan.
     """
     near, radius, allowed = batch.workspace.neighbors, batch.bodies.radius, batch.workspace.neighbors.allowed
     active, position, velocity = batch.state.active, batch.state.position, batch.state.velocity
@@ -75,7 +74,7 @@ def update_neighbors(e: int, batch: Batch, margin: float, team: int) -> int:
         return FULL
     origin_x, origin_y = near.origin_x, near.origin_y
     for i in range(slot_start, slot_stop):
-        # A person who is not listed is never near: one who is made active from outside forces a new list.
+        # A slot that is not listed is never near: making it active from outside forces a new list.
         origin_x[i] = position[i, 0] if active[i] else np.inf
         origin_y[i] = position[i, 1]
     near.is_valid[e] = True
@@ -84,7 +83,7 @@ def update_neighbors(e: int, batch: Batch, margin: float, team: int) -> int:
 
 @inner_kernel
 def _list_together(e: int, batch: Batch, size: float, team: int) -> bool:
-    """List the pairs of a large crowd, each thread those of its slabs: the list is the one that `list_pairs` makes."""
+    """List the pairs of a large crowd, each thread the pairs of its slabs; the list equals that of `list_pairs`."""
     near, partition = batch.workspace.neighbors, batch.workspace.partition
     sort_for_pairs(e, batch.bodies, batch.state, near, size)
     partition.is_listing[e] = True
@@ -105,7 +104,7 @@ def _list_together(e: int, batch: Batch, size: float, team: int) -> bool:
 
 @inner_kernel
 def list_slabs(e: int, thread: int, team: int, batch: Batch) -> None:
-    """List the pairs of the slabs of one thread, those of each in its own part of the room for all."""
+    """List the pairs of the slabs of one thread, each slab in its own part of the array."""
     near, partition = batch.workspace.neighbors, batch.workspace.partition
     first, room = near.entry_start[e], near.entry_start[e + 1] - near.entry_start[e]
     for s in range(thread, SLABS, team):
@@ -118,7 +117,7 @@ def list_slabs(e: int, thread: int, team: int, batch: Batch) -> None:
 
 @inner_kernel
 def are_near(slot_start: int, slot_stop: int, active: Bools, position: Floats, near: NeighborList) -> bool:
-    """Whether no active person has gone further than allowed; nan counts as further.  The loop is free of branches."""
+    """Whether all active people are within the allowed path; nan is not.  The loop is free of branches."""
     origin_x, origin_y, allowed, gone = near.origin_x, near.origin_y, near.allowed, 0
     for i in range(index(slot_start), index(slot_stop)):
         dx, dy = position[i, 0] - origin_x[i], position[i, 1] - origin_y[i]
@@ -132,8 +131,8 @@ def _better_horizon(
 ) -> float:
     """Return the horizon of the next list of environment ``e``: spare pairs should cost as much as the list itself.
 
-    Where people are evenly spread, the share d^2 / (d + s)^2 of the pairs would be listed if nobody were allowed to move.  A
-    list that ``lasted`` [s] much shorter than it was meant to was ended by a few who are too fast for any horizon.
+    Where people are evenly spread, the share d^2 / (d + s)^2 of the pairs would be listed with no allowed path.  A list that
+    ``lasted`` [s] much shorter than its horizon was ended by a few people that are too fast for any horizon.
     """
     horizon, allowed, diameter, skin = near.horizon[e], near.allowed, 0.0, 0.0
     for i in range(index(slot_start), index(slot_stop)):
