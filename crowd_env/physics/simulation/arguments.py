@@ -1,4 +1,4 @@
-"""What a `Simulation` is given and asked for, checked before anything moves: kernels look at nothing."""
+"""Checks of the arguments of `Simulation`: kernels check nothing."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,7 +16,7 @@ from crowd_env.physics.workspace import Command
 from crowd_env.routing.fields.field import travel_time_field
 from crowd_env.routing.replanning import Place
 
-STRIDE = 0.5  # radii that a desired speed may lead in one step; the rest of the radius is for what others push
+STRIDE = 0.5  # radii that the desired speed may cover in one step; the rest of the radius is left for pushes
 
 
 def check_step(
@@ -45,24 +45,24 @@ def check_step(
 
 
 def behaviors_of_simulation(physics: Physics, walking: Walking, places: int) -> dict[str, Any]:
-    """Return all behaviors of a simulation of so many places by name; None where one is absent.
+    """Return all behaviors of a simulation of ``places`` places by name; None where one is absent.
 
     Raises
     ------
     ValueError
-        If there is not one for all places, or one for each.
+        If pulls are given neither for all places nor for each.
     """
     chosen = behaviors_of(physics, walking) | {one.NAME: one for one in walking.others}
     return chosen | {Pulls.NAME: tuple(pulls_of(walking.pulls, places))}
 
 
 def routes_of(route: Any, known: Ints) -> Ints:
-    """Return the route of each of some people, who know ``known`` (N,) routes each: one for all, or one each.
+    """Return the route of each pedestrian, given for all or for each; ``known`` (N,) is the number of routes of each.
 
     Raises
     ------
     ValueError
-        If these are not so many whole numbers, or someone does not know his.
+        If these are not N whole numbers, or a pedestrian does not have the route.
     """
     given = array("route", route, known.shape if np.ndim(route) else (), "iu")
     routes = np.array(np.broadcast_to(given, known.shape), dtype=np.int64)
@@ -71,19 +71,19 @@ def routes_of(route: Any, known: Ints) -> Ints:
 
 
 def check_routes(route: Ints, known: Ints) -> None:
-    """Raise ValueError unless everyone's route is one of those that are known to him: kernels look it up unseen."""
+    """Raise ValueError unless each route is from 0 to ``known`` - 1: kernels look it up unchecked."""
     if ((route < 0) | (route >= known)).any():
         bad = np.flatnonzero((route < 0) | (route >= known))
         raise ValueError(f"route of pedestrian {bad[0]} is {route[bad[0]]}; it must be from 0 to {known[bad[0]] - 1}")
 
 
 def fields_of(geometries: Sequence[Geometry], fields: Sequence[Place] | None, bodies: Bodies) -> list[Place]:
-    """Return the ways or the field of each geometry; made for those with exits if none are given.
+    """Return the routes or the field of each geometry; by default a field is made for each geometry with exits.
 
     Raises
     ------
     ValueError
-        If there is not one (or None) for each geometry.
+        If not one (or None) is given for each geometry.
     """
     if fields is None:
         widest, thinnest = float(bodies.radius.max()), float(bodies.radius.min())
@@ -94,7 +94,7 @@ def fields_of(geometries: Sequence[Geometry], fields: Sequence[Place] | None, bo
 
 
 def which_geometry(geometry_of_env: Any, environments: int, geometries: int) -> Ints:
-    """Return the geometry of each environment (E,), the first one if nothing is said.
+    """Return the geometry of each environment (E,), by default the first one.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def which_geometry(geometry_of_env: Any, environments: int, geometries: int) -> 
 
 
 def vectors(name: str, values: Floats, people: int) -> Floats:
-    """Return ``values`` (P, 2) as kernels want them.
+    """Return ``values`` (P, 2) as contiguous floats for kernels.
 
     Raises
     ------
@@ -119,12 +119,12 @@ def vectors(name: str, values: Floats, people: int) -> Floats:
 
 
 def motivation_of(name: str, value: Any, people: int) -> Floats:
-    """Return the time gap or push of each of so many people: one number for all, or one each; nan = as in the manner.
+    """Return the time gap or push of ``people`` pedestrians, given for all or for each; nan = as in the manner.
 
     Raises
     ------
     ValueError
-        If these are not so many numbers, or one is out of range.
+        If the shape is another, or a number is out of range.
     """
     given = array(name, value, (people,) if np.ndim(value) else ())
     values = np.broadcast_to(np.asarray(given, dtype=np.float64), (people,))
@@ -133,12 +133,12 @@ def motivation_of(name: str, value: Any, people: int) -> Floats:
 
 
 def check_command(asked: Command, people: int) -> Command:
-    """Return what is asked of so many people as kernels want it.
+    """Return the command of ``people`` pedestrians as arrays for kernels.
 
     Raises
     ------
     ValueError
-        If an array has another shape or holds something that is not finite.
+        If an array has another shape, or a value is not finite.
     """
     kinds: Any = zip((vectors, _flags, vectors, _flags), Command._fields, asked, strict=True)
     return Command._make(None if values is None else check(name, values, people) for check, name, values in kinds)

@@ -1,4 +1,4 @@
-"""All that the future of a simulation depends on, copied: to go back to, or to go on from in another process."""
+"""Checkpoints: copies of all that the future of a simulation depends on, to restore here or in another process."""
 
 from typing import Any, NamedTuple
 
@@ -14,7 +14,7 @@ from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace
 from crowd_env.routing.door_schedule import DoorState
 from crowd_env.routing.replanning import PlannerState
 
-Arrays = dict[str, Any]  # arrays by name, and such tables of arrays
+Arrays = dict[str, Any]  # arrays by name, and nested tables of arrays
 
 
 class SavedHistory(NamedTuple):
@@ -22,13 +22,13 @@ class SavedHistory(NamedTuple):
 
     arrays: Arrays  # by name
     contacts: Ints  # (E,)  how many in each environment
-    of_contacts: Arrays  # by name, those of all environments one behind the other
+    of_contacts: Arrays  # by name, all environments concatenated
 
 
 class Checkpoint(NamedTuple):
-    """A moment of a `Simulation`; made by `Simulation.checkpoint`, taken up by `Simulation.restore`.  It can be pickled."""
+    """A moment of a `Simulation`; made by `Simulation.checkpoint`, restored by `Simulation.restore`.  It can be pickled."""
 
-    made_by: dict[str, Any]  # what a simulation must have in common with the one that it was taken from
+    made_by: dict[str, Any]  # what a simulation must have in common with the source of the checkpoint
     bodies: Bodies
     state: CrowdState
     history: SavedHistory
@@ -37,11 +37,11 @@ class Checkpoint(NamedTuple):
     doors: DoorState
     route_set: PlannerState
     order: Order | None  # None = no crowd is large
-    escaped: np.ndarray  # (P,)  who was found outside of the walkable area
+    escaped: np.ndarray  # (P,)  found outside of the walkable area
 
 
 def copy_arrays(fields: Any) -> Arrays:
-    """Return copies of the arrays of a NamedTuple, and of those of the tuples in it, by name; references are left out."""
+    """Return copies of the arrays of a NamedTuple and of nested tuples, by name; references are left out."""
     named = {
         name: value for name, value in zip(fields._fields, fields, strict=True) if not isinstance(value, StructRef)
     }
@@ -50,7 +50,7 @@ def copy_arrays(fields: Any) -> Arrays:
 
 
 def write_arrays(fields: Any, arrays: Any) -> None:
-    """Write them back in place, those of NamedTuples too: whoever holds the arrays sees what they were."""
+    """Write copied arrays back in place, nested ones too, so that all holders of the arrays see them."""
     for name, then in (arrays if isinstance(arrays, dict) else arrays._asdict()).items():
         if isinstance(then, np.ndarray):
             getattr(fields, name)[...] = then
@@ -66,7 +66,7 @@ def save_history(history: History, neighbors: NeighborList) -> SavedHistory:
 
 
 def load_history(history: History, workspace: Workspace, then: SavedHistory) -> None:
-    """Write it back in place; the lists of neighbors are made anew at the next step."""
+    """Write a copy of the history back in place; the next step rebuilds the neighbor lists."""
     write_arrays(history, then.arrays)
     contacts = history.contacts
     contacts.number[:] = then.contacts
@@ -77,19 +77,19 @@ def load_history(history: History, workspace: Workspace, then: SavedHistory) -> 
 
 
 def _rows_of_all(contacts: Contacts, neighbors: NeighborList) -> Ints:
-    """Return where the contacts of all environments are."""
+    """Return the rows of the contacts of all environments."""
     rows = [rows_of(e, contacts, neighbors) for e in range(len(contacts.number))]
     return np.concatenate([np.arange(row.start, row.stop) for row in rows])
 
 
 def require_checkpoint(checkpoint: Any, kind: type, of: str) -> None:
-    """Raise TypeError unless this is a checkpoint of that kind."""
+    """Raise TypeError unless a checkpoint is of class ``kind``."""
     if not isinstance(checkpoint, kind):
         raise TypeError(f"restore takes a checkpoint() of {of}, not {type(checkpoint).__name__}")
 
 
 def require_same(now: dict[str, Any], then: dict[str, Any], of: str = "simulation") -> None:
-    """Raise ValueError, naming it, if two simulations or environments differ in what they must have in common."""
+    """Raise ValueError if two simulations or environments differ in what they must have in common, naming it."""
     for name, value in now.items():
         if value != then.get(name):
             says = "" if name == "place" else f": {shown(then.get(name))}, here {shown(value)}"

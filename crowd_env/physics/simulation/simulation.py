@@ -1,4 +1,4 @@
-"""A batch of crowds that walk, touch and leave.  No rewards, no agents: give it commands, advance it, read its arrays."""
+"""The simulation of a batch of crowds.  No rewards, no agents: give it commands, advance it, read its arrays."""
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import cached_property
@@ -54,7 +54,7 @@ from crowd_env.routing.fields.field import NavigationField
 from crowd_env.routing.replanning import RoutePlanner
 from crowd_env.routing.route_set import RouteSet
 
-_IN_PLACE = ("world", "state", "bodies", "results", "history", "workspace")  # others hold on to their arrays
+_IN_PLACE = ("world", "state", "bodies", "results", "history", "workspace")  # callers hold references to their arrays
 
 
 class Simulation:
@@ -63,21 +63,21 @@ class Simulation:
     Parameters
     ----------
     geometry : one for all environments, or several together with ``geometry_of_env``.
-    bodies, state : arrays of all environments; the simulation works on them in place.  Their arrays may be written to, they
-        themselves cannot be replaced: to go back to another moment is what `checkpoint` and `restore` are for.
+    bodies, state : arrays of all environments; the simulation works on them in place.  Arrays may be written to, but not
+        replaced: `checkpoint` and `restore` go back to another moment.
     physics : a `Physics`, a name in ``SCHEMES`` or a contact scheme, or a table of the fields of one of them.  Its step is by
-        default the scheme's longest, 0.01 or (hertz) 0.005 s, less with several discs a body.  ``bodies.inertia`` becomes that
-        of its outline, and pedestrians of an outline face their way when they begin, unless an angle in ``state`` is set.
+        default the scheme's longest, 0.01 or (hertz) 0.005 s, less with several discs a body.  An outline sets
+        ``bodies.inertia``, and its pedestrians face their way at the start, unless an angle in ``state`` is set.
     walking : a `Walking`, a name in ``MANNERS`` or a `Headway`, or a table of the fields of one of them; by default people walk
-        at full speed whatever is in front of them.  ``bodies.company`` numbers companions, whom its pulls keep together.
-    fields : travel-time field, or all the ways, of each geometry; made here for geometries with exits if not given.
+        at full speed whatever is in front of them.  Its pulls keep companions (``bodies.company``) together.
+    fields : travel-time field or routes of each geometry; made here by default for geometries with exits.
     driving : True for pedestrians (driving force, eq 11, and social force), False for passive grains.
 
     Raises
     ------
     ValueError
         If ``dt`` is not positive or above the stable step, an array has the wrong shape or type or does not fit the others, a
-        position is not finite, a body cannot be, or the scheme refuses the use.
+        position is not finite, a body is impossible, or the scheme refuses the use.
     """
 
     def __init__(
@@ -102,9 +102,8 @@ class Simulation:
         self.behaviors = arguments.behaviors_of_simulation(physics, walking, len(self.geometries))
         check_behaviors(self.behaviors, self.scheme, driving)
         self.outline: Outline | None = self.behaviors[Outline.NAME]
-        parts = (
-            1.0 if self.outline is None else np.ceil(1.0 / self.outline.step_share)
-        )  # bits are those of a crowd alone
+        # Independent of the batch: a crowd alone has the same bits.
+        parts = 1.0 if self.outline is None else np.ceil(1.0 / self.outline.step_share)
         self.dt = dt = self.scheme.info.default_dt / parts if physics.dt is None else physics.dt
         arguments.check_step(self.scheme, bodies, dt, self.allow_unstable, self.outline)
         self.fields = arguments.fields_of(self.geometries, fields, bodies)
@@ -124,8 +123,8 @@ class Simulation:
         self.history, self.workspace = batch.history, batch.workspace
         # Overlaps, residuals and solver effort since the start of each environment.
         self.diagnostics = no_diagnostics(len(state.time))
-        # (P,) who was found outside of the walkable area after any call since the start of the environment: by position
-        # alone, whatever the contacts say.  Nobody should be.
+        # (P,) found outside of the walkable area after any call since the start of the environment, by position alone,
+        # whatever the contacts.  All should be False.
         self.escaped = np.zeros(len(bodies.radius), dtype=np.bool_)
         self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
         self._sorted = SortedCrowd(batch) if SortedCrowd.is_needed(bodies) else None
@@ -134,11 +133,11 @@ class Simulation:
         self.batch, self.ranges = self._stepper.batch, self._stepper.ranges  # what kernels work on, and side by side
         for e in range(len(state.time)):
             self.close_doors(e, self._door_schedule.restart(e))
-        self.listeners: list[Callable[[], object]] = []  # called after every physics step; bits stay, speed does not
-        self.times_restored = 0  # whoever keeps books beside the simulation sees that they are of another moment
+        self.listeners: list[Callable[[], object]] = []  # called after every physics step: same bits, but slower
+        self.times_restored = 0  # shows callers that their records are of another moment
 
     def _build(self, boundary: Boundary, geometry_of_env: Ints) -> Batch:
-        """Return all that a step works on: the world around the people, room for results, history and scratch."""
+        """Return the arrays of a step: world, commands, results, history and scratch."""
         bodies, guidance, kinds = self.bodies, self.planner.guidance, kinds_of(self.walking)
         params = record(**{name: kind.params_of(self.behaviors[name]) for name, kind in kinds.items()})
         acts = {name: kind.acts(self.behaviors[name], bodies) for name, kind in kinds.items()}
@@ -157,7 +156,7 @@ class Simulation:
         return Batch(world, params, record(**acts), bodies, self.state, control, results, history, workspace)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Refuse to replace what observers and environments hold on to: they would go on looking at dead arrays."""
+        """Refuse to replace arrays that observers and environments refer to: they would read dead arrays."""
         if name in _IN_PLACE and name in self.__dict__:
             raise AttributeError(
                 f"{name} cannot be replaced, others hold on to its arrays: write into them, or go back to another moment with "
@@ -172,11 +171,11 @@ class Simulation:
 
     @cached_property
     def has_companions(self) -> bool:
-        """Whether any two walked in company when the simulation was made."""
+        """Whether any company had two members when the simulation was made."""
         return has_companions(self.bodies)
 
     def _set_inertia(self, people: slice | Ints) -> None:
-        """Let bodies that have an outline turn as it does."""
+        """Set the inertia of bodies with an outline."""
         if self.outline is not None:
             self.bodies.inertia[people] = self.outline.inertia(self.bodies.mass[people], self.bodies.radius[people])
 
@@ -194,19 +193,19 @@ class Simulation:
 
         Parameters
         ----------
-        command : (P, 2), desired velocity as a multiple of the own desired speed; default (1, 0), straight to the exit.
+        command : (P, 2), desired velocity over desired speed; default (1, 0), straight to the exit.
         relative : (P,), True where the command turns with the direction of the shortest path (default), False where its
-            axes are those of the world.
+            axes are the world's.
         external_force : (P, 2) N.
-        gives_way : (P,), False for people who walk as they are told, whatever the manner of the others; default True.
-        then : looks at environments ``first:stop`` when their last step is done; threads make several such calls at once.
+        gives_way : (P,), False for people that follow their command exactly and keep no headway; default True.
+        then : called with ``first, stop`` after the last step of these environments; several threads may call it at once.
 
         Raises
         ------
         ValueError
-            If an array has the wrong shape or holds something that is not finite.
+            If an array has the wrong shape or a value is not finite.
         FloatingPointError
-            If someone would move further in one step than the own radius, or a position is no longer finite.
+            If a body would move further in one step than its radius, or a position is no longer finite.
         """
         asked = arguments.check_command(Command(command, relative, external_force, gives_way), len(self.bodies.radius))
         if n_substeps < 0:
@@ -233,7 +232,7 @@ class Simulation:
         mark_outside(self._border, geometry_of_env, self.bodies.env_start, state.active, state.position, self.escaped)
 
     def close_doors(self, e: int, closed: Iterable[str]) -> None:
-        """Close these doors of environment ``e`` and open all others; ways are found accordingly.
+        """Close these doors of environment ``e`` and open all others; routes follow.
 
         Raises
         ------
@@ -253,7 +252,7 @@ class Simulation:
         replace_arrays(self.world.field, self.planner.field)
 
     def _people(self, e: int) -> slice:
-        """Return whose slots are those of environment ``e``; ValueError if there is none of that number."""
+        """Return the slots of environment ``e``; ValueError if there is no such environment."""
         if not 0 <= e < len(self.state.time):
             raise ValueError(f"there is no environment {e!r}; they are numbered 0 to {len(self.state.time) - 1}")
         return slice(int(self.bodies.env_start[e]), int(self.bodies.env_start[e + 1]))
@@ -266,16 +265,15 @@ class Simulation:
         velocity: Floats | None = None,
         route: Ints | int = 0,
     ) -> None:
-        """Begin a new episode in environment ``e`` with other people, as many as before; the others are not touched.
+        """Begin a new episode in environment ``e`` with the same number of people; other environments are not touched.
 
-        Of several environments, which is quicker than one after the other, all people are given in the order of ``e``.
-        ``route`` is the number of the way that each means to take; `send` changes it later.  Ways that follow the crowd are
-        found at once.
+        Several environments at once are quicker: then all people are given in the order of ``e``.  ``route`` is the number of
+        the route of each pedestrian; `send` changes it later.  Routes that depend on the crowd are computed at once.
 
         Raises
         ------
         ValueError
-            If the number of people differs, an array has the wrong shape, or a value is not one that it can have.
+            If the number of people differs, an array has the wrong shape, or a value is out of range.
         """
         chosen = [e] if isinstance(e, int | np.integer) else [*e]
         people = np.concatenate([np.arange(*self._people(each).indices(len(self.state.route))) for each in chosen])
@@ -308,7 +306,7 @@ class Simulation:
             self.planner.update(self.bodies, self.state, only=each)
 
     def _made_by(self) -> dict[str, Any]:
-        """Return what a simulation must have in common with this one to take up a checkpoint of it."""
+        """Return what a simulation must have in common with this one to restore a checkpoint of it."""
         chosen = {"scheme": self.scheme, **self.behaviors, "dt": self.dt, "driving": self.driving}
         chosen["has_companions"] = self.has_companions
         env_start, sorting = self.bodies.env_start.tolist(), self._sorted is not None
@@ -318,7 +316,7 @@ class Simulation:
         return {**chosen, **batch}
 
     def checkpoint(self) -> Checkpoint:
-        """Return a copy of all that the future depends on, to `restore` here, or in a simulation made like this one."""
+        """Return a copy of all that the future depends on, to `restore` here or in a simulation made in the same way."""
         return Checkpoint(
             self._made_by(),
             Bodies._make(array.copy() for array in self.bodies),
@@ -333,16 +331,16 @@ class Simulation:
         )
 
     def restore(self, checkpoint: Checkpoint) -> None:
-        """Go back to a moment; what follows is bit by bit what followed it then, as far as the same is asked for.
+        """Go back to a moment; the same commands then lead bit by bit to the same future.
 
-        All arrays of `state`, `bodies`, `results` and `history` are written in place: who holds one sees that moment.
+        All arrays of `state`, `bodies`, `results` and `history` are written in place, so all references to them stay valid.
 
         Raises
         ------
         TypeError
             If it is no checkpoint of a simulation.
         ValueError
-            If the checkpoint is of a simulation of other people, places, scheme or steps.
+            If the simulation of the checkpoint has other people, places, scheme or steps.
         """
         require_checkpoint(checkpoint, Checkpoint, "a simulation")
         require_same(self._made_by(), checkpoint.made_by)
@@ -360,12 +358,12 @@ class Simulation:
         self.times_restored += 1
 
     def send(self, e: int, route: Ints | int) -> None:
-        """Let everyone in environment ``e`` take another way: one number for all, or one each.
+        """Give the people in environment ``e`` another route: one number for all, or one each.
 
         Raises
         ------
         ValueError
-            If there is no such way.
+            If there is no such route.
         """
         people = self._people(e)
         wanted = arguments.routes_of(route, self._routes_of_person[people])
@@ -376,19 +374,19 @@ class Simulation:
     def set_motivation(
         self, e: int, *, time_gap: Floats | float | None = None, push: Floats | float | None = None
     ) -> None:
-        """Let the people in environment ``e`` keep another distance from now on, until the environment restarts.
+        """Change time gap or push of the people in environment ``e`` until the environment restarts.
 
-        It counts from everyone's next decision on, at most `Headway.interval` later.
+        The change acts from the next decision on, at most `Headway.interval` later.
 
         Parameters
         ----------
         time_gap : s, one number for all or one each (N,); nan = that of the manner; None = as before.
-        push : share of the desired speed at which one presses on with no gap in front, as ``time_gap``.
+        push : share of the desired speed that is kept with no gap in front, given as ``time_gap``.
 
         Raises
         ------
         ValueError
-            If there is no such environment, a value is none that it can have, or people keep no distance at all.
+            If there is no such environment, a value is out of range, or people keep no headway.
         """
         people = self._people(e)
         if self.behaviors[Headway.NAME] is None:
@@ -403,7 +401,7 @@ class Simulation:
             self._sorted.gather_bodies(people)
 
     def social_forces_of_walls(self) -> Floats:
-        """Return the social force [N] of walls on everyone (P, 2) at the present positions; 0 where walls have none."""
+        """Return the social force [N] of walls on all people (P, 2) at the present positions; 0 where walls have none."""
         force, social = np.zeros((len(self.bodies.radius), 2)), self.scheme.social
         if social is None or social.wall_strength == 0.0:
             return force
@@ -411,7 +409,7 @@ class Simulation:
         return self.in_slots(force)
 
     def in_slots(self, values: Any) -> Any:
-        """Return a copy of what the history holds of everyone (P, ...), everyone in the own slot."""
+        """Return a copy of an array (P, ...) of the history in slot order."""
         found = values.copy()
         if self._sorted is not None:
             found[self._sorted.slot] = values

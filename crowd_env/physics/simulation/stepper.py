@@ -1,4 +1,4 @@
-"""How a batch is stepped: on several threads, in the order of space, and with more memory when lists are full."""
+"""The stepper of a batch: several threads, spatial order, and more memory when lists are full."""
 
 import itertools
 from collections.abc import Callable, Collection
@@ -22,16 +22,16 @@ class Stepper:
     Parameters
     ----------
     scheme : the contact scheme.
-    batch : as others see it, everyone in the own slot.
-    order : working copies of it in the order of space, if any crowd is large.
-    threads : how many share the work.
-    uses : what arrays are needed, see `crowd_env.physics.scheme.arrays_of`.
-    desire : kernel that changes what people want, see `crowd_env.physics.driving_force.desire_of`.
+    batch : in slot order, as callers see it.
+    order : working copies of it in spatial order, if any crowd is large.
+    threads : number of threads.
+    uses : optional arrays in use, see `crowd_env.physics.scheme.arrays_of`.
+    desire : kernel that changes desired velocities, see `crowd_env.physics.driving_force.desire_of`.
 
     Attributes
     ----------
-    batch : what kernels work on, always the same reference.
-    ranges : environments that threads can look after side by side, first and one past the last of each.
+    batch : the argument of kernels, always the same reference.
+    ranges : ranges of environments for threads side by side, first and one past the last of each.
     """
 
     def __init__(
@@ -46,13 +46,13 @@ class Stepper:
         self._scheme, self._in_slots, self._order, self._uses, self._desire = scheme, batch, order, uses, desire
         self.batch: StructRef = struct_ref(batch if order is None else order.batch)
         self._parts, self.ranges = _share_out(scheme, batch, threads)
-        # Where people lie in another order, or share a thread's work, they are where others look for them when all have ended.
+        # With spatial order or a crowd shared by threads, results are in slot order only after all threads have ended.
         self._looks_later = order is not None or self._parts[0][3] > 1
         self._workers = Workers()
         self._asked = Command(None, None, None, None)
 
     def begin(self, asked: Command) -> None:
-        """Begin a call: nothing has gone on in it yet, and this is what is asked for."""
+        """Begin a call: reset its results, and take its command."""
         results, workspace = self._in_slots.results, self._in_slots.workspace
         workspace.status[:] = OK
         for sums in (*results[:-1], *results.diagnostics, workspace.substep, workspace.partition.barrier):
@@ -67,7 +67,7 @@ class Stepper:
         Raises
         ------
         FloatingPointError
-            If someone would move further in one step than the own radius, or a position is no longer finite.
+            If a body would move further in one step than its radius, or a position is no longer finite.
         """
         status = self._in_slots.workspace.status
         while True:
@@ -75,7 +75,7 @@ class Stepper:
                 self._order.gather(self._asked)
             try:  # the kernels hold no lock
                 self._workers.run(partial(self._advance, dt, n_substeps, then), self._parts)
-            finally:  # after Ctrl-C too, people stand where they have come to
+            finally:  # after Ctrl-C too, so that positions are current
                 if self._order is not None:
                     self._order.scatter()
             stopped = np.flatnonzero((status == DIVERGED) | (status == TOO_FAST))
@@ -86,25 +86,25 @@ class Stepper:
                 if self._looks_later:
                     self._workers.run(then, self.ranges)
                 return
-            self.grow()  # the environments that were full go on where they were
+            self.grow()  # full environments then continue
 
     def _advance(self, dt: float, n_substeps: int, then: Callable[[int, int], object], *part: int) -> None:
         self._scheme.advance(self.batch, dt, n_substeps, *part, desire=self._desire)
         if not self._looks_later and (self._in_slots.workspace.status[part[0] : part[1]] == OK).all():
-            then(part[0], part[1])  # at once: to wake threads again would take as long as many have to do
+            then(part[0], part[1])  # here: waking threads again may take longer than ``then``
 
     def grow(self) -> None:
-        """Make more room for neighbors; what others hold on to stays."""
+        """Enlarge the neighbor lists; references of callers stay valid."""
         grow(self._in_slots.history, self._in_slots.workspace, self._in_slots.bodies, self._uses)
 
 
 def _share_out(
     scheme: ContactScheme, batch: Batch, threads: int
 ) -> tuple[list[tuple[int, int, int, int]], list[tuple[int, int]]]:
-    """Return what each thread does: its environments, its number, and with how many threads it shares them; and the ranges.
+    """Return the work of each thread (its environments, its number, the threads that share them), and the ranges.
 
-    Either ranges of environments side by side, which share no memory; or, where a crowd is large and the scheme knows how, all
-    threads go through all environments together.
+    Threads either step ranges of environments side by side, without shared memory, or, for a large crowd and a scheme that can
+    share it, all environments together.
     """
     count, largest = len(batch.state.time), int(np.diff(batch.bodies.env_start).max())
     edges = np.linspace(0, count, min(threads, count) + 1).astype(int).tolist()
@@ -115,7 +115,7 @@ def _share_out(
 
 
 def why_stopped(scheme: str, e: int, status: int, bodies: Bodies, state: CrowdState, dt: float) -> str:
-    """Say in one sentence who of environment ``e`` went too far in a step, where and when."""
+    """Return a sentence that names the pedestrian of environment ``e`` that went too far in a step, where and when."""
     people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
     paths = np.where(state.active[people], dt * np.hypot(*state.velocity[people].T), 0.0)
     when = f"at t = {state.time[e]:g} s with dt = {dt:g} s"
@@ -124,7 +124,7 @@ def why_stopped(scheme: str, e: int, status: int, bodies: Bodies, state: CrowdSt
     radius = bodies.radius[people]
     i = int(np.argmax(paths / radius))
     x, y = state.position[people][i]
-    if paths[i] <= radius[i]:  # so it was not the velocity that led too far
+    if paths[i] <= radius[i]:  # the velocity did not cause it
         return (
             f"{scheme}: people of environment {e} would be moved apart by more than their radius in one step {when}: their "
             "overlaps are deeper than a step may take back; take a smaller position_correction or dt"

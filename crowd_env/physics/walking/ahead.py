@@ -1,7 +1,7 @@
-"""What those whom one sees are to one: numbers of a block of people, a quantity behind the other, eight in an instruction.
+"""Quantities of the people seen, relative to one pedestrian: arrays of a block of people, eight values in an instruction.
 
-All that depends on no heading is written down once; each heading that is tried out is one more pass over these numbers,
-without a branch.  Their places are known to the compiler, which could not tell apart as many arrays.
+Quantities that depend on no heading are written once; each trial heading is one more pass over them, without a branch.  They
+share one array, so the compiler knows their places; of as many arrays it could not exclude overlaps.
 """
 
 import numpy as np
@@ -12,18 +12,18 @@ from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.walking.around import FARTHEST, time_gap_of
 from crowd_env.physics.workspace import BLOCK, Batch
 
-# Where in `Walkers.ahead` the quantities of a block lie: first those of `Walkers.record`, then what they come to for one.
-_X, _Y, _REACH = 0, BLOCK, 2 * BLOCK  # m    from one's own position; the sum of the two radii
+# Places of quantities of a block in `Walkers.ahead`: columns of `Walkers.record`, later overwritten by relative quantities.
+_X, _Y, _REACH = 0, BLOCK, 2 * BLOCK  # m    relative position; sum of the two radii
 _U, _V = 3 * BLOCK, 4 * BLOCK  # m/s  velocity
 _WAY_X, _WAY_Y, _GIVES_WAY = 5 * BLOCK, 6 * BLOCK, 7 * BLOCK
 _ROOM, _FORESEEN, _PER_TIME = 5 * BLOCK, 6 * BLOCK, 7 * BLOCK  # gap less c s [m], c t_a [s], 1 / (T + c t_a) [1/s]
 _PER_BESIDE = 8 * BLOCK  # 1/s  1 / (c T_y)
 _OFF = (
     9 * BLOCK
-)  # m    by which one's center misses the way of someone who waits for one; infinite if the other does not
-_ASIDE = 10 * BLOCK  # how far each makes one step aside, of the way
+)  # m    distance of the center of i from the way of a pedestrian waiting for i; infinite if it does not wait
+_ASIDE = 10 * BLOCK  # side step because of each, as a tangent
 _PACE = 10 * BLOCK  # m/s  that each allows along a heading
-_LEAST = 11 * BLOCK  # of these: one number
+_LEAST = 11 * BLOCK  # the least of them: one number
 _LANES = 8
 _MAGNITUDE = int(np.iinfo(np.int64).max)  # all bits of a float but its sign
 _INFINITE = int(np.array([np.inf]).view(np.int64)[0])
@@ -32,7 +32,7 @@ _HALFWAY = float(np.exp(-0.5 * FARTHEST))
 
 @inner_kernel
 def compare(i: int, seen: tuple[int, int], ahead: Floats, batch: Batch, params: Headway) -> float:
-    """Write what some of `Walkers.seen`, a block at most, are to ``i``; returns how far to step aside for them (left > 0)."""
+    """Write the quantities of at most a block of `Walkers.seen` relative to ``i``; returns the side step (left > 0)."""
     walkers, position, velocity = batch.workspace.walkers, batch.state.position, batch.state.velocity
     places, record, way_x, way_y = walkers.seen, walkers.record, walkers.way_x[i], walkers.way_y[i]
     x, y, r, u, v = position[i, 0], position[i, 1], batch.bodies.radius[i], velocity[i, 0], velocity[i, 1]
@@ -41,7 +41,7 @@ def compare(i: int, seen: tuple[int, int], ahead: Floats, batch: Batch, params: 
         n = places[index(seen[0]) + m]
         for quantity in range(index(8)):
             ahead[m + quantity * index(BLOCK)] = record[n, quantity]
-    for m in range(count, index(stop)):  # nobody: so far behind that nothing else counts
+    for m in range(count, index(stop)):  # padding: so far behind that it has no effect
         ahead[m + index(_X)], ahead[m + index(_Y)] = x - 1e6 * way_x, y - 1e6 * way_y
     foresight, per_length = params.anticipation, 1.0 / params.length
     for m in range(stop):
@@ -55,16 +55,16 @@ def compare(i: int, seen: tuple[int, int], ahead: Floats, batch: Batch, params: 
         size = params.strength * (1.0 + params.oncoming * against) * _fading(min(far, FARTHEST))
         size = size if far <= FARTHEST else 0.0
         sideways = way_x * (dy + foresight * jv) - way_y * (dx + foresight * ju)
-        # Away from there; to the right if it is straight ahead, and of those who come towards one also a little beyond.
+        # Away from the foreseen place; to the right if it is straight ahead, or for oncoming people slightly to the right.
         ahead[m + _ASIDE] = size if sideways < -params.keep_right * against else -size
-        # Who has this one further in front, and gives way, waits.
+        # A pedestrian that gives way waits if i is further ahead on its way than it is on the way of i.
         waits = (ahead[m + _GIVES_WAY] > 0.0) & (along > 0.0) & (-(dx * jx + dy * jy) > dx * way_x + dy * way_y)
         ahead[m + _OFF] = abs(dy * jx - dx * jy) if waits else np.inf
         ahead[m + _X], ahead[m + _Y], ahead[m + _REACH] = dx, dy, reach
         ahead[m + _ROOM], ahead[m + _FORESEEN] = distance - reach - same * params.standing, same * foresight
         ahead[m + _PER_TIME] = 1.0 / (time_gap + same * foresight)
         ahead[m + _PER_BESIDE] = 1.0 / max(same * params.beside, 1e-9)
-    a, b, c, d = 0.0, 0.0, 0.0, 0.0  # four sums, none of which waits for another
+    a, b, c, d = 0.0, 0.0, 0.0, 0.0  # four independent sums, for the processor's pipeline
     for m in range(_ASIDE, _ASIDE + stop, 4):
         a, b, c, d = a + ahead[m], b + ahead[m + 1], c + ahead[m + 2], d + ahead[m + 3]
     return (a + b) + (c + d)
@@ -72,13 +72,13 @@ def compare(i: int, seen: tuple[int, int], ahead: Floats, batch: Batch, params: 
 
 @inner_kernel
 def _padded(seen: tuple[int, int]) -> int:
-    """Return how many people fill the instructions that a block takes."""
+    """Return the size of a block, rounded up to whole vector instructions."""
     return (seen[1] - seen[0] + _LANES - 1) // _LANES * _LANES
 
 
 @inner_kernel
 def _fading(x: float) -> float:
-    """Return exp(-x) to a relative 1e-14, for x from 0 to `FARTHEST`; unlike the library's, of eight at a time."""
+    """Return exp(-x) to a relative 1e-14, for x from 0 to `FARTHEST`; unlike the library's it is vectorised, by eight."""
     y = (0.5 * FARTHEST - x) * (1.0 / 16.0)  # up to 1/4: a Taylor series, to the 16th
     y2 = y * y
     y4 = y2 * y2
@@ -100,9 +100,9 @@ def speed_behind(
     batch: Batch,
     params: Headway,
 ) -> tuple[float, int]:
-    """Return how fast [m/s] those in the strip along (ex, ey), and beside it, let ``i`` walk; if ``whose``, who slows most too.
+    """Return the speed [m/s] of ``i`` behind the people in and beside the strip along (ex, ey), and the slot that limits it.
 
-    That is ``i`` if nobody does.  What `compare` wrote of a single block has to be there still.
+    The slot is found only if ``whose``; it is ``i`` without a limit.  A single block needs the results of `compare`.
     """
     walkers, bits = batch.workspace.walkers, ahead.view(np.int64)
     slowest, leader = walkers.speed[i], i
@@ -122,7 +122,7 @@ def speed_behind(
 
 @inner_kernel
 def _allow(stop: int, ex: float, ey: float, width: float, keep_up: float, ahead: Floats, bits: Ints) -> int:
-    """Write how fast each of a block lets one walk along (ex, ey), infinite if at any speed; returns the bits of the least."""
+    """Write the speed that each pedestrian of a block allows along (ex, ey), infinite if any; returns the bits of the least."""
     least = _INFINITE
     for m in range(stop):
         dx, dy, half, off = ahead[m + _X], ahead[m + _Y], width * ahead[m + _REACH], ahead[m + _OFF]
@@ -140,5 +140,5 @@ def _allow(stop: int, ex: float, ey: float, width: float, keep_up: float, ahead:
 
 @inner_kernel
 def _in_order(bits: int) -> int:
-    """Return the bits of a float as a number that is in the order of the floats, and back: floats have no vector minimum."""
+    """Map the bits of a float to an integer in the order of floats, and back: floats have no vector minimum."""
     return bits ^ ((bits >> 63) & _MAGNITUDE)

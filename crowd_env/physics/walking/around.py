@@ -1,4 +1,4 @@
-"""What a decision needs to know first: everyone's way, how far others matter, and who stands near whom."""
+"""The preparation of a decision: ways, ranges within which others matter, and people in cells."""
 
 import numpy as np
 
@@ -9,14 +9,14 @@ from crowd_env.physics.neighbors.lists import sort_into_cells
 from crowd_env.physics.walking.pulls import pull_aside, walk_at_full_speed
 from crowd_env.physics.workspace import Batch
 
-CELLS = 2  # whoever matters stands no more cells away: smaller cells fit the range of sight better
-FARTHEST = 8.0  # of the length D: nobody steps aside for a gap that is foreseen larger
+CELLS = 2  # no relevant pedestrian is more cells away; smaller cells fit the range of sight better
+FARTHEST = 8.0  # of the length D: a larger foreseen gap causes no side step
 _MARGIN = 1e-6  # m    for rounding
 
 
 @inner_kernel
 def look_around(e: int, batch: Batch, params: Headway) -> None:
-    """Find everyone's way, and sort people into cells: whoever matters stands at most `CELLS` from the own one."""
+    """Find all ways, and sort people into cells: no relevant pedestrian is more than `CELLS` cells away."""
     slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
     active, position, radius = batch.state.active, batch.state.position, batch.bodies.radius
     velocity, gives_way = batch.state.velocity, batch.control.gives_way
@@ -41,7 +41,7 @@ def look_around(e: int, batch: Batch, params: Headway) -> None:
 
 @inner_kernel
 def _find_ways(e: int, slot_start: int, slot_stop: int, batch: Batch) -> tuple[float, float]:
-    """Write the unit vector along everyone's way, and the desired speed; returns the largest radius [m] and speed [m/s]."""
+    """Write unit vectors along all ways, and desired speeds; returns the largest radius [m] and speed [m/s]."""
     walkers, local_speed, radius = batch.workspace.walkers, batch.history.local_speed, batch.bodies.radius
     time, response_time, velocity = batch.state.time[e], batch.bodies.response_time, batch.state.velocity
     active, widest, fastest = batch.state.active, 0.0, 0.0
@@ -49,7 +49,7 @@ def _find_ways(e: int, slot_start: int, slot_stop: int, batch: Batch) -> tuple[f
         cx, cy = asked_of(i, batch)
         size = np.sqrt(cx * cx + cy * cy)
         if time < response_time[i]:
-            size = 0.0  # not on the way yet, and not waiting for anyone either
+            size = 0.0  # not on the way yet, and waiting for no other
         walkers.way_x[i] = cx / size if size > 0.0 else 0.0
         walkers.way_y[i] = cy / size if size > 0.0 else 0.0
         walkers.speed[i] = size * local_speed[i]
@@ -61,9 +61,9 @@ def _find_ways(e: int, slot_start: int, slot_stop: int, batch: Batch) -> tuple[f
 
 @inner_kernel
 def _find_reach(slot_start: int, slot_stop: int, fastest: float, batch: Batch, params: Headway) -> float:
-    """Write the gap [m] up to which others matter to everyone, who may be seen further; returns the largest.
+    """Write for each pedestrian the gap [m] up to which others matter, at most the range of sight; returns the largest.
 
-    Beyond it nobody slows anyone down, and nobody comes near enough in the time that is foreseen.
+    Beyond it no pedestrian slows the other down, or comes near enough in the foreseen time.
     """
     walkers, velocity, farthest = batch.workspace.walkers, batch.state.velocity, 0.0
     for i in range(index(slot_start), index(slot_stop)):
@@ -78,6 +78,6 @@ def _find_reach(slot_start: int, slot_stop: int, fastest: float, batch: Batch, p
 
 @inner_kernel
 def time_gap_of(i: int, batch: Batch, params: Headway) -> float:
-    """Return the time gap [s] that person ``i`` keeps: the own one, or that of the manner."""
+    """Return the time gap [s] of pedestrian ``i``: its own, or that of the manner."""
     own = batch.bodies.time_gap[i]
     return own if own == own else params.time_gap

@@ -1,4 +1,4 @@
-"""One decision of everyone in an environment: how fast to walk, and where to."""
+"""One decision of all people in an environment: walking speed and direction."""
 
 import numpy as np
 
@@ -12,19 +12,17 @@ from crowd_env.physics.walking.around import CELLS, look_around, time_gap_of
 from crowd_env.physics.workspace import BLOCK, Batch
 
 _STILL = 0.02  # of the desired speed, along the way: slower counts as standing ...
-_WALKING = 0.25  # ... and faster as walking: who creeps in a jam neither gains patience nor loses it
-_MOST_IMPATIENT = (
-    0.2  # push of those who have stood for long: still aside for others, so that streams that cross do not lock
-)
+_WALKING = 0.25  # ... and faster as walking: creeping in a jam leaves the standing time as it is
+_MOST_IMPATIENT = 0.2  # largest push from standing: people still step aside, so that crossing streams do not lock
 _SIDES = np.array([-0.13, 0.13, -0.27, 0.27, -0.58, 0.58])  # tangents of 7, 15 and 30 degrees to either side
 _MOST_ASIDE = 2.0  # people never turn further from their way than atan 2 = 63 degrees
 
 
 @inner_kernel
 def decide(e: int, batch: Batch, params: Headway) -> None:
-    """Write the velocity that everyone in environment ``e`` wants to walk at into `History.walking_velocity`.
+    """Write the walking velocities of environment ``e`` into `History.walking_velocity`.
 
-    It depends on positions, velocities and ways at this moment alone, so on no order of people.
+    They depend on the present positions, velocities and ways alone, so on no order of people.
     """
     look_around(e, batch, params)
     decide_share(e, 0, 1, batch, params)
@@ -32,13 +30,13 @@ def decide(e: int, batch: Batch, params: Headway) -> None:
 
 @inner_kernel
 def decide_share(e: int, share: int, shares: int, batch: Batch, params: Headway) -> None:
-    """Let the people in one of so many parts of the cells decide; any thread may do so, after `look_around`."""
+    """Decide for the people in part ``share`` of ``shares`` of the cells; any thread may do so, after `look_around`."""
     if not batch.acts.manner:
-        return  # `look_around` has said it all
+        return  # `look_around` has written the velocities
     walkers, slot_start = batch.workspace.walkers, batch.bodies.env_start[e]
     cell_start = batch.workspace.neighbors.cell_start
     cells, head = walkers.columns[e] * walkers.rows[e], first_cell(e, slot_start)
-    # Where the list of those seen is: each share has room for all people.
+    # Start of the list of people seen: each share has room for all.
     lists = len(walkers.seen) // len(walkers.slot)
     seen_start = slot_start * lists + share * cell_start[head + cells]
     for cell in range(cells * share // shares, cells * (share + 1) // shares):
@@ -49,7 +47,7 @@ def decide_share(e: int, share: int, shares: int, batch: Batch, params: Headway)
 
 @inner_kernel
 def _decide_one(e: int, i: int, cell: int, seen_start: int, ahead: Floats, batch: Batch, params: Headway) -> None:
-    """Write what person ``i`` wants, who stands in ``cell``; those seen are listed from ``seen_start`` on."""
+    """Write the walking velocity of pedestrian ``i`` in ``cell``; the people it sees are listed from ``seen_start`` on."""
     walkers, velocity, bodies, history = batch.workspace.walkers, batch.state.velocity, batch.bodies, batch.history
     walking = history.walking_velocity
     speed, way_x, way_y = walkers.speed[i], walkers.way_x[i], walkers.way_y[i]
@@ -83,7 +81,7 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, ahead: Floats, batch
 
 @inner_kernel
 def _wait(i: int, pace: float, speed: float, leader: int, batch: Batch, params: Headway) -> None:
-    """Count the time [s] on or back that ``i`` has stood, who gets on at ``pace`` [m/s] and whom ``leader`` slows most."""
+    """Update the standing time [s] of ``i`` with ``pace`` [m/s] along its way; ``leader`` slows it most."""
     waited, walkers = batch.history.memory.manner.waited, batch.workspace.walkers
     if pace < _STILL * speed:
         against = -(walkers.way_x[i] * walkers.way_x[leader] + walkers.way_y[i] * walkers.way_y[leader])
@@ -95,7 +93,7 @@ def _wait(i: int, pace: float, speed: float, leader: int, batch: Batch, params: 
 
 @inner_kernel
 def _list_seen(e: int, i: int, cell: int, seen_start: int, near: Near, batch: Batch) -> int:
-    """Write whom ``i`` sees in front, from ``seen_start`` on; returns one past the last."""
+    """List the people that ``i`` sees in front, from ``seen_start`` on; returns one past the last."""
     walkers, cell_start = batch.workspace.walkers, batch.workspace.neighbors.cell_start
     world, door_open = batch.world, batch.history.door_open[e]
     x, y, way_x, way_y = batch.state.position[i, 0], batch.state.position[i, 1], walkers.way_x[i], walkers.way_y[i]
@@ -124,14 +122,16 @@ def _list_seen(e: int, i: int, cell: int, seen_start: int, near: Near, batch: Ba
 
 @inner_kernel
 def _overtake(i: int, seen: tuple[int, int], near: Near, ahead: Floats, batch: Batch, params: Headway) -> float:
-    """Return how far to step aside, of the way, to get past someone slower; 0 if that gains too little, or in a queue."""
+    """Return the tangent of the side step past a slower pedestrian; 0 if it gains too little, or in a queue."""
     walkers, world, velocity = batch.workspace.walkers, batch.world, batch.state.velocity
     x, y, r = batch.state.position[i, 0], batch.state.position[i, 1], batch.bodies.radius[i]
     way_x, way_y, speed, time_gap = walkers.way_x[i], walkers.way_y[i], walkers.speed[i], time_gap_of(i, batch, params)
     behind, leader = speed_behind(i, seen, way_x, way_y, params.width, True, ahead, batch, params)
     if behind >= speed:
         return 0.0
-    waits = batch.acts.pulls and batch.history.memory.pulls.held_since[leader] > 0.0  # for companions: that is no queue
+    waits = (
+        batch.acts.pulls and batch.history.memory.pulls.held_since[leader] > 0.0
+    )  # waiting for companions is no queue
     if velocity[leader, 0] * way_x + velocity[leader, 1] * way_y < params.overtaking and not waits:
         return 0.0
     best, chosen = behind + params.gain * speed, 0.0
@@ -153,7 +153,7 @@ def _overtake(i: int, seen: tuple[int, int], near: Near, ahead: Floats, batch: B
 
 @inner_kernel
 def _off_walls(i: int, near: Near, batch: Batch, params: Headway) -> float:
-    """Return how far to bend the way off walls at either hand, of the way (left > 0)."""
+    """Return the tangent by which walls on either side bend the way (left > 0)."""
     walkers, position, world, r = batch.workspace.walkers, batch.state.position, batch.world, batch.bodies.radius[i]
     x, y, way_x, way_y, reach = position[i, 0], position[i, 1], walkers.way_x[i], walkers.way_y[i], r + params.off_walls
     left, right = free_paths(world.wall_grid, near, world.boundary.wall, x, y, -way_y, way_x, reach)

@@ -1,12 +1,12 @@
 """How companions and attractions pull people off their way, see `crowd_env.core.behaviors.pulls`.
 
-A person of desired velocity w, relaxation time tau and pull f, and with the head turned by alpha, walks at the velocity
+A pedestrian of desired velocity w, relaxation time tau, pull f and head angle alpha walks at the velocity
 
     v = (w + tau f) / (1 + tau beta_1 alpha)
 
-at which the drive, (w - v) / tau, and all forces balance.  Whoever walks that far is driven, in m (v - u) / tau, by drive and
-forces together, with v in place of the momentary velocity u in the gaze; where there is no drive (`nsm1`) the velocity is taken
-at once.  So a force reaches every scheme alike, and people who keep a distance keep it on the way that they are pulled.
+at which the drive, (w - v) / tau, and all forces balance.  The drive towards it, m (v - u) / tau, is the sum of drive and
+forces, with v in place of the momentary velocity u in the gaze.  Without a drive (`nsm1`) the velocity is v at once.  So a
+force acts alike in every scheme, and a headway is kept along the pulled way.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ from crowd_env.physics.driving_force import asked_of
 from crowd_env.physics.workspace import Batch
 from crowd_env.routing.fields.lookup import travel_time_at
 
-HURRY = 1.3  # times the own desired speed: nobody is pulled faster
+HURRY = 1.3  # times the desired speed: the largest speed under pulls
 _SLOW = 0.25  # of the desired speed, along the way: slower counts as held back
 _GAZE, _COHESION, _REPULSION, _SPACING, _APART, _PATIENCE = 0, 1, 2, 3, 4, 5  # columns of `PullArrays.companions`
 _X, _Y, _STRENGTH, _REACH, _LIFETIME, _SINCE = 0, 1, 2, 3, 4, 5  # columns of `PullArrays.attraction`
@@ -26,7 +26,7 @@ _X, _Y, _STRENGTH, _REACH, _LIFETIME, _SINCE = 0, 1, 2, 3, 4, 5  # columns of `P
 
 @inner_kernel
 def pull_aside(e: int, batch: Batch) -> None:
-    """Turn the ways and speeds that everyone in environment ``e`` wants, in `Workspace.walkers`, as they are pulled."""
+    """Change the desired ways and speeds of environment ``e`` in `Workspace.walkers` by the pulls."""
     walkers, bodies, time = batch.workspace.walkers, batch.bodies, batch.state.time[e]
     gaze = batch.behaviors.pulls.companions[batch.world.geometry_of_env[e], _GAZE]
     _list_companions(e, batch)
@@ -55,9 +55,9 @@ def pulled(i: int, fx: float, fy: float, slowing: float, batch: Batch) -> tuple[
 
 @inner_kernel
 def walk_at_full_speed(e: int, batch: Batch) -> None:
-    """Write what those who keep no distance want to walk at into `History.walking_velocity`, as they are pulled.
+    """Write the walking velocities without a headway, changed by the pulls, into `History.walking_velocity`.
 
-    Whom nothing can pull walks bit by bit as without this file.
+    A pedestrian that nothing can pull walks bit by bit as without this file.
     """
     walkers, walking, speed = batch.workspace.walkers, batch.history.walking_velocity, batch.history.local_speed
     g = batch.world.geometry_of_env[e]
@@ -73,7 +73,7 @@ def walk_at_full_speed(e: int, batch: Batch) -> None:
 
 @inner_kernel
 def _list_companions(e: int, batch: Batch) -> None:
-    """Chain those inside who walk together, and add up their positions [m] and their number."""
+    """Chain the active members of each company, and add up their positions [m] and their number."""
     walkers, company, position = batch.workspace.walkers, batch.bodies.company, batch.state.position
     first, following, sums, active = walkers.first, walkers.following, walkers.sums, batch.state.active
     slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
@@ -90,7 +90,7 @@ def _list_companions(e: int, batch: Batch) -> None:
 
 @inner_kernel
 def _attract(e: int, i: int, time: float, batch: Batch) -> tuple[float, float]:
-    """Return the pull [m/s2] of the attractions that person ``i`` sees."""
+    """Return the pull [m/s2] of the attractions that pedestrian ``i`` sees."""
     pulls, g, fx, fy = batch.behaviors.pulls, batch.world.geometry_of_env[e], 0.0, 0.0
     for k in range(index(pulls.start[g]), index(pulls.start[g + 1])):
         one = pulls.attraction[k]
@@ -105,16 +105,16 @@ def _attract(e: int, i: int, time: float, batch: Batch) -> tuple[float, float]:
 
 @inner_kernel
 def _sees(e: int, i: int, dx: float, dy: float, batch: Batch) -> bool:
-    """Whether no wall and no closed door stands between person ``i`` and a point (dx, dy) [m] from there."""
+    """Whether no wall and no closed door stands between pedestrian ``i`` and a point (dx, dy) [m] from there."""
     g, x, y = batch.world.geometry_of_env[e], batch.state.position[i, 0], batch.state.position[i, 1]
     return bool(is_in_sight(batch.world.boundary, g, batch.history.door_open[e], x, y, dx, dy))
 
 
 @inner_kernel
 def _keep_together(e: int, i: int, time: float, fx: float, fy: float, batch: Batch) -> tuple[float, float, float, bool]:
-    """Add the forces of the company of person ``i`` to (fx, fy) [m/s2].
+    """Add the forces of the company of pedestrian ``i`` to (fx, fy) [m/s2].
 
-    Returns them, the angle by which the head is turned [rad], and whether ``i`` waits.
+    Returns the sum, the angle of the head [rad], and whether ``i`` waits.
     """
     company, held_since = batch.bodies.company[i], batch.history.memory.pulls.held_since
     walkers, position = batch.workspace.walkers, batch.state.position
@@ -129,7 +129,7 @@ def _keep_together(e: int, i: int, time: float, fx: float, fy: float, batch: Bat
     dx, dy = walkers.sums[c, 0] / members - position[i, 0], walkers.sums[c, 1] / members - position[i, 1]
     distance = np.sqrt(dx * dx + dy * dy)
     way_x, way_y, speed = walkers.way_x[i], walkers.way_y[i], walkers.speed[i]
-    ahead = -(dx * way_x + dy * way_y)  # of the center, and so of that of the others
+    ahead = -(dx * way_x + dy * way_y)  # m  of the center, and so of the center of the others
     if ahead > 0.0:
         angle = np.arcsin(min(ahead / distance, 1.0))
     cx, cy = 0.0, 0.0
@@ -148,7 +148,7 @@ def _keep_together(e: int, i: int, time: float, fx: float, fy: float, batch: Bat
 
 @inner_kernel
 def _repel(i: int, c: int, spacing: float, strength: float, batch: Batch) -> tuple[float, float]:
-    """Return the push [m/s2] off companions who are too near person ``i``."""
+    """Return the repulsion [m/s2] by companions too near to pedestrian ``i``."""
     position, walkers, fx, fy = batch.state.position, batch.workspace.walkers, 0.0, 0.0
     j = walkers.first[c]
     while j >= 0:
@@ -162,7 +162,7 @@ def _repel(i: int, c: int, spacing: float, strength: float, batch: Batch) -> tup
 
 @inner_kernel
 def _is_ahead(e: int, i: int, c: int, apart: float, spacing: float, batch: Batch) -> bool:
-    """Whether a companion on the same way is further back than person ``i``, and far away or out of sight."""
+    """Whether a companion on the same way is further back than pedestrian ``i``, and far away or out of sight."""
     position, walkers, followed = batch.state.position, batch.workspace.walkers, batch.history.followed
     x, y, radius = position[i, 0], position[i, 1], batch.bodies.radius[i]
     field, boundary, j, left = batch.world.field, batch.world.boundary, walkers.first[c], np.nan
