@@ -1,32 +1,31 @@
-"""Hertz: discs with a Hertzian contact, dry friction with memory, and rotation, as Lin, Ma, Lo write it (eqs 1-11).
+"""Hertz: discs with a Hertzian contact, dry friction with memory, and rotation, after Lin, Ma, Lo (eqs 1-11).
 
 With overlap d, R = r_i r_j / (r_i + r_j), m = m_i m_j / (m_i + m_j), alpha = sqrt(d R); at a wall R = r_i and m = m_i:
     F_n = alpha (k_n d + m gamma_n v_n)                                   v_n: closing speed             (eq 3)
     F_t = -alpha (k_t s + m gamma_t v_t),  |F_t| <= mu |F_n|               v_t: slip of the surfaces      (eq 4)
-    ds/dt = v_t while the contact lasts; while it slides, s is what gives exactly the limit
+    ds/dt = v_t while the contact lasts; while it slides, s gives exactly the limit
     I dw/dt = -r sum F_t,   I = m r^2 / 2                                                                 (eqs 5, 6)
     k_n = 2 E / (3 (1 - sigma^2)),   k_t = 2 E / ((1 + sigma) (2 - sigma))
-The formulas and parameters are those of granular flow codes, which settles what the paper leaves open: gamma is a rate per
-length.  In two dimensions s is one number, in the frame that turns with the contact; `Contacts.history` keeps it.
+Formulas and parameters are as in granular flow codes, which settles an open point of the paper: gamma is a rate per length.
+In two dimensions s is one number, in the frame that turns with the contact; `Contacts.history` keeps it.
 
-Bodies may have an outline of several discs (`crowd_env.core.behaviors.outline`): then r is the radius of the disc that
-touches, and normal
-forces turn a body too.  The paper has discs.
+Bodies may have an outline of several discs (`crowd_env.core.behaviors.outline`): then r is the radius of the disc that touches,
+and normal forces turn a body too.  The paper has discs.
 
 Velocity Verlet (eqs 9-11): half a kick, drift, forces at the new positions with the HALF-step velocity, half a kick.  The
-forces of the last step are kept for the first half kick of the next.  The drive alone is that of the velocity after this last
-half kick (trapezoidal rule): with that of the half step it would act as if tau were shorter by dt / 2, and the scheme would be
-of first order.
+forces of the last step are kept for the first half kick of the next.  The drive alone uses the velocity after the second half
+kick (trapezoidal rule).  With the velocity of the half step it would act as if tau were shorter by dt / 2, and the scheme would
+be of first order.
 
-The paper steps by 0.001 s.  A contact of two people lasts 40 to 70 ms, and what a crowd does at 0.005 s, exit times, clogging,
-impulses, overlaps, is what it does at 0.001 s (docs/physics.md): environments take 0.005 s, or half the stable step of the most
-extreme people of their scenario where many push.
+The paper steps by 0.001 s.  A contact of two people lasts 40 to 70 ms.  Exit times, clogging, impulses and overlaps at 0.005 s
+agree with 0.001 s (docs/physics.md).  So environments take 0.005 s, or half the stable step of the most extreme people of their
+scenario where many push.
 
-alpha = sqrt(delta R) is the contact radius of two spheres, of which the paper speaks; discs in the plane would press nearly in
-proportion to their overlap.  Its moduli and damping beside those of others: docs/physics.md, "Materials of people".
+alpha = sqrt(delta R) is the contact radius of two spheres, which the paper assumes; the force of discs in the plane would be
+nearly proportional to their overlap.  docs/physics.md, "Materials of people", compares its moduli and damping with others.
 
-What the paper leaves open about WALLS decides whether the crowd blocks: with the friction of people (the literal reading) it
-freezes above 1 m/s already.  The default wall, mu = 0.1 and a social force of 300 N, is FITTED to the paper's Figure 7.
+The open question of WALLS decides whether the crowd blocks: with the friction of people (the literal reading) it freezes above
+1 m/s already.  The default wall, mu = 0.1 and a social force of 300 N, is FITTED to the paper's Figure 7.
 """
 
 from collections.abc import Callable
@@ -70,9 +69,9 @@ INFO = SchemeInfo(
 _TITLE = "Hertz contact, friction with memory, rotation, social force; as printed"
 LITERAL = replace(INFO, name="hertz-literal", title=_TITLE)
 
-# How far an environment is, in `History.phase`.  The forces at the end of a step are those at the start of the next, hence
-# KNOWN between two steps.  A step that has moved people, and then stops for want of room for the contacts at the new positions,
-# goes on from there when there is more: DRIFTED.
+# The stage of an environment, in `History.phase`.  The forces at the end of a step serve the start of the next: KNOWN between
+# two steps.  A step that has moved people, and then lacks memory for the contacts at the new positions, is DRIFTED, and
+# continues from there with more memory.
 _UNKNOWN, _KNOWN, _DRIFTED = 0, 1, 2
 
 _DISSIPATES = NOT_NEGATIVE.because("a contact dissipates (eqs 3, 4)")
@@ -80,7 +79,7 @@ _FITTED = SocialForce(wall_strength=300.0)  # eq 2 with Table 1; the walls' shar
 
 
 class HertzParams(NamedTuple):
-    """The contact as kernels read it."""
+    """Parameters of the contact for kernels."""
 
     normal_stiffness: float  # Pa
     tangential_stiffness: float  # Pa
@@ -96,7 +95,7 @@ class HertzParams(NamedTuple):
 class Hertz(ContactScheme):
     """Discs with Hertzian contacts, friction and spin.
 
-    The defaults are the preset "calibrated": Table 1 of the paper, with the two wall parameters fitted.  `Hertz.literal` is the
+    The defaults are the preset "calibrated": Table 1 of the paper, with two fitted wall parameters.  `Hertz.literal` is the
     text as printed.
 
     Parameters
@@ -108,7 +107,7 @@ class Hertz(ContactScheme):
         the share of the critical damping of the contact at its present overlap.
     friction : Coulomb coefficient of people on people.
     wall_friction : Coulomb coefficient of people on walls; 0.1 is fitted, 0.5 literal.
-    rotation : False switches eqs 5 and 6 off: nobody turns.
+    rotation : False switches eqs 5 and 6 off: bodies do not turn.
     social : eq 2; its ``wall_strength`` of 300 N is fitted, 0 literal.  None = no social force; see `ContactScheme`.
     """
 
@@ -171,8 +170,7 @@ class Hertz(ContactScheme):
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
         """Return the overlap of a head-on impact plus that under the push of the largest crowd leaning on one contact.
 
-        The social force, which pushes apart, is left out.  An impact is taken at 1 m/s each, or the desired speeds if those are
-        higher.
+        The social force, which repels, is left out.  The impact is at 1 m/s each, or at the desired speeds if higher.
         """
         speed = 2.0 * max(float(bodies.desired_speed.max()), 1.0)
         stiffness = self.normal_stiffness * np.sqrt(0.5 * bodies.radius.min())
@@ -202,9 +200,9 @@ def _kick(
     drives: bool,
     acting: Influences,
 ) -> float:
-    """Half a kick (eqs 9, 11), to no more than ``limit`` [m/s]; returns the largest speed [m/s].
+    """Half a kick (eqs 9, 11), limited to ``limit`` [m/s]; returns the largest speed [m/s].
 
-    The second of a step ``drives``: it makes the drive that of the velocity after it.
+    The second half kick of a step ``drives``: it evaluates the drive at the velocity after it.
     """
     inside, velocity, spin, mass = batch.workspace.inside, batch.state.velocity, batch.state.spin, batch.bodies.mass
     inertia, force, torque = batch.bodies.inertia, batch.history.force, batch.history.torque
@@ -250,10 +248,10 @@ def _add_contact_forces(
     """Add the forces and torques of all contacts (eqs 3, 4, 6); ``elapsed`` is the time over which the springs stretch.
 
     With the normal from j to i and the tangent t = normal turned left, the contact point of i moves with v_i - w_i r_i t and
-    that of j with v_j + w_j r_j t; a tangential force F_t t on i turns both the same way, by -r F_t.
+    that of j with v_j + w_j r_j t; a tangential force F_t t on i turns both in the same sense, by -r F_t.
 
-    With an ``outline`` r is the radius of the disc that touches.  Its center lies (a, b) from that of the body along normal and
-    tangent, so that of i the lever arm of the tangential force is r - a, of j r + a, and that of the normal force is b.
+    With an ``outline`` r is the radius of the disc that touches.  Its center lies (a, b) from the center of the body along
+    normal and tangent.  So the lever arm of the tangential force is r - a for i and r + a for j, of the normal force b.
     """
     contacts, radius, masses = batch.history.contacts, batch.bodies.radius, batch.bodies.mass
     contact_i, contact_j, gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
@@ -339,7 +337,7 @@ def _find_forces(
 
 @inner_kernel
 def _detect(e: int, rank_stop: int, batch: Batch, cutoff: float, outline: bool | None) -> bool:
-    """Bring neighbors and contacts up to date, of the discs of bodies that have an ``outline``; False if they do not fit."""
+    """Update neighbors and contacts, of discs if bodies have an ``outline``; False if they do not fit."""
     if outline is not None:
         return bool(detect_discs(e, rank_stop, batch, cutoff))
     return bool(detect(e, batch, 0.0, cutoff))
@@ -349,13 +347,13 @@ def _detect(e: int, rank_stop: int, batch: Batch, cutoff: float, outline: bool |
 def _first_forces(
     e: int, rank_stop: int, batch: Batch, dt: float, acting: Influences, params: HertzParams, outline: bool | None
 ) -> bool:
-    """Find the forces before the first step, where no spring is stretched yet; False if the contacts do not fit."""
+    """Find the forces before the first step, with unstretched springs; False if the contacts do not fit."""
     if outline is not None and not begin_to_face(e, rank_stop, batch, dt, acting):
         return False
     if not _detect(e, rank_stop, batch, acting.reach, outline):
         return False
     _find_forces(e, rank_stop, batch, dt, 0.0, acting, params, outline)
-    batch.history.direction_age[e] += dt  # counts as a step: the next look-up is not put off by it
+    batch.history.direction_age[e] += dt  # counts as a step, so it does not delay the next look-up
     batch.history.decision_age[e] += dt
     batch.history.phase[e] = _KNOWN
     return True
@@ -380,7 +378,7 @@ def _advance_range(
                 record_impulses(e, batch, 0.5)
                 longest = dt * _kick(e, rank_stop, batch, 0.5 * dt, limit, False, acting)
                 _drift(e, rank_stop, batch, dt)
-                # Nobody through a wall.
+                # Bounds.
                 if not stay_within_bounds(e, rank_stop, batch, deepest, smallest, longest):
                     break
                 # Exits.
@@ -394,7 +392,9 @@ def _advance_range(
             # Half of the impulses and the overlaps into the sums.
             record_impulses(e, batch, 0.5)
             deepest = record_overlaps(e, batch)
-            if acting.outline is not None:  # the overlaps of other discs do not say how near a wall a center is
+            if (
+                acting.outline is not None
+            ):  # the overlaps of outer discs do not bound the distance of a center from a wall
                 deepest = np.inf
             # The other half of the kick (eq 11), and the clock.
             _kick(e, rank_stop, batch, 0.5 * dt, limit, batch.control.driving, acting)

@@ -1,4 +1,4 @@
-"""The narrow phase: which entries of the neighbor list are contacts, and where they touch.
+"""The narrow phase: the entries of the neighbor list that are contacts, and their normals.
 
 A wall is a set of segments and of end points.  A disc touches the inside of a segment only where its center projects on it,
 and an end point only where every segment that ends there projects beyond it: each contact is found exactly once, at a door
@@ -19,7 +19,7 @@ from crowd_env.physics.workspace import Batch
 def find_contacts(e: int, batch: Batch, margin: float) -> None:
     """Write the contacts of environment ``e`` with a gap below ``margin``, sorted by (i, j), walls last.
 
-    The starting impulse is what is kept of a pair that was in contact in the previous step, else zero.
+    The starting impulse is that kept from the previous step for a lasting contact, else zero.
     """
     near, contacts = batch.workspace.neighbors, batch.history.contacts
     entry_start, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
@@ -41,7 +41,7 @@ def find_candidates(entry_start: int, entry_stop: int, batch: Batch, margin: flo
     """List the pair entries with a gap below ``margin`` as candidates; returns one past the last.
 
     Every entry is written, and kept only if it counts: a branch would be mispredicted every third time, which costs more than
-    all of the rest.
+    all else.
     """
     near, candidates = batch.workspace.neighbors, batch.workspace.narrow_phase.candidates
     position = batch.state.position
@@ -58,7 +58,7 @@ def find_candidates(entry_start: int, entry_stop: int, batch: Batch, margin: flo
 
 @inner_kernel
 def find_wall_candidates(e: int, entry_start: int, entry_stop: int, batch: Batch, margin: float) -> int:
-    """List the wall entries whose line or corner is near enough as candidates; returns one past the last.
+    """List the wall entries with a near line or corner as candidates; returns one past the last.
 
     It takes no root and no division.
     """
@@ -75,7 +75,7 @@ def find_wall_candidates(e: int, entry_start: int, entry_stop: int, batch: Batch
         if k < walls:
             k += wall_first
             height = tangent[k, 0] * (y - wall[k, 0, 1]) - tangent[k, 1] * (x - wall[k, 0, 0])
-            # With room for rounding: the narrow phase decides about what is exactly at the limit.
+            # With room for rounding: the narrow phase decides exactly at the limit.
             candidate += abs(height) < 1.000001 * limit
         else:
             k += corner_first - walls
@@ -129,9 +129,9 @@ def _write_all(e: int, pairs: tuple[int, int], walls: tuple[int, int], batch: Ba
 
 @inner_kernel
 def keep_history(contact_start: int, contact_stop: int, batch: Batch, outline: bool | None) -> int:
-    """Put aside the history of the contacts of the last step; returns one past the last of these.
+    """Save the history of the contacts of the last step; returns one past the last of them.
 
-    With an ``outline`` contacts are of discs of bodies, else of bodies.
+    With an ``outline`` contacts join discs of bodies, else bodies.
     """
     contacts, work = batch.history.contacts, batch.workspace.narrow_phase
     i, j, history, old_key, old_history = contacts.i, contacts.j, contacts.history, work.old_key, work.old_history
@@ -172,13 +172,13 @@ def load_history(contact_start: int, contact_stop: int, kept: int, batch: Batch,
 
 @inner_kernel
 def _is_before(discs: Ints, contacts: Contacts, c: int) -> bool:
-    """Whether two discs (2,) come before those of contact ``c`` of the same bodies."""
+    """Whether two discs (2,) come before the discs of contact ``c`` of the same bodies."""
     return bool(discs[0] < contacts.disc_i[c] or (discs[0] == contacts.disc_i[c] and discs[1] < contacts.disc_j[c]))
 
 
 @inner_kernel
 def _is_of(discs: Ints, contacts: Contacts, c: int) -> bool:
-    """Whether two discs (2,) are those of contact ``c``."""
+    """Whether two discs (2,) are the discs of contact ``c``."""
     return bool(discs[0] == contacts.disc_i[c] and discs[1] == contacts.disc_j[c])
 
 
@@ -230,7 +230,7 @@ def _disc_on_corner(
 ) -> tuple[float, float, float]:
     dx, dy, radius = x - boundary.corner[v, 0], y - boundary.corner[v, 1], radius + boundary.corner_radius[v]
     far = radius + most
-    # With room for rounding; most corners are not near enough, or not faced: neither needs a root.
+    # With room for rounding; most corners are too far, or not faced: neither needs a root.
     if dx * dx + dy * dy > 1.000001 * far * far or not is_beyond_walls(x, y, boundary, v, 0.0):
         return np.inf, 0.0, 0.0
     return disc_on_point(dx, dy, radius)

@@ -1,11 +1,11 @@
-"""NSM1: no overlap, by projection of a trial velocity (Maury and Venel), as Pécol et al. 2011 write it (eqs 6, 7).
+"""NSM1: no overlap, by projection of a trial velocity (Maury and Venel), in the form of Pécol et al. 2011 (eqs 6, 7).
 
     u(n+1) = argmin 1/2 |v - V_trial|_M^2   subject to   D_c(q(n)) + h n_c . (v_i - v_j) >= 0 for every contact c
     q(n+1) = q(n) + h u(n+1)
 
 The trial velocity is either V_trial = u(n) + (h/m) f (inertial: grains, and section 3 of the paper) or V_trial = v_d e_d
 (spontaneous: Venel's crowd, without inertia).  Only the second gives the paper's flow of Table 5.  The law is perfectly
-inelastic.  The linearised gap bounds the true one from below, so what overlap there is comes from the solver: h * tolerance.
+inelastic.  The linearised gap bounds the true one from below, so all overlap comes from the solver: h * tolerance.
 """
 
 from collections.abc import Callable
@@ -36,7 +36,7 @@ INFO = SchemeInfo(
     overlap="solver tolerance times time step, 0.1 mm with the defaults; it does not accumulate",
     stable_step="2 tau_min with inertia, from the explicit driving force; none without",
     uses=("constraints", "desired_velocity", "force", "previous_position", "trial_velocity"),
-    impulses_are_forces=False,  # without inertia they only keep bodies apart: nobody would feel them as a push
+    impulses_are_forces=False,  # without inertia they only keep bodies apart: no body would feel them as a push
 )
 
 _TITLE = "no overlap: projection of the inertial velocity"
@@ -49,7 +49,7 @@ LOOSE = replace(
     overlap="solver tolerance times time step, 1.6 mm; in jams of 5000 people 0.5 mm (p99), 28 mm at most, at 12.5 m/s",
 )
 
-# Margin for contacts over what the speeds of the trial ask for: wider costs less than to solve a step twice.
+# Margin for contacts over the need of the trial speeds: a wider one costs less than solving a step twice.
 _HEADROOM = 1.25
 
 
@@ -102,7 +102,7 @@ class NSM1(IterativeScheme):
 
 @dataclass(frozen=True)
 class NSM1Loose(NSM1):
-    """`NSM1` whose solver stops early: a third of the time, overlaps of a millimeter; parameters as there."""
+    """`NSM1` with a solver that stops early: a third of the time, overlaps of a millimeter; parameters as there."""
 
     _: KW_ONLY
     tolerance: float = 0.16
@@ -117,7 +117,7 @@ class NSM1Loose(NSM1):
 def _propose(e: int, rank_stop: int, batch: Batch, dt: float, spontaneous: bool) -> None:
     """Write V_trial = u + h f / m into `Workspace.trial_velocity`.
 
-    A spontaneous velocity is what the forces would lead to if h were tau: without others, the desired velocity itself; an
+    A spontaneous velocity is the result of the forces for h = tau: without other forces, the desired velocity itself.  An
     external or social force shifts it by tau f / m, where the drive balances it.
     """
     inside, velocity, mass = batch.workspace.inside, batch.state.velocity, batch.bodies.mass
@@ -131,7 +131,7 @@ def _propose(e: int, rank_stop: int, batch: Batch, dt: float, spontaneous: bool)
 
 @inner_kernel
 def _is_missed(e: int, batch: Batch, margin: float, dt: float) -> bool:
-    """Whether two people, or one and a wall, overlap after this step who had a gap of ``margin`` or more before it."""
+    """Whether a pair, or a body and a wall, overlaps after this step after a gap of ``margin`` or more before it."""
     near, boundary, g = batch.workspace.neighbors, batch.world.boundary, batch.world.geometry_of_env[e]
     owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
     active, x, v, radius = batch.state.active, batch.state.position, batch.workspace.trial_velocity, batch.bodies.radius
@@ -158,8 +158,8 @@ def _project(
     """Project the trial velocities in place (eq 6); False if the contacts could not be found.
 
     Contacts are gathered up to the gap that two people could close at their trial velocities.  The projection can make a few
-    faster than that.  Then all pairs are looked through once more, and if one that was left out would overlap, the gap is
-    widened and the step solved anew, from where it stood, so no contact is ever missed.
+    people faster than that.  Then all pairs are tested once more.  If an unlisted pair would overlap, the gap is widened and
+    the step is solved again from a warm start, so no contact is ever missed.
     """
     mass, inside, v = batch.bodies.mass, batch.workspace.inside, batch.workspace.trial_velocity
     rank_start = batch.bodies.env_start[e]
@@ -169,7 +169,7 @@ def _project(
         _propose(e, rank_stop, batch, dt, spontaneous)
         if margin < 0.0:
             margin = _HEADROOM * dt * closing_speed(rank_start, rank_stop, inside, v) + 1e-3
-            # Who was fast will be: a list that holds what they may reach need not be made twice a step.
+            # Fast people stay fast: a list up to their reach need not be built twice a step.
             before = closing_speed(rank_start, rank_stop, inside, batch.state.velocity)
             listed = max(reach, _HEADROOM * dt * before + 1e-3)
         if not detect(e, batch, margin, listed):
@@ -193,7 +193,7 @@ def _project(
 
 @inner_kernel
 def _move(e: int, rank_stop: int, batch: Batch, dt: float, limit: float) -> float:
-    """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m]."""
+    """Move all people, at ``limit`` [m/s] at most; returns the longest path [m]."""
     inside, after = batch.workspace.inside, batch.workspace.trial_velocity
     previous = batch.workspace.previous_position
     position, velocity = batch.state.position, batch.state.velocity
@@ -220,16 +220,16 @@ def _advance_range(
 ) -> None:
     """Advance the environments ``env_first:env_stop`` to step ``n_substeps`` of this call, one after the other.
 
-    A step that stops for want of room is done again as a whole: nothing that it has written till then is read by it.
+    A step that lacks memory is repeated as a whole: it reads nothing that it has written.
     """
     for e in range(env_first, env_stop):
         rank_start = batch.bodies.env_start[e]
         rank_stop, limit, smallest = begin_call(e, batch, acting)
         while batch.workspace.substep[e] < n_substeps and rank_stop > rank_start:
-            # Pairs that notice each other; without a social force the contacts bring their own list.
+            # Pairs within the social force; without one, the search for contacts builds the list.
             if acting.social is not None and not find_neighbors(e, batch, acting.reach):
                 break
-            # Where everyone wants to go, and all forces but contact.
+            # Desired velocities, and all forces but contact.
             steer(e, rank_stop, batch, dt, acting)
             regular_forces(e, rank_stop, batch, acting)
             # Trial velocities and their projection onto velocities without overlap (eqs 6, 7).
@@ -239,7 +239,7 @@ def _advance_range(
             deepest = record_contacts(e, batch)
             # Positions.
             longest = _move(e, rank_stop, batch, dt, limit)
-            # Nobody through a wall.
+            # Bounds.
             if not stay_within_bounds(e, rank_stop, batch, deepest, smallest, longest):
                 break
             # Exits and clock.

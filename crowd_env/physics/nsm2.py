@@ -1,4 +1,4 @@
-"""NSM2: percussions from a pseudopotential of dissipation (Frémond), as Pécol et al. 2011 write it (eqs 8-10).
+"""NSM2: percussions from a pseudopotential of dissipation (Frémond), in the form of Pécol et al. 2011 (eqs 8-10).
 
     M (u(n+1) - u(n)) = p_ext + B^T P,   p_ext = h f(t(n))
     P_c = -lambda_c K_N (w- + w+) / 2 + mu_c,    0 <= mu_c orthogonal to w+ >= 0      as printed
@@ -8,7 +8,7 @@
 A contact is a pair with D(q(n)) <= 0; lambda_c = 1 only if it approaches at t(n) (w- < 0): without this gate contacts stick,
 against Fig 2c.  Binary restitution e = max(0, (K_N - 2 m_e) / (K_N + 2 m_e)), so K_N -> infinity is elastic and K_N = 2 m_e
 exactly inelastic; tangentially u_T+ = u_T- (2 m_e - K_T) / (2 m_e + K_T).  The law acts on velocities alone: an overlap of the
-order of h times the closing speed remains, and is the scheme's, not the solver's.
+order of h times the closing speed remains, as an error of the scheme, not of the solver.
 """
 
 from collections.abc import Callable
@@ -61,10 +61,10 @@ class NSM2(IterativeScheme):
     tangential_dissipation : kg, ``K_T`` of eq 9; 0 = frictionless as in Table 4.
     reaction : which reaction forbids approach after the step.  "dissipative" is an EXTENSION: w+ >= -max(w-, 0), i.e. the mean
         speed of the step must not approach; then contacts never make energy.  "printed" (eq 10): w+ >= 0 for every overlapping
-        contact; on one that was separating already it does work, and many bodies in contact gain energy: a crowd of 2000
+        contact; this does work on one that was separating already, and many bodies in contact gain energy: a crowd of 2000
         explodes.  The two agree where only two bodies touch.
-    position_correction : share of every overlap that is taken back in each step, 0 to 1.  An EXTENSION, not in the paper, whose
-        law acts on velocities alone: people are moved apart by the least displacement (mass-weighted), without any velocity.
+    position_correction : share of every overlap that each step takes back, 0 to 1.  An EXTENSION, since the law of the paper
+        acts on velocities alone: people are moved apart by the least displacement (mass-weighted), without any velocity.
     tolerance, relative_tolerance, max_iterations, social : see `IterativeScheme` and `ContactScheme`.
     """
 
@@ -86,7 +86,7 @@ class NSM2(IterativeScheme):
         return INFO if self.reaction == "dissipative" else PRINTED
 
     def overlap_bound(self, bodies: Bodies, dt: float) -> float:
-        """Return one step of head-on closing at twice the desired speed: elastic contacts can double it."""
+        """Return one step of head-on closing at twice the desired speed, since elastic contacts can double it."""
         return 4.0 * dt * float(bodies.desired_speed.max())
 
     @property
@@ -95,7 +95,7 @@ class NSM2(IterativeScheme):
         return _advance_range
 
     def parameters(self) -> tuple[Any, ...]:
-        """Return the dissipation, when the solver stops, and the share of an overlap that is taken back."""
+        """Return the dissipation, the stopping rule of the solver, and the share of an overlap that a step takes back."""
         params = Percussion(self.normal_dissipation, self.tangential_dissipation, self.reaction == "dissipative")
         return params, self.stopping(), self.position_correction or None
 
@@ -127,7 +127,7 @@ def _accelerate(e: int, rank_stop: int, batch: Batch, dt: float) -> None:
 
 @inner_kernel
 def _collide(e: int, batch: Batch, params: Percussion, stopping: Stopping) -> float:
-    """Give everyone the velocity after the percussions of this step; returns the deepest overlap with a wall [m]."""
+    """Write the velocities after the percussions of this step; returns the deepest overlap with a wall [m]."""
     extent = extent_of(e, batch)
     if extent.contact_stop == extent.contact_start:
         return 0.0
@@ -142,7 +142,7 @@ def _collide(e: int, batch: Batch, params: Percussion, stopping: Stopping) -> fl
 
 @inner_kernel
 def _move(e: int, rank_stop: int, batch: Batch, dt: float, limit: float) -> float:
-    """Move everyone, no faster than ``limit`` [m/s]; returns the longest path [m]."""
+    """Move all people, at ``limit`` [m/s] at most; returns the longest path [m]."""
     inside, before = batch.workspace.inside, batch.workspace.previous_velocity
     previous = batch.workspace.previous_position
     position, velocity = batch.state.position, batch.state.velocity
@@ -162,7 +162,7 @@ def _move(e: int, rank_stop: int, batch: Batch, dt: float, limit: float) -> floa
 def _separate(e: int, batch: Batch, dt: float, stopping: Stopping, correction: float) -> float:
     """Move overlapping people apart by the least mass-weighted displacement that takes back a share of every overlap.
 
-    It is the projection of NSM1 for a velocity that is used once and forgotten.  Returns the longest displacement [m].
+    This is the projection of NSM1 for a velocity that is not kept.  Returns the longest displacement [m].
     """
     contacts, constraints, mass = batch.history.contacts, batch.workspace.constraints, batch.bodies.mass
     position, v = batch.state.position, batch.workspace.correction_velocity
@@ -202,7 +202,7 @@ def _advance_range(
             # Contacts at q(n).
             if not _detect(e, batch, params.k_tangent > 0.0, acting.reach):
                 break
-            # Where everyone wants to go, and all forces but contact.
+            # Desired velocities, and all forces but contact.
             steer(e, rank_stop, batch, dt, acting)
             regular_forces(e, rank_stop, batch, acting)
             # Velocities u(n+1): regular forces, then percussions (eqs 8-10).
@@ -210,10 +210,10 @@ def _advance_range(
             deepest = _collide(e, batch, params, stopping)
             # Positions, by the mean velocity of the step.
             longest = _move(e, rank_stop, batch, dt, limit)
-            # Part of the overlap taken back, if asked for.
+            # Position correction, if chosen.
             if correction is not None:
                 longest += _separate(e, batch, dt, stopping, correction)
-            # Nobody through a wall.
+            # Bounds.
             if not stay_within_bounds(e, rank_stop, batch, deepest, smallest, longest):
                 break
             # Exits and clock.

@@ -3,14 +3,14 @@
     f_i = A exp(-D / B) (1 + phi cos beta_i) n        on i, along n away from the other
     cos beta_i                                         between the desired direction of i and the direction to the other
 
-This is the form of Lin, Ma, Lo (eq 2): phi > 0 gives those in front more weight.  Helbing's form, eq 12 of
+This is the form of Lin, Ma, Lo (eq 2): phi > 0 gives people in front more weight.  Helbing's form, eq 12 of
 Pécol et al. 2011,
     f_i = A exp(-D / B) (Lambda + (1 - Lambda) (1 + cos beta_i) / 2) n
 is this form with strength A (1 + Lambda) / 2 and phi = (1 - Lambda) / (1 + Lambda).  (The paper prints the unit vector that
 attracts; here it pushes apart.)
 
-The two of a pair walk in different directions, so the two forces are NOT opposite.  The force acts in contact too, for any
-overlap.  A pedestrian without a desired direction has no front: cos beta is 0.
+The two pedestrians of a pair walk in different directions, so the two forces are NOT opposite.  The force acts in contact too,
+for any overlap.  A pedestrian without a desired direction has no front: cos beta is 0.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ from crowd_env.physics.workspace import Batch
 
 
 class SocialParams(NamedTuple):
-    """A social force as kernels read it."""
+    """Parameters of a social force for kernels."""
 
     strength: float
     length: float
@@ -42,11 +42,11 @@ class SocialForce:
 
     Parameters
     ----------
-    strength : N, ``A``: the force at zero distance from someone at the side.
+    strength : N, ``A``: the force at zero distance from a pedestrian at the side.
     length : m, ``B``: the distance over which it falls to 1/e.
-    anisotropy : ``phi``; at zero distance the force is A (1 + phi) from someone in front and A (1 - phi) from someone behind.
+    anisotropy : ``phi``; at zero distance the force is A (1 + phi) from the front and A (1 - phi) from behind.
     wall_strength : N, ``A`` of walls; neither paper gives walls a social force, so 0 is the literal reading.
-    cutoff : m, distance beyond which nobody is noticed; at 8 lengths the force has fallen to 1/3000.
+    cutoff : m, distance beyond which the force is zero; at 8 lengths it has fallen to 1/3000.
 
     Raises
     ------
@@ -71,9 +71,9 @@ class SocialForce:
 
         Parameters
         ----------
-        strength : N, ``A_i``: the force at zero distance from someone straight ahead.
+        strength : N, ``A_i``: the force at zero distance from a pedestrian straight ahead.
         length : m, ``B_i``.
-        behind : ``Lambda_i``: share of it from someone straight behind, 0 to 1.
+        behind : ``Lambda_i``: share of it from a pedestrian straight behind, 0 to 1.
         """
         number("social force: length", length, POSITIVE)
         number("social force: strength", strength, NOT_NEGATIVE)
@@ -82,7 +82,7 @@ class SocialForce:
         return SocialForce(strength * half, length, (1.0 - behind) / (1.0 + behind), cutoff=8.0 * length)
 
     def params(self) -> SocialParams:
-        """Return the force as kernels read it."""
+        """Return the parameters for kernels."""
         return SocialParams(*astuple(self))
 
 
@@ -95,12 +95,12 @@ SOCIAL_FORCES: dict[str, SocialForce | None] = {
 
 
 def make_social(social: str | Mapping[str, Any] | SocialForce | None) -> SocialForce | None:
-    """Return the social force of a name, of plain data such as ``{"strength": 300.0, "length": 0.05}``, or that is given.
+    """Return a social force, given as such, by name, or as plain data such as ``{"strength": 300.0, "length": 0.05}``.
 
     Raises
     ------
     ValueError
-        If it is something else, or a name is unknown.
+        If the type is another, or a name is unknown.
     """
     return from_choice("social force", SocialForce, social, SOCIAL_FORCES)
 
@@ -110,9 +110,9 @@ _POWERS = 2.0 ** np.arange(-160.0, 161.0)
 
 @inner_kernel
 def _exp(x: float) -> float:
-    """Return exp(x) to a relative 1e-10, for |x| < 110, in half the time of the library's, which is half of the whole force.
+    """Return exp(x) to a relative 1e-10, for |x| < 110, in half the time of the library's, which takes half of the force.
 
-    2^k times the Taylor series of what is left, at most ln 2 / 2, paired up so that the processor need not wait for each term.
+    It is 2^k times the Taylor series of the rest, at most ln 2 / 2; terms are paired, so the processor need not wait for each.
     """
     x = min(max(x, -110.0), 110.0)
     k = np.floor(x * 1.4426950408889634 + 0.5)
@@ -126,9 +126,9 @@ def _exp(x: float) -> float:
 
 @inner_kernel
 def add_social_forces(e: int, rank_stop: int, batch: Batch, params: SocialParams) -> None:
-    """Add the social forces [N] on the people whom `Workspace.inside` lists up to ``rank_stop`` to `History.force`.
+    """Add the social forces [N] on the people in `Workspace.inside` up to ``rank_stop`` to `History.force`.
 
-    The neighbor list must be complete up to the cut-off.  Distances and sizes are found for all pairs first, eight in one
+    The neighbor list must be complete up to the cut-off.  Distances and sizes of all pairs come first, eight in one
     instruction; then the forces are added up in the order of the list.
     """
     near, force, heading = batch.workspace.neighbors, batch.history.force, batch.workspace.heading
@@ -157,7 +157,7 @@ def _turn_heading(i: int, batch: Batch, anisotropy: float) -> None:
     """Bring `Workspace.heading` of person ``i`` up to date with the desired velocity."""
     desired, heading = batch.workspace.desired_velocity, batch.workspace.heading
     x, y = desired[i, 0], desired[i, 1]
-    if heading[i, 2] != x or heading[i, 3] != y:  # seldom: a root and a division are dear
+    if heading[i, 2] != x or heading[i, 3] != y:  # rare: a root and a division are slow
         speed = np.sqrt(x * x + y * y)
         share = anisotropy / speed if speed > 0.0 else 0.0
         heading[i, 0], heading[i, 1], heading[i, 2], heading[i, 3] = share * x, share * y, x, y

@@ -1,11 +1,11 @@
-"""Solves the rows of NSM1 and NSM2 (`crowd_env.physics.constraints`) down to a true residual.
+"""The solver of the rows of NSM1 and NSM2 (`crowd_env.physics.constraints`), down to a true residual.
 
-Projected Gauss-Seidel sets one row right after the other; here every sweep starts from an extrapolation of the last two
-(Nesterov's momentum, dropped whenever it runs uphill; O'Donoghue and Candès 2015).  In jams that takes half the sweeps of
-the accelerated projected gradient, each at the same price, and far fewer than without momentum.
+Projected Gauss-Seidel solves one row after the other; here every sweep starts from an extrapolation of the last two (Nesterov's
+momentum, dropped whenever it runs uphill; O'Donoghue and Candès 2015).  In jams that takes half the sweeps of the accelerated
+projected gradient, at the same cost a sweep, and far fewer than without momentum.
 
-A step that changes little is no proof of a small error, so the solver stops on the violation of the laws themselves, in m/s,
-all at the same velocities: max_c |r_c - law_c(v)|, which for a unilateral contact is |min(a_c P_c, w_c)|.
+A small change of a sweep does not prove a small error, so the solver stops on the violation of the laws themselves, in m/s, all
+at the same velocities: max_c |r_c - law_c(v)|, which for a unilateral contact is |min(a_c P_c, w_c)|.
 """
 
 from typing import NamedTuple
@@ -19,17 +19,17 @@ from crowd_env.physics.constraints import Constraints, Extent
 # The momentum may not exceed 1 - this / sqrt(rows): the slowest motions of a jam are as wide as the jam.  Measured from 300 to
 # 5000 people: up to 20 % fewer sweeps to 1e-3 of the first residual.
 _RESISTANCE = 1.5
-# Momentum that rests here for ten sweeps: where few sweeps are enough more of it overshoots.  Measured: up to 12 % fewer
-# sweeps to 0.13 m/s, about as many to 0.01 m/s.
+# Momentum is held here for ten sweeps: where few sweeps suffice, more of it overshoots.  Measured: up to 12 % fewer sweeps to
+# 0.13 m/s, about as many to 0.01 m/s.
 _HOLD = 0.9
 _ROUNDING = 1e-12  # m/s, added to the limit of the relative residual
 
 
 class Stopping(NamedTuple):
-    """When the solver stops."""
+    """The stopping rule of the solver."""
 
     tolerance: float  # m/s
-    relative: float  # of the residual without any impulse, in the 2-norm; infinite = not asked for
+    relative: float  # of the residual without any impulse, in the 2-norm; infinite = unused
     max_iterations: int
 
 
@@ -47,8 +47,8 @@ def solve(
     """Solve ``rows`` rows of an environment; the first ``active_rows`` are active.
 
     ``compliance`` is `Constraints.compliance`, or None if all rows are hard: then it is neither tested nor fetched from memory.
-    ``v`` holds the velocities without contact and becomes the solution; `Constraints.reaction` holds a start and becomes the
-    reactions.  Returns the number of sweeps, the residual in m/s, and whether it is small enough.
+    ``v`` holds the velocities without contact and becomes the solution.  `Constraints.reaction` holds a warm start and becomes
+    the reactions.  Returns the number of sweeps, the residual in m/s, and whether it is small enough.
     """
     if rows == 0:
         return 0, 0.0, True
@@ -77,7 +77,7 @@ def solve(
         active_rows, pair, source, coefficients, compliance, reaction, u, 0, np.inf
     )
     sweeps, since, beta, least, next_check = 0, 0, 0.0, residual, 1
-    # Where one row that is off by too much is enough to go on, looks end at it, and the next begins there.
+    # If one row above the tolerance is enough to continue, a check ends at it, and the next check begins there.
     by_worst = compliance is None and limit == np.inf
     most = max(0.5, 1.0 - _RESISTANCE / np.sqrt(active_rows + 1.0))
     while sweeps < stopping.max_iterations and not (residual <= stopping.tolerance and size <= limit):
@@ -92,13 +92,13 @@ def solve(
             residual, size, active_rows, worst = _residual(
                 active_rows, pair, source, coefficients, compliance, reaction, u, worst, enough
             )
-            if np.isnan(residual):  # the next search for contacts reports that
+            if np.isnan(residual):  # the next search for contacts reports it
                 break
         if whole:
             next_check = sweeps + 1 + sweeps // (1 if by_worst else 12)
             least = min(least, residual)
-            # Momentum on one-after-the-other is not sure to converge: it ran away in a heap of 16 contacts a person, never in
-            # jams (2 a person).  Without it the sweeps are.
+            # Gauss-Seidel with momentum may diverge: it did in a heap of 16 contacts a body, never in jams (2 a body).  Sweeps
+            # without momentum always converge.
             if residual > 100.0 * least:
                 since, beta, most, least = 0, 0.0, 0.5 * most, residual
     for i in range(slot_stop - slot_start):
@@ -108,9 +108,9 @@ def solve(
 
 @inner_kernel
 def _warm_start(pair: Indices, coefficients: Floats, reaction: Floats, mass: Floats, start: Floats, u: Floats) -> None:
-    """Start from the best multiple of the given reactions: the one of least energy, so never worse than from none.
+    """Warm start from the best multiple of the given reactions: the one of least energy, so never worse than zero.
 
-    The energy that is minimised is that of the velocities, plus P . bias.
+    The energy is that of the velocities, plus P . bias.
     """
     slope, curvature = 0.0, 0.0
     for t in range(len(pair)):
@@ -138,7 +138,7 @@ def _warm_start(pair: Indices, coefficients: Floats, reaction: Floats, mass: Flo
 
 @inner_kernel
 def _extrapolate(beta: float, u: Floats, u_last: Floats) -> None:
-    """Add the momentum ``beta`` to the velocities, and keep what they were."""
+    """Add the momentum ``beta`` to the velocities, and keep their former values."""
     for k in range(u.size):  # one loop over all numbers becomes vector code
         now = u.flat[k]
         u.flat[k] = now + beta * (now - u_last.flat[k])
@@ -155,7 +155,7 @@ def _sweep(
     u: Floats,
     beta: float,
 ) -> bool:
-    """Set the active rows right, one after the other; returns whether the momentum ``beta`` went uphill."""
+    """Solve the active rows one after the other; returns whether the momentum ``beta`` went uphill."""
     uphill = 0.0
     for t in range(index(active_rows)):
         i, j = pair[t, 0], pair[t, 1]
@@ -180,14 +180,14 @@ def _sweep(
 
 @inner_kernel
 def _hard_reaction(bias: float, free: float) -> float:
-    """Return the reaction [m/s] of a hard row: as much as keeps it from closing."""
+    """Return the reaction [m/s] of a hard row, which just keeps it from closing."""
     r = -free - bias
     return r if r > 0.0 else 0.0
 
 
 @inner_kernel
 def _reaction(compliance: float, bias: float, free: float) -> float:
-    """Return what a reaction [m/s] should be, if the row would separate at the speed ``free`` without it."""
+    """Return the reaction [m/s] by the law of a row that would separate at the speed ``free`` without it."""
     if compliance == 0.0:
         return _hard_reaction(bias, free)
     if compliance < 0.0:
@@ -208,11 +208,11 @@ def _residual(
     begin: int,
     enough: float,
 ) -> tuple[float, float, int, int]:
-    """Return the residual [m/s] of all rows, its 2-norm, the size of the active set (all that should push join it), and
+    """Return the residual [m/s] of all rows, its 2-norm, the size of the active set (all rows that should push join it), and
     the row of the residual.
 
-    The look goes round the active rows from ``begin`` on, and ends at the first that is off by more than ``enough`` [m/s];
-    only then come the others.
+    The check goes round the active rows from ``begin`` on, and ends at the first error above ``enough`` [m/s]; without one the
+    other rows follow.
     """
     worst, square, row, known = 0.0, 0.0, 0, active_rows
     for row_start, row_stop in ((begin, known), (0, begin)):
@@ -243,7 +243,7 @@ def _residual(
 def _wanted(
     t: int, pair: Indices, coefficients: Floats, compliance: Floats | None, reaction: Floats, u: Floats
 ) -> float:
-    """Return what the reaction [m/s] of row ``t`` should be while all others stay as they are."""
+    """Return the reaction [m/s] of row ``t`` by its law while all other reactions are fixed."""
     i, j = pair[t, 0], pair[t, 1]
     free = coefficients[t, 0] * (u[i, 0] - u[j, 0]) + coefficients[t, 1] * (u[i, 1] - u[j, 1]) - reaction[t, 0]
     if compliance is not None:
@@ -253,7 +253,7 @@ def _wanted(
 
 @inner_kernel
 def closing_speed(rank_start: int, rank_stop: int, inside: Indices, v: Floats) -> float:
-    """Return the sum of the two largest speeds [m/s] of the people of these ranks: no two can close faster."""
+    """Return the sum of the two largest speeds [m/s] of the people of these ranks, a bound of all closing speeds."""
     fastest, second = 0.0, 0.0
     for rank in range(index(rank_start), index(rank_stop)):
         i = inside[rank]

@@ -29,7 +29,7 @@ def list_active(e: int, batch: Batch) -> int:
 
 @inner_kernel
 def begin_call(e: int, batch: Batch, acting: Influences) -> tuple[int, float, float]:
-    """List who is inside environment ``e`` and bring routes up to date, at the start of a call.
+    """List the people inside environment ``e`` and update routes, at the start of a call.
 
     Returns one past the last rank, the speed limit [m/s] and the least radius [m].
     """
@@ -40,14 +40,14 @@ def begin_call(e: int, batch: Batch, acting: Influences) -> tuple[int, float, fl
 
 @inner_kernel
 def find_neighbors(e: int, batch: Batch, cutoff: float) -> bool:
-    """Bring the neighbor list up to date for gaps below ``cutoff``; False (with the reason in `status`) if it cannot."""
+    """Update the neighbor list for gaps below ``cutoff``; False (with the reason in `status`) on failure."""
     batch.workspace.status[e] = update_neighbors(e, batch, cutoff, 1)
     return bool(batch.workspace.status[e] == OK)
 
 
 @inner_kernel
 def detect(e: int, batch: Batch, margin: float, cutoff: float) -> bool:
-    """Bring neighbors and contacts of environment ``e`` up to date; False (with the reason in `status`) if it cannot.
+    """Update neighbors and contacts of environment ``e``; False (with the reason in `status`) on failure.
 
     Contacts have a gap below ``margin``; the neighbor list also holds every pair with a gap below ``cutoff``.
     """
@@ -66,14 +66,14 @@ def contact_range(e: int, batch: Batch) -> tuple[int, int]:
 
 @inner_kernel
 def extent_of(e: int, batch: Batch) -> Extent:
-    """Return where the people and the contacts of environment ``e`` lie."""
+    """Return the ranges of the people and the contacts of environment ``e``."""
     contact_start, contact_stop = contact_range(e, batch)
     return Extent(e, batch.bodies.env_start[e], batch.bodies.env_start[e + 1], contact_start, contact_stop)
 
 
 @inner_kernel
 def record_impulses(e: int, batch: Batch, share: float) -> None:
-    """Add a share of the contact impulses of environment ``e`` to what people have received in this call."""
+    """Add a share of the contact impulses of environment ``e`` to the impulses on bodies in this call."""
     contacts, received, magnitudes = batch.history.contacts, batch.results.impulse, batch.results.impulse_magnitude
     of_walls = batch.results.wall_impulse
     ci, cj, direction, impulse = contacts.i, contacts.j, contacts.normal, contacts.impulse
@@ -118,10 +118,10 @@ def record_overlaps(e: int, batch: Batch) -> float:
 
 @inner_kernel
 def record_contacts(e: int, batch: Batch, rattles: bool = False) -> float:
-    """Add impulses and overlaps to the sums, and let the solver of the next step start from these impulses.
+    """Add impulses and overlaps to the sums, and keep the impulses as warm start of the next step.
 
-    Elastic contacts that are at rest rattle with a period of two steps: where a law ``rattles`` so, the solver starts from the
-    impulses of the step before.
+    Elastic contacts at rest rattle with a period of two steps: where a law ``rattles`` so, the warm start is from the step
+    before.
 
     Returns the deepest overlap of a contact of environment ``e`` with a wall [m].
     """
@@ -139,12 +139,12 @@ def record_solver(e: int, batch: Batch, sweeps: int, residual: float, converged:
     sums = batch.results.diagnostics
     sums.iterations[e] += sweeps
     sums.residual[e] = max(sums.residual[e], residual)
-    sums.unconverged[e] += not converged and residual > 0.0  # nan: the next search for contacts reports that
+    sums.unconverged[e] += not converged and residual > 0.0  # nan: the next search for contacts reports it
 
 
 @inner_kernel
 def tick(e: int, batch: Batch, dt: float) -> None:
-    """Advance the clock of environment ``e`` by the step that is done."""
+    """Advance the clock of environment ``e`` by one step."""
     batch.state.time[e] += dt
     batch.history.direction_age[e] += dt
     batch.history.decision_age[e] += dt

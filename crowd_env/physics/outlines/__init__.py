@@ -1,1 +1,1 @@
-"""Bodies of several discs: where their discs are, what these touch, and what turns the bodies into their way."""
+"""Bodies of several discs: places and contacts of the discs, and torques that turn bodies into their way."""

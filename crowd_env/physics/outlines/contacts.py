@@ -1,11 +1,11 @@
 """Contacts of bodies of several discs: one row for each pair of discs that touch, and for each disc and wall feature.
 
-The neighbor list stays one of bodies, by the gap of their nominal discs, up to which the discs of two may touch however they
-face: twice what an outline reaches beyond the nominal radius.  So what else reads the list, as the social force, is not
-touched.
+The neighbor list still holds pairs of bodies, by the gap of their nominal discs.  Its reach is twice the excess of an outline
+over the nominal radius, so it holds all discs that can touch at any angle.  Other readers of the list, such as the social
+force, are not affected.
 
-A shoulder may be pressed through a wall by more than its own radius, which no center of a body is (`crowd_env.physics.bounds`).
-On which side of a wall a disc belongs is therefore read from the line between the center of the body and that of the disc.
+A shoulder may be pressed through a wall by more than its radius; the center of a body cannot (`crowd_env.physics.bounds`).
+Therefore the line from the center of the body to that of the disc decides on which side of a wall the disc belongs.
 """
 
 import numpy as np
@@ -41,7 +41,7 @@ def detect_discs(e: int, rank_stop: int, batch: Batch, cutoff: float) -> bool:
 
 @inner_kernel
 def _find_spread(e: int, rank_stop: int, batch: Batch) -> float:
-    """Return how far [m] an outline reaches beyond the nominal radius, at most."""
+    """Return the largest excess [m] of an outline over the nominal radius."""
     inside, radius, largest = batch.workspace.inside, batch.bodies.radius, 0.0
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         largest = max(largest, radius[inside[rank]])
@@ -50,7 +50,7 @@ def _find_spread(e: int, rank_stop: int, batch: Batch) -> float:
 
 @inner_kernel
 def _place_discs(e: int, rank_stop: int, batch: Batch) -> None:
-    """Write where everyone's discs are, from the center of the body, as the bodies face now."""
+    """Write the places of all discs, relative to the center of the body, at the present angles."""
     inside, radius, angle = batch.workspace.inside, batch.bodies.radius, batch.state.angle
     outline, discs = batch.behaviors.outline, batch.workspace.discs
     shape_x, shape_y, shape_radius = outline.x, outline.y, outline.radius
@@ -70,7 +70,7 @@ def _place_discs(e: int, rank_stop: int, batch: Batch) -> None:
 def _find_contacts(e: int, spread: float, batch: Batch) -> bool:
     """Write the contacts of environment ``e``, sorted by (i, j, discs), walls last; False if they do not fit.
 
-    Then the contacts are those that were kept of the last step, as if nothing had been looked for.
+    In that case the contacts of the last step are kept.
     """
     near, contacts, active = batch.workspace.neighbors, batch.history.contacts, batch.state.active
     candidates, owner = batch.workspace.narrow_phase.candidates, near.owner
@@ -157,7 +157,7 @@ def _write_wall(e: int, entry: int, batch: Batch, c: int) -> int:
 
 @inner_kernel
 def _put_back(e: int, first: int, kept: int, batch: Batch) -> None:
-    """Let the contacts be those that `keep_history` has put aside."""
+    """Restore the contacts that `keep_history` has saved."""
     contacts, work = batch.history.contacts, batch.workspace.narrow_phase
     for c in range(first, kept):
         contacts.i[c], contacts.j[c] = contact_of_key(work.old_key[c])
@@ -173,7 +173,7 @@ def _put_back(e: int, first: int, kept: int, batch: Batch) -> None:
 def _gap_to_feature(
     x: float, y: float, dx: float, dy: float, radius: float, boundary: Boundary, g: int, feature: int
 ) -> tuple[float, float, float]:
-    """Return gap and normal between a wall feature and the disc that lies (dx, dy) from the center (x, y) of its body."""
+    """Return gap and normal between a wall feature and the disc at (dx, dy) from the center (x, y) of its body."""
     start = boundary.wall_start[g]
     walls = boundary.chord_start[g] - start
     if feature < walls:
@@ -194,9 +194,9 @@ def _gap_to_feature(
 
 @inner_kernel
 def _crossed(x0: float, y0: float, x1: float, y1: float, boundary: Boundary, k: int) -> tuple[float, float]:
-    """Return on which side of wall ``k`` point 0 is (1 = left, -1) if the line from it to point 1 crosses the wall, else 0.
+    """Return the side of wall ``k`` with point 0 (1 = left, -1) if the line from it to point 1 crosses the wall, else 0.
 
-    With it the height [m] of point 1 above the wall, seen from that side: negative.
+    Also returns the height [m] of point 1 above the wall, seen from that side: negative.
     """
     ax, ay = boundary.wall[k, 0, 0], boundary.wall[k, 0, 1]
     tx, ty = boundary.tangent[k, 0], boundary.tangent[k, 1]

@@ -1,4 +1,4 @@
-"""What turns bodies of several discs: the lever arms of their contacts, and the torque that turns them into their way."""
+"""Rotation of bodies of several discs: lever arms of contacts, and the torque that turns bodies into their way."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from crowd_env.physics.workspace import Batch
 
 @inner_kernel
 def lever(batch: Batch, i: int, disc: int, nx: float, ny: float) -> tuple[float, float, float]:
-    """Return the radius of a disc of ``i``, and how far its center is from that of the body along (nx, ny) and left of it."""
+    """Return the radius of a disc of ``i``, and the offset of its center from the body's along (nx, ny) and left of it."""
     discs, k = batch.workspace.discs, index(i) * index(len(batch.behaviors.outline.radius)) + index(disc)
     x, y = discs.x[k], discs.y[k]
     return discs.radius[k], x * nx + y * ny, y * nx - x * ny
@@ -19,9 +19,9 @@ def lever(batch: Batch, i: int, disc: int, nx: float, ny: float) -> tuple[float,
 
 @inner_kernel
 def begin_to_face(e: int, rank_stop: int, batch: Batch, dt: float, acting: Influences) -> bool:
-    """Let all pedestrians of environment ``e`` face their way, unless somebody's angle has been set.
+    """Turn all pedestrians of environment ``e`` into their way, unless an angle has been set.
 
-    False (with the reason in `status`) if the neighbor list, which also looks for people who are nowhere, does not fit.
+    False (with the reason in `status`) if the neighbor list does not fit, or positions have diverged.
     """
     if not find_neighbors(e, batch, acting.reach):
         return False

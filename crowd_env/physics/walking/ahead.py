@@ -18,9 +18,7 @@ _U, _V = 3 * BLOCK, 4 * BLOCK  # m/s  velocity
 _WAY_X, _WAY_Y, _GIVES_WAY = 5 * BLOCK, 6 * BLOCK, 7 * BLOCK
 _ROOM, _FORESEEN, _PER_TIME = 5 * BLOCK, 6 * BLOCK, 7 * BLOCK  # gap less c s [m], c t_a [s], 1 / (T + c t_a) [1/s]
 _PER_BESIDE = 8 * BLOCK  # 1/s  1 / (c T_y)
-_OFF = (
-    9 * BLOCK
-)  # m    distance of the center of i from the way of a pedestrian waiting for i; infinite if it does not wait
+_OFF = 9 * BLOCK  # m    distance of i from the way of a pedestrian that waits for i; infinite if it does not wait
 _ASIDE = 10 * BLOCK  # side step because of each, as a tangent
 _PACE = 10 * BLOCK  # m/s  that each allows along a heading
 _LEAST = 11 * BLOCK  # the least of them: one number
