@@ -1,11 +1,11 @@
-"""Actions: what an agent decides is a desired velocity, as a multiple of its pedestrian's desired speed.
+"""Actions: an agent decides a desired velocity, as a multiple of its pedestrian's desired speed.
 
-In the frame "path" the first axis is the direction of the shortest path at the pedestrian's position, looked up anew every
-0.01 s, and the second points to its left: (1, 0) is exactly what the rule "walk the shortest path" does.  In the frame
-"world" the axes are x and y.  A vector longer than 1 is shortened to 1: nobody wants to be faster than the desired speed.
+In the frame "path" the first axis is the direction of the shortest path at the pedestrian's position, updated every 0.01 s.
+The second axis points to its left: (1, 0) is exactly the rule "walk the shortest path".  In the frame "world" the axes are x
+and y.  A vector longer than 1 is shortened to 1: no pedestrian wants more than its desired speed.
 
-Choices among a few speeds are easier to learn than a Gaussian around full speed, which saturates at the bound and then never
-tries to slow down.  Where a place has several exits, an action may also say which of them to take, see `SpeedExitTable`.
+Choices among a few speeds are easier to learn than a Gaussian around full speed.  That one saturates at the bound and then
+never tries to slow down.  Where a place has several exits, an action may also choose among them, see `SpeedExitTable`.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -34,8 +34,8 @@ from crowd_env.core.kernels.jit import kernel
 Frame = Literal["path", "world"]
 FRAMES: tuple[Frame, ...] = ("path", "world")
 
-RULE = (1.0, 0.0)  # the command of those who walk the shortest path
-KEEP = -1  # the choice of those who keep to their way
+RULE = (1.0, 0.0)  # the command of a pedestrian on the shortest path
+KEEP = -1  # the choice that keeps the current way
 
 _TURNS = np.arange(8) * np.pi / 4
 # Discrete action k < 8: full speed at k * 45 degrees to the left of the first axis; 8: stand still.
@@ -44,27 +44,27 @@ DISCRETE = np.concatenate([np.column_stack([np.cos(_TURNS), np.sin(_TURNS)]), np
 
 @dataclass(frozen=True)
 class ActionKind:
-    """One way to say what a pedestrian is to do: a name in ``ACTIONS``, or an object of one's own, ``CrowdEnv(action=...)``.
+    """An action space with its decoder: a name in ``ACTIONS``, or a custom object, ``CrowdEnv(action=...)``.
 
     Parameters
     ----------
-    name : what messages call it.
+    name : name in messages.
     space : of one pedestrian's action.
-    decode : turns actions (P, ...), each of the space, into commands (P, 2), desired velocities as multiples of the own desired
-        speed.  Commands longer than 1 are shortened afterwards.  Rows of those who follow the rule hold the neutral action.
+    decode : turns actions (P, ...), each of the space, into commands (P, 2): desired velocities as multiples of the desired
+        speed.  Commands longer than 1 are shortened afterwards.  Rows of scripted pedestrians hold the neutral action.
         None = an action is a command.  If ``routes`` is not None it returns two: commands, and choices (P,) among the ways
-        out, whole numbers in the order of `Scenario.ways`; ``KEEP``, -1, keeps to the own way.
+        out, whole numbers in the order of `Scenario.ways`; ``KEEP``, -1, keeps the current way.
     neutral : the action that is decoded as (1, 0), the rule: full speed along the way.  Learning may start from it; of a
         discrete kind it is the index of that choice.
     routes : how many exits and routes an action chooses among; None = it chooses none.  0, of a table such as that of
         "speeds-exits", is as many as the place has.
-    dwell : s, whoever has taken another way keeps to it for so long.
+    dwell : s, a pedestrian that has changed its way keeps the new one for this time.
     frame : axes of the commands: "path", along the route, or "world", along x and y.
 
     Raises
     ------
     ValueError
-        If one of them is something else, or the neutral action is not decoded as the rule.
+        If a parameter is of a wrong type or out of range, or the neutral action is not decoded as the rule.
     """
 
     name: str
@@ -96,7 +96,7 @@ class ActionKind:
         Raises
         ------
         ValueError
-            If ``decode`` raises it, or returns something else where ways are chosen.
+            If ``decode`` raises it, or returns no ways where it should.
         """
         if self.decode is None:
             return action, None
@@ -133,13 +133,13 @@ def _choose(action: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class SpeedTable:
-    """What the choices of a kind such as "speeds" mean: each speed in each heading.
+    """The choices of a kind such as "speeds": each speed in each heading.
 
     Choice ``k`` is the speed ``k // H`` in the heading ``k % H`` of the H headings.
 
     Parameters
     ----------
-    speeds : (S,) as multiples of the own desired speed; one below 0 is a step back.
+    speeds : (S,) as multiples of the desired speed; one below 0 is a step back.
     headings : (H,) rad, to the left of the first axis.
 
     Raises
@@ -184,20 +184,20 @@ class SpeedTable:
 
 @dataclass(frozen=True)
 class SpeedExitTable(SpeedTable):
-    """What the choices of "speeds-exits" mean: each speed in each heading, along the own way or along one from now on.
+    """The choices of "speeds-exits": each speed in each heading, along the current way or along a new one.
 
-    Of the K choices of the `SpeedTable`, choice ``k`` walks as ``k % K``.  ``k // K`` is 0 to keep to the own way, else 1 + the
-    number of the exit or route to take from now on, in the order of `Scenario.ways`.
+    Of the K choices of the `SpeedTable`, choice ``k`` walks as ``k % K``.  ``k // K`` is 0 to keep the current way, else 1 +
+    the number of the exit or route to take from now on, in the order of `Scenario.ways`.
 
     Parameters
     ----------
     routes : number of exits and routes; 0 = as many as the place has, which an environment fills in.
-    dwell : s, whoever has taken another way keeps to it for so long: who can turn at every decision dithers.
+    dwell : s, a pedestrian that has changed its way keeps the new one for this time, which prevents dithering.
 
     Raises
     ------
     ValueError
-        If one of them is negative, or for what `SpeedTable` refuses.
+        If one of them is negative, or where `SpeedTable` raises it.
     """
 
     routes: Natural = 0
@@ -225,7 +225,7 @@ ACTIONS: Mapping[str, ActionKind] = {
     "speeds": SpeedTable().kind("speeds"),
     # the same speeds, straight on or half right or half left
     "speeds-directions": SpeedTable(headings=(-np.pi / 4, 0.0, np.pi / 4)).kind("speeds-directions"),
-    # the speeds of "speeds", each along the own way or along that to one of the exits or routes
+    # the speeds of "speeds", each along the current way or along that to one of the exits or routes
     "speeds-exits": SpeedExitTable().kind("speeds-exits"),
 }
 
@@ -239,7 +239,7 @@ def make_action(kind: str | Mapping[str, Any] | ActionKind) -> ActionKind:
     Raises
     ------
     ValueError
-        If it is unknown or something else, or for what `SpeedTable` refuses.
+        If it is unknown or of a wrong type, or where `SpeedTable` raises it.
     """
     if isinstance(kind, ActionKind):
         return kind
@@ -260,7 +260,7 @@ def plain_action(kind: str | Mapping[str, Any] | ActionKind) -> str | dict[str, 
 
     Raises
     ------
-    ValueError
+    If it is a custom kind: plain data hold no functions.
         If it is one of the user's own: plain data hold no functions.
     """
     kind = make_action(kind)
@@ -297,14 +297,14 @@ def fit_routes(kind: ActionKind, scenario: str, ways: Sequence[str]) -> ActionKi
 
 
 def to_command(action: ArrayLike, kind: ActionKind, controlled: Bools) -> tuple[Floats, Ints | None]:
-    """Return the commands (P, 2) of actions; (1, 0) for those who are not ``controlled`` (P,), whatever their action.
+    """Return the commands (P, 2) of actions; (1, 0) for pedestrians not ``controlled`` (P,), whatever their action.
 
     The second is the way that each chooses (P,), None if the kind of action chooses none.
 
     Raises
     ------
     ValueError
-        If the shape is wrong, or an action of somebody controlled is no real number, not finite or unknown.
+        If the shape is wrong, or an action of a controlled pedestrian is no real number, not finite or unknown.
     """
     count, shape = len(controlled), kind.space.shape or ()
     given = array(f"{kind.name} actions", action, (count, *shape))
@@ -322,9 +322,9 @@ def to_command(action: ArrayLike, kind: ActionKind, controlled: Bools) -> tuple[
 
 @kernel
 def shorten(command: Floats, controlled: Bools) -> int:
-    """Shorten commands (P, 2) longer than 1 to 1, in place; (1, 0), the rule, for those who are not controlled (P,).
+    """Shorten commands (P, 2) longer than 1 to 1, in place; (1, 0), the rule, for pedestrians not controlled (P,).
 
-    Returns the first row of somebody controlled that is not finite, -1 if there is none.
+    Returns the first controlled row that is not finite, -1 if there is none.
     """
     for i in range(len(command)):
         if not controlled[i]:

@@ -1,4 +1,4 @@
-"""What callers and learning libraries give an environment: checked before anything is computed."""
+"""Arguments of an environment, checked before any computation."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -24,12 +24,12 @@ NUMBERS = "biuf"  # kinds of dtype that an action may have
 
 
 def scenarios_of(scenario: Any, people: int | None, num_envs: int) -> list[Scenario]:
-    """Return the scenarios of a batch, one alone as a list of one, with so many ``people`` each if that is given.
+    """Return the scenarios of a batch, one alone as a list of one, each with this number of ``people`` if it is given.
 
     Raises
     ------
     ValueError
-        If it is something else, there is none, or a batch of ``num_envs`` has more people than any memory has room for.
+        If it is of a wrong type, there is none, or a batch of ``num_envs`` has more people than fit into memory.
     """
     if isinstance(scenario, str | Path | Scenario | Mapping):
         scenario = [scenario]
@@ -46,12 +46,12 @@ def scenarios_of(scenario: Any, people: int | None, num_envs: int) -> list[Scena
 
 
 def settle(scenarios: Sequence[Scenario], physics: Physics, walking: Walking) -> tuple[Physics, Walking]:
-    """Return the settings of a batch with all behaviors in them: as they are given, or else as the scenarios say.
+    """Return the settings of a batch with all behaviors in them: the given ones, else the scenarios' ones.
 
     Raises
     ------
     ValueError
-        If a behavior is unknown, the scenarios do not say the same, or the scheme cannot have it.
+        If a behavior is unknown, the scenarios disagree, or the scheme does not support it.
     """
     chosen: dict[str, Any] = {}
     for name, kind in BEHAVIORS.items():
@@ -79,7 +79,7 @@ def parts_of(what: str, duration: float, parts: str, part: float) -> int:
     Raises
     ------
     ValueError
-        If it is not a whole number of at least 1, or so large that nobody lives to see the end.
+        If it is not a whole number of at least 1, or too large.
     """
     ratio = duration / part
     if ratio > _MOST_PARTS:
@@ -92,9 +92,9 @@ def parts_of(what: str, duration: float, parts: str, part: float) -> int:
 
 
 def bodies_before_reset(scenarios: Sequence[Scenario]) -> Bodies:
-    """Return bodies (P,) for the crowds of some environments, all as wide, heavy and quick as their population allows.
+    """Return bodies (P,) for the crowds of some environments, all with the greatest radius, mass and speed of their population.
 
-    They hold the room of those that a reset draws; all who may walk in company do so together.
+    They have the capacity of the bodies that a reset draws; all pedestrians that may have companions are one company.
     """
     parts = [part for scenario in scenarios for part in scenario.population.parts]
     counts = [part.people for part in parts]
@@ -131,7 +131,7 @@ def seed_words(seed: int | Sequence[int] | None, num_envs: int) -> list[list[int
 
 
 def check_options(options: Any, known: Collection[str] = (), *, idle: Collection[str] = ()) -> None:
-    """Raise ValueError unless ``options`` of a reset is None or a dictionary of known names; ``idle`` names do nothing."""
+    """Raise ValueError unless ``options`` of a reset is None or a dictionary of known names; ``idle`` names are ignored."""
     if options is None:
         return
     if not isinstance(options, Mapping):

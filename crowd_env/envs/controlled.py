@@ -16,7 +16,7 @@ from crowd_env.envs.metrics import EpisodeMetrics
 
 
 class BatchStep(NamedTuple):
-    """What one step did to E environments."""
+    """The effect of one step on E environments."""
 
     observation: np.ndarray  # (E, ...)  where an episode has restarted, the first of the new one
     final: np.ndarray | None  # (E, ...)  where an episode has restarted, the last of the old one; None if none has
@@ -136,13 +136,13 @@ class BatchVectorEnv(VectorEnv):
     """The E environments of a `Batch`, with the infos of `gymnasium.vector.SyncVectorEnv` around E single ones.
 
     Every entry of an info is an array (E, ...), or a dictionary of such, and has a mask ``_<name>`` (E,) bool of the
-    environments that it is about; the rows of the others are zero.  ``autoreset_mode``, which is also in ``metadata``, says
-    what becomes of an environment whose episode has ended:
+    environments concerned; rows of other environments are zero.  ``autoreset_mode``, which is also in ``metadata``, defines
+    the treatment of an environment whose episode has ended:
 
     "SameStep" (default)
         It restarts in the same step and its row shows the first observation of the next episode.  ``info["final_obs"]`` holds
         the last observation of the old one and ``info["final_info"]`` the whole info of the step that ended it, its
-        ``metrics`` included.  The other infos of that row are those of a reset.
+        ``metrics`` included.  The other infos of that row are the infos of the reset.
     "NextStep"
         Its row shows the last observation, and the info its ``metrics``.  In the next step it restarts, whatever its action;
         reward 0.
@@ -151,7 +151,7 @@ class BatchVectorEnv(VectorEnv):
 
     Parameters
     ----------
-    make : makes the environments; it is given ``autoreset``, whether those that end restart at once.
+    make : makes the environments; it receives ``autoreset``, whether environments that end restart at once.
     autoreset_mode : an `AutoresetMode` or its value.
     render_mode : None; a batch is not rendered.
 
@@ -185,7 +185,7 @@ class BatchVectorEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._begun = False
         self._ended = np.zeros(num_envs, dtype=np.bool_)  # and not yet restarted
-        # Rows as they were last shown: a reset of some environments returns those of the others.
+        # Rows as last returned: a reset of some environments returns the others unchanged.
         self._last = np.zeros(self.observation_space.shape or (), dtype=self.observation_space.dtype)
 
     def reset(
@@ -195,12 +195,12 @@ class BatchVectorEnv(VectorEnv):
 
         Parameters
         ----------
-        seed : as in `CrowdEnv.reset`; seeds of environments that are not reset mean nothing.
-        options : None or {"reset_mask": boolean array}; nothing in it is changed.
+        seed : as in `CrowdEnv.reset`; seeds of environments that are not reset are ignored.
+        options : None or {"reset_mask": boolean array}; it stays unchanged.
 
         Returns
         -------
-        All observations (E, ...), where no episode starts those that were last shown, and the infos of the new episodes.
+        All observations (E, ...), unchanged where no episode starts, and the infos of the new episodes.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""CrowdEnv: a batch of evacuations over arrays; the only place where learning meets physics."""
+"""CrowdEnv: a batch of evacuations over arrays; the only module where learning meets physics."""
 
 import copy
 from collections.abc import Mapping, Sequence
@@ -44,9 +44,9 @@ from crowd_env.scenarios.groups import extreme_bodies
 
 
 class Step(NamedTuple):
-    """What a decision step returns; P people, E environments, in slots that never move."""
+    """The result of a decision step; P people, E environments, in slots that never move."""
 
-    observation: np.ndarray  #: (P, D) float32; zero for those who are out
+    observation: np.ndarray  #: (P, D) float32; zero for pedestrians outside
     reward: Floats  #: (P,)
     terminated: Bools  #: (P,) got out during this step: true exactly once an episode
     truncated: Bools  #: (P,) still inside when the time limit was reached
@@ -57,24 +57,24 @@ class CrowdEnv:
     """A batch of evacuations.
 
     Observation
-        (P, D) float32 in [-1, 1], columns as ``layout`` says.  The row of someone who gets out holds the last observation in
-        that step, zeros afterwards.
+        (P, D) float32 in [-1, 1], columns as ``layout`` defines.  In the step of its exit a pedestrian's row holds its last
+        observation, zeros afterwards.
     Action
-        (P, 2) in [-1, 1]: the desired velocity as a multiple of the desired speed; or (P,) 0..8, or what another kind of
-        action takes, which may choose an exit too.  Where ``scripted`` is true, or if the action is None, the pedestrian
-        walks the shortest path instead.
+        (P, 2) in [-1, 1]: the desired velocity as a multiple of the desired speed; or (P,) 0..8, or an action of another
+        kind, which may choose an exit too.  Where ``scripted`` is true, or if the action is None, the pedestrian walks the
+        shortest path instead.
     Reward
-        (P,), see ``RewardWeights``; ``info["reward/<name>"]`` holds each term unweighted.  Those who are out get nothing but
+        (P,), see ``RewardWeights``; ``info["reward/<name>"]`` holds each term unweighted.  Pedestrians outside receive only
         their ``team_share``.
     Termination
         A pedestrian terminates when its center crosses an exit line, and is truncated at the scenario's time limit.  An
-        environment is finished when nobody is left inside, at its time limit, or when its exits are blocked (nobody has got
-        out for ``Scenario.blocked_after``; the rest are truncated); ``info["finished"]`` (E,).
+        environment is finished when it is empty, at its time limit, or when its exits are blocked (no exit for
+        ``Scenario.blocked_after``; the remaining pedestrians are truncated); ``info["finished"]`` (E,).
     Diagnostics
         ``info["diagnostics"]`` holds the overlaps, solver residual and iterations of the step, per environment (E,).
     Randomness
-        Environment ``e`` has its own generator, made of (seed, e); a list of seeds gives environment ``e`` what a batch of
-        one gets from that seed.  Physics and observations draw nothing.
+        Environment ``e`` has its own generator, made of (seed, e).  With a list of seeds environment ``e`` equals a batch of
+        one with its seed.  Physics and observations draw nothing.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class CrowdEnv:
     ValueError
         If any of these is unknown, out of range, or does not fit together.
     TypeError
-        If there is no such argument; the message says how it is said.
+        If there is no such argument; the message names the right one.
 
     Examples
     --------
@@ -110,7 +110,7 @@ class CrowdEnv:
     """
 
     decides: Literal["walking"] = "walking"
-    learned: Bools | bool = True  # (P,)  whom actions move; a subclass may move others itself
+    learned: Bools | bool = True  # (P,)  pedestrians that actions move; a subclass may move others itself
 
     @answers_unknown()
     def __init__(
@@ -144,7 +144,7 @@ class CrowdEnv:
         self.n_substeps = parts_of("decision_dt", decision_dt, "physics steps of dt", dt)
         self.action_kind, self.layout, choosing = fit_to_ways(kind, layout, self.scenarios)
         self.single_observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
-        self.single_action_space = copy.deepcopy(self.action_kind.space)  # whoever seeds it seeds no other
+        self.single_action_space = copy.deepcopy(self.action_kind.space)  # a copy: seeding it seeds no other
         settled, walks = settle(self.scenarios, replace(physics, dt=dt), walking)
         for each in self.scenarios:  # every draw, not only the first
             check_step(settled.law, extreme_bodies(each.population), dt, outline=Outline.of(settled.outline))
@@ -170,7 +170,7 @@ class CrowdEnv:
             fields=self.route_set,
             geometry_of_env=which,
         )
-        self.simulation.state.active[:] = False  # nobody is there before the first reset
+        self.simulation.state.active[:] = False  # empty before the first reset
         in_world = self.action_kind.frame == "world"
         routes_of_env = [self.route_set[k] for k in which]
         dwell = self.action_kind.dwell
@@ -185,11 +185,11 @@ class CrowdEnv:
         self._made_by = {"decision_dt": decision_dt, "frame": self.action_kind.frame, "dwell": dwell, **limits}
         self._started = False
         self._times_restored = 0
-        self._interrupted = False  # a step was begun and never came to its end: Ctrl-C, or a crowd that diverged
+        self._interrupted = False  # a step began and did not end: Ctrl-C, or a crowd that diverged
 
     @property
     def time_limit(self) -> Floats:
-        """Time limit of each environment (E,) [s]; what is written into it counts from the next step on."""
+        """Time limit of each environment (E,) [s]; a change counts from the next step on."""
         return cast(Floats, self._transition.time_limit)
 
     @property
@@ -209,7 +209,7 @@ class CrowdEnv:
 
     @property
     def active(self) -> Bools:
-        """Who is still inside (P,): a copy, which later steps do not change."""
+        """Pedestrians still inside (P,): a copy, which later steps do not change."""
         return self.simulation.state.active.copy()
 
     def people(self, e: int) -> slice:
@@ -224,8 +224,8 @@ class CrowdEnv:
 
         Parameters
         ----------
-        seed : an int gives environment ``e`` the generator of (seed, e); a sequence gives each what a batch of one would
-            get from its seed; None goes on drawing from the generators as they are, and the first time draws at random.
+        seed : an int gives environment ``e`` the generator of (seed, e); a sequence gives each the generator of a batch of
+            one with its seed; None continues the present generators, and the first time draws at random.
 
         Raises
         ------
@@ -251,8 +251,8 @@ class CrowdEnv:
 
         Parameters
         ----------
-        action : (P, 2) or, if discrete, (P,); rows of people who are out are ignored.  None: everyone is scripted.
-        scripted : (P,), true for people who walk at full speed along their route whatever their action.
+        action : (P, 2) or, if discrete, (P,); rows of pedestrians outside are ignored.  None: all are scripted.
+        scripted : (P,), true for pedestrians that walk at full speed along their route whatever their action.
 
         Raises
         ------
@@ -266,14 +266,14 @@ class CrowdEnv:
             raise ValueError("the simulation alone was restored, the environment was not; restore or reset that")
         command, relative, gives_way = self._command(action, scripted)
         transition = self._transition.fields
-        if not self._interrupted:  # else this step goes on with the one before: who got out in between has left
+        if not self._interrupted:  # else this step continues the interrupted one, after some exits
             transition.inside[:], transition.step_start[:] = state.active, state.time
         self._interrupted = True
         observation = self._observer.begin(transition.inside)
         look = partial(self._observer.look, observation)
         simulation.advance(command, relative=relative, n_substeps=self.n_substeps, gives_way=gives_way, then=look)
-        # Before the end of an episode takes out those who are truncated: they are still seen, by themselves and by others,
-        # and what is left of their route is not yet 0, which would pay them as if they had got out.
+        # Before `update_episode` takes out truncated pedestrians: they are still observed, by themselves and by others.
+        # The rest of their route is not yet 0, which would pay them as for an exit.
         self._observer.finish(observation)
         update_episode(self._transition, simulation.dt)
         self._interrupted = False
@@ -296,10 +296,10 @@ class CrowdEnv:
         return metrics_of(e, self.people(e), self._transition.fields, self.simulation)
 
     def pass_rest(self, e: int) -> None:
-        """Let the rest of the wait pass in environment ``e``, whose people have come to rest for good: no physics.
+        """Skip ahead to the end of a blocked episode in environment ``e``, whose crowd has come to rest: no physics.
 
-        The clock goes on to two decisions before the exits count as blocked or the time is over, and who is pressed is pressed
-        as in the last step.  ``mean_overlap`` is over the steps that were simulated.
+        The clock advances to two decisions before the exits count as blocked or the time limit.  Contact impulses are held
+        constant.  ``mean_overlap`` is over the simulated steps.
         """
         step, simulation, people = self._transition.fields, self.simulation, self.people(e)
         until = min(step.time_limit[e], step.last_exit[e] + step.blocked_after[e])
@@ -310,7 +310,7 @@ class CrowdEnv:
     def checkpoint(self) -> EnvCheckpoint:
         """Return a copy of all that the future depends on, to `restore` here, or in an environment made like this one.
 
-        The last observation is no part of it: callers who need it keep it beside the checkpoint.
+        The last observation is not included: callers that need it keep it beside the checkpoint.
         """
         return EnvCheckpoint(
             self._made_by,
@@ -324,7 +324,7 @@ class CrowdEnv:
         )
 
     def restore(self, checkpoint: EnvCheckpoint) -> None:
-        """Go back to a moment: the same actions, and resets without a seed, lead bit by bit to what they led to then.
+        """Restore a checkpoint: the same actions, and resets without a seed, lead to the same results bit by bit.
 
         Raises
         ------
@@ -375,7 +375,7 @@ class CrowdEnv:
         transition.step_start[chosen], transition.finished[chosen] = 0.0, False
 
     def _wait_for_the_first(self, chosen: Bools | Ints) -> None:
-        """Let exits count as blocked only when nobody has got out for a while since somebody could have."""
+        """Restart the wait for blocked exits at the time at which the first pedestrian could have got out."""
         first = self._observer.view.potential + self.simulation.bodies.response_time
         soonest = np.minimum.reduceat(np.where(np.isfinite(first), first, 0.0), self.env_start[:-1])
         self._transition.last_exit[chosen] = soonest[chosen]
@@ -396,7 +396,7 @@ class CrowdEnv:
 
 
 def require_same_spaces(env: CrowdEnv, before: CrowdEnv) -> None:
-    """Raise ValueError if observations or actions of a person are others than they were before."""
+    """Raise ValueError if the observation or action space of a pedestrian differs from before."""
     for what in ("single_observation_space", "single_action_space"):
         if getattr(env, what) != getattr(before, what):
             one, other = getattr(env, what), getattr(before, what)

@@ -1,4 +1,4 @@
-"""What became of everyone in a decision step, compiled: who got out, and whose episode is over."""
+"""The outcome of a decision step, compiled: exits of pedestrians, and ends of episodes."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # no part of what kernels are made of
 class EnvCheckpoint(NamedTuple):
     """A moment of a `CrowdEnv`; made by `CrowdEnv.checkpoint`, taken up by `CrowdEnv.restore`.  It can be pickled."""
 
-    made_by: dict[str, Any]  # what an environment must have in common with the one that it was taken from
+    made_by: dict[str, Any]  # properties that must equal those of the environment to restore
     simulation: "Checkpoint"
     step: "Arrays"  # of the `Transition`
     chosen_at: Floats  # of the `RouteChoice`
@@ -57,7 +57,7 @@ def init_transition(
 
 
 def metrics_of(e: int, people: slice, step: Transition, simulation: "Simulation") -> EpisodeMetrics:
-    """Return the metrics of the episode so far of environment ``e``, whose slots are ``people``."""
+    """Return the metrics of the episode so far of environment ``e``, with the slots ``people``."""
     sums = simulation.diagnostics
     exits = summarise_exits(np.sort(simulation.state.exit_time[people]))
     blocked = simulation.state.time[e] - step.last_exit[e] > step.blocked_after[e]
@@ -81,7 +81,7 @@ def metrics_of(e: int, people: slice, step: Transition, simulation: "Simulation"
 
 @kernel
 def update_episode(step: Transition, dt: float) -> None:
-    """Write what became of everyone in a step that is over; those who are truncated are no longer active.
+    """Write the outcome of a completed step; truncated pedestrians are no longer active.
 
     Parameters
     ----------

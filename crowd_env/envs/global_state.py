@@ -18,7 +18,7 @@ _LINE = 4  # columns of an exit: its two ends
 class SplitState(NamedTuple):
     """The parts of a state, as views of it."""
 
-    people: np.ndarray  # (N, F)  a row each; columns as `StateLayout` says
+    people: np.ndarray  # (N, F)  a row each; columns as in `StateLayout`
     exits: np.ndarray  # (X, 5)  x and y of both ends of each exit line [m], 1 = open
     time_left: float  # s
 
@@ -42,11 +42,11 @@ class StateLayout:
     ``desired_speed``    1        m/s
     ``relaxation_time``  1        s
     ``response_time``    1        s, stands still until then
-    ``route``            1        number of the route that the person means to take
+    ``route``            1        number of the pedestrian's route
     ``exit``             X        1 for each exit line that this route may lead to
     ===================  =======  ================================================================
 
-    For someone who is out all columns are 0, but for the 1 at the exit line that was crossed.
+    For a pedestrian outside all columns are 0, but for the 1 at the exit line that was crossed.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Gymnasium: one controller moves everybody.  One room as an Env, many rooms as a natively batched VectorEnv.
+"""Gymnasium: one controller moves all pedestrians.  One room as an Env, many rooms as a natively batched VectorEnv.
 
 For one agent per pedestrian see `crowd_env.envs.parallel` (PettingZoo) and `crowd_env.envs.adapters.sb3` (parameter sharing).
 """
@@ -38,7 +38,7 @@ class CrowdBatch:
         self.action_space = batch_space(self.env.single_action_space, int(sizes[0]))
 
     def info_at_reset(self) -> dict[str, np.ndarray]:
-        """Return ``active`` (E, N): everyone is inside."""
+        """Return ``active`` (E, N): all are inside."""
         return {"active": np.ones((self.env.num_envs, self.env.num_people // self.env.num_envs), dtype=np.bool_)}
 
     def reset(self, seed: int | Sequence[int] | None = None, mask: Bools | None = None) -> np.ndarray:
@@ -46,11 +46,11 @@ class CrowdBatch:
         return as_grid(self.env.reset(seed, mask)[0], self.env.num_envs)
 
     def step(self, actions: np.ndarray | None) -> BatchStep:
-        """Advance by one decision step; without actions (E, N, ...) everyone is scripted."""
+        """Advance by one decision step; without actions (E, N, ...) all pedestrians are scripted."""
         env, rooms = self.env, self.env.num_envs
         step = env.step(None if actions is None else actions.reshape(env.num_people, *actions.shape[2:]))
         final, active = step.info.get("final_observation"), env.active
-        if final is not None:  # where a room has restarted nobody was inside in the end
+        if final is not None:  # a restarted room was empty at the end
             active[step.info["finished"][env.env_of_person]] = False
         truncated = np.asarray(as_grid(step.truncated, rooms).any(axis=1))
         info: dict[str, Any] = {
@@ -72,8 +72,8 @@ class CrowdGymEnv(SingleEnv):
     """One room, one controller for all N people.
 
     Observation (N, D) and action (N, 2) (or N choices of 9) are the rows of `CrowdEnv`; the reward is the mean over the N
-    people.  Without an action (None) everyone is scripted.
-    Terminated when everyone is out, truncated at the time limit.
+    people.  Without an action (None) all pedestrians are scripted.
+    Terminated when all are out, truncated at the time limit.
 
     The info of a step holds the terms of the reward, unweighted, as ``reward/<name>`` (N,); ``active`` (N,), true for people
     inside; ``diagnostics``, a dictionary of overlaps and of the solver's residual and iterations; and in the last step of an
@@ -132,10 +132,10 @@ class CrowdGymEnv(SingleEnv):
 
 
 class CrowdVectorEnv(BatchVectorEnv):
-    """Many rooms in one array, stepped together; each row is what `CrowdGymEnv` gives.
+    """Many rooms in one array, stepped together; each row equals `CrowdGymEnv`.
 
     For infos and restarts see `BatchVectorEnv`: a room that has finished restarts in the same step unless ``autoreset_mode``
-    says otherwise.
+    differs.
 
     Parameters
     ----------

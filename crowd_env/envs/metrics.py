@@ -14,16 +14,16 @@ from crowd_env.core.kernels.jit import kernel
 class EpisodeMetrics(NamedTuple):
     """Metrics of one evacuation of one crowd."""
 
-    evacuation_time: float  #: s, when the last person got out; nan if someone did not
-    mean_exit_time: float  #: s, over those who got out
+    evacuation_time: float  #: s, when the last pedestrian got out; nan if one did not
+    mean_exit_time: float  #: s, over pedestrians that got out
     unfinished: int  #: people still inside at the time limit, or when the exits were found blocked
-    blocked_since: float  #: s, last exit before the exits blocked for good, 0 if nobody got out; nan if they did not
+    blocked_since: float  #: s, last exit before the exits blocked for good, 0 if there was none; nan if they did not
     flow: float  #: 1/s, least-squares slope of the number out against time; nan with fewer than 3 exits
     contact_impulse: float  #: N s, contact impulse magnitudes per person, summed over the episode
     max_overlap: float  #: m
     mean_overlap: float  #: m, over all overlapping contacts of all steps
     max_outside: float  #: m, furthest reach of a body beyond a wall
-    max_speed: float  #: m/s, of anyone, after any physics step
+    max_speed: float  #: m/s, of any pedestrian, after any physics step
     escaped: int  #: people found outside of the walkable area after any decision; 0 unless something is wrong
     residual: float  #: m/s, worst solver residual
     unconverged: int  #: physics steps that ended above the solver's tolerance
@@ -32,9 +32,9 @@ class EpisodeMetrics(NamedTuple):
 class Exits(NamedTuple):
     """Exit times of one crowd, summed up."""
 
-    last: float  # s    nan if someone did not get out
-    mean: float  # s    over those who got out; nan if nobody did
-    missing: int  # people who did not get out
+    last: float  # s    nan if a pedestrian did not get out
+    mean: float  # s    over pedestrians that got out; nan if none did
+    missing: int  # pedestrians that did not get out
     flow: float  # 1/s  see `flow_slope`
 
 
@@ -98,7 +98,7 @@ def summarise(values: Floats | list[float]) -> Summary:
 
 @functools.cache
 def t_quantile(freedom: int) -> float:
-    """Return t for which Student's t of so many degrees of freedom lies in [-t, t] with a probability of 95 %.
+    """Return t for which Student's t of these degrees of freedom lies in [-t, t] with a probability of 95 %.
 
     That needs scipy, which the extra "analysis" brings; without it there are no intervals: nan.
     """

@@ -25,8 +25,8 @@ class CrowdParallelEnv(ParallelEnv):
     Observation, action and reward of an agent are the rows of `CrowdEnv`.  An action of None, or none at all for an agent,
     makes it scripted: the pedestrian walks along the route at full speed.  Both kinds can share a room.
 
-    A pedestrian who gets out leaves ``agents`` in that step, with a last observation and reward and ``terminated = True``.
-    Later actions for that agent are ignored, whatever they are: clients with a fixed group of agents go on sending some.  At
+    A pedestrian that gets out leaves ``agents`` in that step, with a last observation and reward and ``terminated = True``.
+    Later actions for that agent are ignored: clients with a fixed group of agents continue to send some.  At
     the time limit all agents that are left are truncated.  After the end, ``step`` returns five empty dictionaries.
 
     The info of an agent holds the terms of its reward, unweighted, as ``reward/<name>``, and in the last step of an episode
@@ -41,8 +41,8 @@ class CrowdParallelEnv(ParallelEnv):
 
     Attributes
     ----------
-    possible_agents, agents : names of all pedestrians, and of those who are inside; none is before the first `reset`.
-    state_layout, state_space : what the numbers of `state` mean, and their bounds.
+    possible_agents, agents : names of all pedestrians, and of the pedestrians inside; none before the first `reset`.
+    state_layout, state_space : the meaning of the numbers of `state`, and their bounds.
 
     Raises
     ------
@@ -153,7 +153,7 @@ class CrowdParallelEnv(ParallelEnv):
         Raises
         ------
         ValueError
-            If an action is malformed or not finite or belongs to an agent that there never was, or before the first `reset`.
+            If an action is malformed or not finite or belongs to an unknown agent, or before the first `reset`.
         """
         self._check_begun("the first step")
         action, scripted = self._gather(actions)
@@ -189,7 +189,7 @@ class CrowdParallelEnv(ParallelEnv):
                     raise ValueError(f"action for {agent!r}: there is no such agent; known: {known}")
             actions = {
                 agent: actions[agent] for agent in self.agents if agent in actions
-            }  # those who are out act no more
+            }  # actions of pedestrians outside are ignored
         every = _stacked(list(actions.values()), gathered.shape[1:])
         if every is not None and len(every) == len(self.agents):
             gathered[self._slots] = every

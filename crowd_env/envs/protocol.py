@@ -1,4 +1,4 @@
-"""What is trained and judged in: a batch of evacuations, whoever acts in it."""
+"""Interface of environments for training and evaluation: a batch of evacuations with any kind of agents."""
 
 from typing import Any, Literal, Protocol
 
@@ -29,15 +29,15 @@ class CrowdBatch(Protocol):
 
     @property
     def decides(self) -> Literal["walking", "routing"]:
-        """Who acts: pedestrians ("walking"), or one controller an environment ("routing")."""
+        """The agents: pedestrians ("walking"), or one controller an environment ("routing")."""
 
     @property
     def single_observation_space(self) -> gymnasium.Space[Any]:
-        """Space of what one row observes."""
+        """Observation space of one row."""
 
     @property
     def single_action_space(self) -> gymnasium.Space[Any]:
-        """Space of what one row decides."""
+        """Action space of one row."""
 
     @property
     def finished(self) -> Bools:
@@ -67,11 +67,11 @@ class WalkingBatch(CrowdBatch, Protocol):
 
     @property
     def active(self) -> Bools:
-        """Pedestrians who are inside (P,)."""
+        """Pedestrians inside (P,)."""
 
     @property
     def learned(self) -> Bools | bool:
-        """Pedestrians whom actions move (P,), or one answer for all."""
+        """Pedestrians that actions move (P,), or one answer for all."""
 
     @property
     def decision_dt(self) -> float:
@@ -107,4 +107,4 @@ class WalkingBatch(CrowdBatch, Protocol):
         """Start new episodes everywhere; return the observations (P, D)."""
 
     def step(self, action: np.ndarray | None = None, /) -> Step:
-        """Advance all environments by one decision step; without actions everyone follows the rule."""
+        """Advance all environments by one decision step; without actions all pedestrians follow the rule."""

@@ -1,7 +1,7 @@
 """Rewards: a weighted sum of named terms, each reported as ``reward/<name>``.
 
-Progress is the loss of a potential, the travel time that is left on the route that is followed: over an episode it sums to the
-travel time at the start less that at the end, whatever happens in between, so that nothing that ends where it began pays.
+Progress is the loss of a potential, the travel time left on the current route.  Over an episode it sums to the travel time at
+the start less that at the end, whatever happens in between: a closed loop pays nothing.
 """
 
 from collections.abc import Mapping
@@ -19,12 +19,12 @@ from crowd_env.envs.terms import RewardTerm, own_terms, weighed_terms
 
 
 class Transition(NamedTuple):
-    """What a decision step did to everyone who was inside at its start, and what is kept of the episodes so far."""
+    """The effect of a decision step on each pedestrian inside at its start, and the running sums of the episodes."""
 
     inside: Bools  # (P,)   inside at the start
     left: Bools  # (P,)   went out during the step
-    travel_time_before: Floats  # (P,)   s, at the own desired speed, by the potential of the route followed then
-    travel_time_after: Floats  # (P,)   s, of the route followed now; 0 for those who went out
+    travel_time_before: Floats  # (P,)   s, at the desired speed, by the potential of the route at the start
+    travel_time_after: Floats  # (P,)   s, of the current route; 0 after an exit
     duration: Floats  # (P,)   s inside during the step
     impulse_magnitude: Floats  # (P,)   N s, sum of the magnitudes of the contact impulses
     bodies: Bodies
@@ -34,7 +34,7 @@ class Transition(NamedTuple):
     step_start: Floats  # (E,)   s    when the step started
     time_limit: Floats  # (E,)   s
     blocked_after: Floats  # (E,)   s
-    last_exit: Floats  # (E,)   s    when somebody last got out in this episode, or at first could have
+    last_exit: Floats  # (E,)   s    of the last exit in this episode, or of the first possible one
     finished: Bools  # (E,)   the episode is over, or none has begun
     ended: Bools  # (E,)   the episode ended in this step
 
@@ -49,11 +49,11 @@ REWARDS: Mapping[str, int] = {
     "exit": EXIT,
     # minus the time spent inside [s]: sums to minus the egress time
     "time": TIME,
-    # minus the contact impulse over the own mass [m/s]
+    # minus the contact impulse over the pedestrian's mass [m/s]
     "contact": CONTACT,
-    # minus the time [s] as the head of a queue: inside, with nobody nearer the exit by the same route when the step begins.
+    # minus the time [s] as the head of a queue: inside at the step's start, no pedestrian nearer the exit by the same route.
     # Over all of a route it sums to minus the time until the last of them is out, but for the rest of a step in which a
-    # head leaves.  It charges each for what others wait for: to follow closely pays, to push in front does not
+    # head leaves.  It charges each for the delay of others: to follow closely pays, to push in front does not
     "head": HEAD,
 }
 
@@ -68,7 +68,7 @@ class RewardSpec(NamedTuple):
 
 @inner_kernel
 def charge_heads(step: Transition, begin: int, end: int, term: Floats) -> None:
-    """Write the term `head` of those in ``begin:end``: of equally near people the one in the first slot is the head."""
+    """Write the term `head` of ``begin:end``: of equally near pedestrians the one in the first slot is the head."""
     routes = 0
     for i in range(begin, end):
         term[i] = 0.0
@@ -105,21 +105,21 @@ def compute_reward(step: Transition, spec: RewardSpec, terms: Floats, reward: Fl
             reward[i] = own
             total += own
         if share > 0.0:
-            mean = total / (end - begin)  # over all, those who have left too: to be inside is what costs
+            mean = total / (end - begin)  # over all, pedestrians outside included: time inside is the cost
             for i in range(begin, end):
                 reward[i] = (1.0 - share) * reward[i] + share * mean
 
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """How the terms are weighed.
+    """The weights of the terms.
 
     Parameters
     ----------
-    weights : names in ``REWARDS`` or `RewardTerm` objects -> weight.  A name that is left out weighs nothing but is still
+    weights : names in ``REWARDS`` or `RewardTerm` objects -> weight.  A name that is left out has weight 0 but is still
         reported; so is an object of weight 0.
-    team_share : 0 = each gets the own reward; 1 = everyone gets the mean over all N people of the environment, linear between.
-        Those who have left count in the mean with 0, and go on getting their share of it until the episode ends.
+    team_share : 0 = individual rewards; 1 = the mean over all N people of the environment; linear between.
+        Pedestrians outside count in the mean with 0, and receive their share of it until the episode ends.
 
     Raises
     ------
@@ -132,19 +132,19 @@ class RewardWeights:
 
     def __post_init__(self) -> None:
         check_fields("reward", self)
-        # A copy: what is changed in the table later changes nothing here.
+        # A copy: later changes of the table have no effect.
         object.__setattr__(self, "weights", weighed_terms("reward: weights", self.weights, REWARDS))
 
 
 def make_weights(reward: RewardWeights | Mapping[Any, Any] | None) -> RewardWeights:
-    """Return weights, those of plain data, or the default.
+    """Return weights, the weights of plain data, or the default.
 
     Plain data are the weights alone, ``{"time": 1.0}``, or the fields of `RewardWeights`, ``{"weights": {"time": 1.0}}``.
 
     Raises
     ------
     ValueError
-        If it is something else, or a name is unknown.
+        If it is of a wrong type, or a name is unknown.
     """
     if isinstance(reward, Mapping) and "weights" not in reward:
         return RewardWeights(weights=reward)
@@ -153,7 +153,7 @@ def make_weights(reward: RewardWeights | Mapping[Any, Any] | None) -> RewardWeig
 
 
 class RewardFunction:
-    """What the steps of one batch are worth.
+    """The reward of the steps of one batch.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ class RewardFunction:
     """
 
     def __init__(self, weights: RewardWeights, people: int) -> None:
-        self._own_terms = own_terms(RewardTerm, weights.weights)  # those that are not compiled
+        self._own_terms = own_terms(RewardTerm, weights.weights)  # terms that are not compiled
         row: dict[Any, int] = {**REWARDS, **{term: len(REWARDS) + k for k, term in enumerate(self._own_terms)}}
         order = np.array([row[term] for term in weights.weights], dtype=np.int64)
         weight = np.array(list(weights.weights.values()), dtype=np.float64)
@@ -171,12 +171,12 @@ class RewardFunction:
         self._people = people
 
     def __call__(self, step: StructRef) -> tuple[Floats, dict[str, Floats]]:
-        """Return the reward (P,) of a `Transition`, and its terms (P,) each, unweighted; 0 for those who were not inside.
+        """Return the reward (P,) of a `Transition`, and its terms (P,) each, unweighted; 0 for pedestrians outside at first.
 
         Raises
         ------
         ValueError
-            If a function of the user's own does not return (P,) finite numbers.
+            If a custom function does not return (P,) finite numbers.
         """
         terms, reward = np.empty((len(self._names), self._people)), np.empty(self._people)
         for k, term in enumerate(self._own_terms, start=len(REWARDS)):

@@ -1,7 +1,7 @@
-"""Ways out that people choose: the exits and routes of a place, who may take them, and since when everyone has kept to one.
+"""Choice of the way out: the exits and routes of a place, which pedestrians may take them, and the time of the last change.
 
-An action of a kind with ``routes`` says which way to take, see `crowd_env.envs.action.SpeedExitTable`.  Changing one's mind
-costs nothing but the way back; whoever has taken another way keeps to it for ``ActionKind.dwell``.
+An action of a kind with ``routes`` chooses a way, see `crowd_env.envs.action.SpeedExitTable`.  A change costs nothing but the
+way back; after it a pedestrian keeps the new way for ``ActionKind.dwell``.
 """
 
 from collections.abc import Sequence
@@ -25,11 +25,11 @@ _EARLY = 1e-9  # s  sums of physics steps that fall short of the dwell by roundi
 
 
 class RouteChoice(NamedTuple):
-    """The C ways that can be chosen, and who has chosen when."""
+    """The C ways that can be chosen, and the time of each pedestrian's last choice."""
 
     ways: Ways
     allowed: Bools  # (P, C)  groups that have a route or exits of their own keep to these
-    chosen_at: Floats  # (P,)  s   when somebody last took another way; -inf = not in this episode
+    chosen_at: Floats  # (P,)  s   of the last change of way; -inf = none in this episode
     dwell: float  # s
     env_start: Ints  # (E+1,)
 
@@ -37,12 +37,12 @@ class RouteChoice(NamedTuple):
 def fit_to_ways(
     kind: ActionKind, layout: ObservationLayout, scenarios: Sequence["Scenario"]
 ) -> tuple[ActionKind, ObservationLayout, bool]:
-    """Return both for the exits and routes of some places, and whether there is a way to each: if one of them is about ways.
+    """Return action kind and layout for the exits and routes of some places, and whether one of them needs a route to each.
 
     Raises
     ------
     ValueError
-        If an action chooses among, or an observation tells of, another number of ways, or the places differ in it.
+        If an action or an observation has another number of ways, or the places differ in it.
     """
     if kind.routes is None and not layout.tells_of_routes:
         return kind, layout, False
@@ -66,7 +66,7 @@ def make_route_choice(
     *,
     used: bool,
 ) -> RouteChoice:
-    """Return what can be chosen in some environments; nothing unless it is ``used``.
+    """Return the choices in some environments; nothing unless it is ``used``.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def _allowed(part: "Population", scenario: "Scenario") -> list[bool]:
 
 @kernel
 def take_routes(choice: Ints, controlled: Bools, known: RouteChoice, state: CrowdState) -> None:
-    """Write the way that everyone means to take from now on, after choices (P,) of those who are ``controlled`` (P,)."""
+    """Write the way that each pedestrian takes from now on, after choices (P,) of ``controlled`` (P,) ones."""
     route, then, env_start, own = known.ways.route, known.ways.then, known.env_start, state.route
     for e in range(len(env_start) - 1):
         now = state.time[e]

@@ -1,4 +1,4 @@
-"""What an environment is told of its people: the routing beside physics and walking, and answers to unknown arguments."""
+"""Settings of the people of an environment: the routing beside physics and walking, and answers to unknown arguments."""
 
 import inspect
 from collections.abc import Callable, Mapping
@@ -22,9 +22,9 @@ Made = TypeVar("Made")
 
 
 def answers_unknown(like: type[Any] | None = None) -> Callable[[Callable[Given, Made]], Callable[Given, Made]]:
-    """Return a decorator: what it decorates answers an argument that it does not have by a sentence.
+    """Return a decorator that answers an unknown argument with a sentence.
 
-    If the function takes ``**arguments``, these are the arguments of the class ``like``, but for those of a batch.
+    If the function takes ``**arguments``, these are the arguments of the class ``like``, without the ones of a batch.
     """
 
     def decorate(function: Callable[Given, Made]) -> Callable[Given, Made]:
@@ -65,7 +65,7 @@ def _answer(name: str, names: list[str]) -> str:
 def physics_step(physics: Physics, *places: Scenario, within: float = DECISION_DT) -> float:
     """Return the physics step [s] in places that share a batch; by default a part of ``within``, short enough for each.
 
-    It depends on the people of the scenarios, never on those that were drawn.
+    It depends on the populations of the scenarios, never on the drawn people.
     """
     if physics.dt is not None:
         return physics.dt
@@ -78,7 +78,7 @@ def physics_step(physics: Physics, *places: Scenario, within: float = DECISION_D
 
 @dataclass(frozen=True)
 class Routing(Part):
-    """Which way out people take.
+    """The people's choice of the way out.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class Routing(Part):
     Raises
     ------
     ValueError
-        If one of them is something else; the environment looks whether its scenario has the route.
+        If one of them is of a wrong type; the environment checks that its scenario has the route.
     """
 
     strategy: str | None = None

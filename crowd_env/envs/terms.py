@@ -1,4 +1,4 @@
-"""Named terms, of observations and of rewards: names of a table, or objects of the user's own beside them."""
+"""Named terms, of observations and of rewards: names of a table, or custom objects beside them."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from crowd_env.core.checks import FINITE, check_fields, known, number, refuse, r
 
 
 class Term:
-    """What all terms of the user's own have in common; checked when one is made."""
+    """Base of all custom terms; checked at construction."""
 
-    kind: ClassVar[str]  # as messages call it
+    kind: ClassVar[str]  # name in messages
     arguments: ClassVar[str]  # of the function
     name: str
     function: Callable[..., Any]
@@ -25,21 +25,22 @@ class Term:
             refuse(f"{self.kind} {self.name!r}: function", self.function, f"a function ({self.arguments})")
 
     def finite(self, values: np.ndarray) -> np.ndarray:
-        """Return what the function gave; raise ValueError if a number of it is nan or infinite."""
+        """Return the values of the function; raise ValueError if a number is nan or infinite."""
         quick = bool(np.isfinite(values).all())  # at every step
         return values if quick else require_all(f"{self.kind} {self.name!r}", values, FINITE)
 
 
 @dataclass(frozen=True)
 class RewardTerm(Term):
-    """A term of one's own, a key among the weights of a reward beside the names that come with the environment.
+    """A custom term, a key among the weights of a reward beside the built-in names.
 
     Parameters
     ----------
     name : it is reported as ``reward/<name>``.
-    function : of a `crowd_env.envs.reward.Transition`; returns the term (P,) of each pedestrian.  Those who were not inside get
-        0 whatever it is.  In ``crowd_env/routing-v0`` it is a function of a `crowd_env.envs.routing.terms.RoutingView`, and
-        returns the term (E,) of each environment.  A function of a module can be pickled with its weights.
+    function : of a `crowd_env.envs.reward.Transition`; returns the term (P,) of each pedestrian.  Pedestrians outside at the
+        start of the step get 0 in any case.  In ``crowd_env/routing-v0`` it is a function of a
+        `crowd_env.envs.routing.terms.RoutingView`, and returns the term (E,) of each environment.  A function of a module can
+        be pickled with its weights.
 
     Raises
     ------
@@ -61,14 +62,14 @@ def names_of(own: type[Term], terms: Iterable[Any], named: Mapping[str, Any]) ->
 
     Parameters
     ----------
-    own : class of the terms of the user's own.
+    own : class of the custom terms.
     terms : names in ``named`` and objects of the class ``own``.
 
     Raises
     ------
     ValueError
-        If a name is unknown (the message lists the known ones), two terms have one name, or a term of the user's own has a
-        name in the table.
+        If a name is unknown (the message lists the known ones), two terms have one name, or a custom term has a name in the
+        table.
     """
     names: list[str] = []
     for term in terms:
@@ -84,7 +85,7 @@ def names_of(own: type[Term], terms: Iterable[Any], named: Mapping[str, Any]) ->
 
 
 def own_terms(own: type[OwnTerm], terms: Iterable[Any]) -> tuple[OwnTerm, ...]:
-    """Return the terms of the user's own among some terms."""
+    """Return the custom terms among some terms."""
     return tuple(term for term in terms if isinstance(term, own))
 
 
@@ -94,7 +95,7 @@ def observed_terms(own: type[Term], terms: Any, named: Mapping[str, Any]) -> tup
     Raises
     ------
     ValueError
-        If it is something else or holds none, or for what `names_of` refuses.
+        If it is of a wrong type or empty, or where `names_of` raises it.
     """
     if isinstance(terms, str):
         refuse("observation: terms", terms, f"a tuple of names: ({terms!r},)")
@@ -113,7 +114,7 @@ def weighed_terms(where: str, weights: Any, named: Mapping[str, Any]) -> dict[An
     Raises
     ------
     ValueError
-        If it is no table, a weight is not finite, or for what `names_of` refuses.
+        If it is no table, a weight is not finite, or where `names_of` raises it.
     """
     weights = table(where, weights, f"weights such as {{{next(iter(named))!r}: 1.0}}")
     return {
@@ -150,7 +151,7 @@ def columns_of(what: str, name: str, widths: Mapping[str, int]) -> slice:
     Raises
     ------
     KeyError
-        If there are none; the message says ``what`` has none, and lists those that there are.
+        If there are none; the message states that ``what`` has none, and lists the existing ones.
     """
     if name not in widths:
         raise KeyError(f"{what} {name!r}; it has: {', '.join(widths)}")

@@ -1,4 +1,4 @@
-"""Who touched whom since the frame before, and with what mean forces."""
+"""Contacts between two frames, with their mean forces."""
 
 from typing import NamedTuple
 
@@ -8,13 +8,13 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.recording.recording import FrameContacts
 
-_MOST_ROWS = 100_000  # of single steps that wait to be added up
+_MOST_ROWS = 100_000  # of single steps that wait to be summed
 
 
 class _Rows(NamedTuple):
-    """Contacts of some steps, those of a later step behind those of an earlier one."""
+    """Contacts of some steps, in the order of time."""
 
-    key: Ints  # (C,)    one number for two bodies and, with an outline, two discs of theirs; in the order of i
+    key: Ints  # (C,)    one number for two bodies and, with an outline, two of their discs; in the order of i
     i: Ints  # (C,)
     j: Ints  # (C,)
     gap: Floats  # (C,)    m
@@ -24,10 +24,10 @@ class _Rows(NamedTuple):
 
 
 class ContactSums:
-    """Adds up the impulses of the contacts of environment ``e``, physics step by physics step, until they are taken.
+    """Sums the impulses of the contacts of environment ``e``, physics step by physics step, until they are taken.
 
-    Simulations list the contacts of their last step alone, and under solvers of impulses these flicker: so the simulation
-    goes step by step while someone listens, which changes nothing but the time it takes.
+    Simulations list the contacts of their last step alone, and under impulse solvers these flicker.  So the simulation
+    advances step by step while the sums are taken, which costs time and changes no result.
     """
 
     def __init__(self, simulation: Simulation, e: int) -> None:
@@ -41,7 +41,7 @@ class ContactSums:
         simulation.listeners.append(self._look)
 
     def take(self, duration: float, inside: Bools) -> FrameContacts:
-        """Return the contacts of the last ``duration`` [s] between people who are inside (N,), or walls; begin anew."""
+        """Return the contacts of the last ``duration`` [s] between pedestrians inside (N,), or walls; reset the sums."""
         self._add_up()
         rows, self._sum = self._sum, _no_rows()
         kept = inside[rows.i] & ((rows.j < 0) | inside[np.maximum(rows.j, 0)])
@@ -52,7 +52,7 @@ class ContactSums:
         return FrameContacts(start, i, j, rows.gap[kept], rows.normal[kept], rows.point[kept], force[kept])
 
     def stop(self) -> None:
-        """Listen no more."""
+        """Stop the summation."""
         if self._look in self._simulation.listeners:
             self._simulation.listeners.remove(self._look)
 
@@ -93,7 +93,7 @@ class ContactSums:
         return _Rows(key, i, j, gap, normal, point, impulse)
 
     def _add_up(self) -> None:
-        """Add what waits to the sums; gap, normal and point stay those of the last step in which two touched."""
+        """Add the waiting rows to the sums; gap, normal and point stay as in the last step with the contact."""
         rows = _Rows._make(np.concatenate(columns) for columns in zip(self._sum, *self._waiting, strict=True))
         key, last, which = np.unique(rows.key[::-1], return_index=True, return_inverse=True)
         impulse = np.zeros((len(key), 2))

@@ -1,4 +1,4 @@
-"""Where people are in the two frames after they have crossed an exit line.
+"""Positions of pedestrians in the two frames after they have crossed an exit line.
 
 PedPy counts a crossing in the frame that ends beyond the line, but not if it is the last frame of a trajectory: movements span
 no time there (`SpeedCalculation.BORDER_ADAPTIVE`).  So there are two.
@@ -16,14 +16,14 @@ _FROM_ENDS = 1e-3  # m, from the ends of the line
 def places_beyond(
     line: Floats, before: Floats, position: Floats, velocity: Floats, since: Floats, interval: float
 ) -> Floats:
-    """Return where each of K people is in the two frames after crossing an exit line (2, K, 2) [m].
+    """Return the positions of K people in the two frames after crossing an exit line (2, K, 2) [m].
 
-    That is on the straight way on, at least 5 cm further out each time, 55 cm at most, and within the width of the exit.  The
-    straight way from where they were in the frame before leads across the line: programs that look at frames alone count it.
+    They lie on the straight way on, at least 5 cm further out each time, 55 cm at most, and within the width of the exit.  The
+    straight way from the position in the frame before crosses the line: programs that read frames alone count it.
 
     Parameters
     ----------
-    line : (K, 2, 2) m, ends of the exit line; what may be walked on lies to the left.
+    line : (K, 2, 2) m, ends of the exit line; the walkable area lies to the left.
     before : (K, 2) m, in the frame before.
     position, velocity : (K, 2) m and m/s, at the end of the physics step that crossed the line.
     since : (K,) s, from the crossing to the first of the two frames.

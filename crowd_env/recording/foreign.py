@@ -1,7 +1,7 @@
-"""Recordings that other programs or people made: positions alone, frame by frame.
+"""Recordings from other programs: positions alone, frame by frame.
 
-Text files are as the data archive of Juelich and PedPy have them: ``id frame x y ...``, one row a line.  Comments begin with
-``#`` and tell the frame rate (``framerate: 16 fps``) and the unit (``x/cm``, ``x/m``, ``in cm``, ``in m``).
+Text files are as in PedPy and the data archive of Juelich: ``id frame x y ...``, one row a line.  Comments begin with
+``#`` and hold the frame rate (``framerate: 16 fps``) and the unit (``x/cm``, ``x/m``, ``in cm``, ``in m``).
 """
 
 import re
@@ -13,7 +13,7 @@ from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.core.files.foreign import read_text
 from crowd_env.recording.recording import Recording
 
-_RADIUS = 0.2  # m, where a file says nothing of bodies
+_RADIUS = 0.2  # m, where a file has no bodies
 _FRAME_RATE = re.compile(r"framerate\D*?(\d+(?:\.\d+)?)", re.IGNORECASE)
 _UNITS = (("cm", 0.01), ("m", 1.0))
 _MARGIN = 0.5  # m, around positions of which no walkable area is known
@@ -22,16 +22,16 @@ _MARGIN = 0.5  # m, around positions of which no walkable area is known
 def recording_of_positions(
     path: Path, frame: Ints, person: Ints, position: Floats, fps: float, walkable: str | None = None
 ) -> Recording:
-    """Return a recording of what is known: the frame (R,), the person (R,) and the position (R, 2) [m] of each row.
+    """Return a recording of positions: the frame (R,), the person (R,) and the position (R, 2) [m] of each row.
 
-    People are numbered anew, in the order of the numbers they have in the file.  Velocities are those between the rows before
-    and after.  Who has no row in the last frame has got out, one frame after the last row.  Everybody has a radius of 0.2 m;
-    what nobody knows is nan, and where no walkable area is known it is the box around all positions.
+    Pedestrians are renumbered, in the order of their numbers in the file.  Velocities are differences between the rows before
+    and after.  A pedestrian without a row in the last frame has got out, one frame after its last row.  Every radius is 0.2 m;
+    unknown values are nan, and an unknown walkable area is the box around all positions.
 
     Raises
     ------
     ValueError
-        If there is no row, the frame rate is not positive, or someone is in two places at once.
+        If there is no row, the frame rate is not positive, or a person is in two places at once.
     """
     if not len(frame):
         raise ValueError(f"{path} holds no positions")
@@ -91,7 +91,7 @@ def read_text_trajectory(path: Path) -> Recording:
     Raises
     ------
     ValueError
-        If it is no such file, or says no frame rate or unit.
+        If it is no such file, or has no frame rate or unit.
     """
     form = "a trajectory in text has lines of id, frame, x and y, and comments with #"
     text = read_text(path, "the trajectory", form)

@@ -1,4 +1,4 @@
-"""The formats of recordings, by the suffix of the file: who writes them, who reads them, and what that needs."""
+"""The formats of recordings, by the suffix of the file: writer, reader, and required library."""
 
 import importlib
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from crowd_env.recording.writer import Writer, part_of
 
 
 class Format(NamedTuple):
-    """A format that recordings are read from, and perhaps written in."""
+    """A format to read recordings from, and perhaps to write."""
 
     read: Callable[[Path], Recording]
     write: Callable[[Path, Recording], Writer] | None
@@ -69,13 +69,13 @@ def open_writer(path: Path, first: Recording) -> Writer:
 def load(path: str | Path) -> Recording:
     """Return the recording in a file: ours in any format, finished or not, and trajectories of JuPedSim and PedPy.
 
-    Of a recording that was never finished it holds what was written last (`NAME.part.sqlite`, `.part.h5`), and
-    ``facts["finished"]`` is False.  Files of others hold positions alone: see `docs/recordings.md`.
+    An unfinished recording (`NAME.part.sqlite`, `.part.h5`) holds the frames written so far, and ``facts["finished"]`` is
+    False.  Files of other programs hold positions alone: see `docs/recordings.md`.
 
     Raises
     ------
     ValueError
-        If the suffix is unknown, the file is missing or damaged, or it is something else.
+        If the suffix is unknown, the file is missing or damaged, or its content is not a recording.
     ModuleNotFoundError
         If the library that reads the format is not installed.
     """

@@ -1,4 +1,4 @@
-"""What is written of an evacuation: what is known at its start, and then frame by frame who stands where."""
+"""Contents of a recording: the facts known at the start, then the pedestrians frame by frame."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,12 +19,12 @@ from crowd_env.recording.contacts import ContactSums
 from crowd_env.recording.exits import places_beyond
 from crowd_env.recording.recording import Recording
 
-_ALWAYS = ("manner", "outline")  # behaviors that a recording names in any case
+_ALWAYS = ("manner", "outline")  # behaviors that every recording names
 _NOBODY: Ints = np.zeros(0, dtype=np.int64)
 
 
 def facts_of(env: CrowdEnv, e: int, *, every: int, contacts: bool, seed: int | None, run: int) -> dict[str, Any]:
-    """Return what a recording says of the evacuation in environment ``e``; a frame is ``every`` decisions."""
+    """Return the facts of the evacuation in environment ``e`` for a recording; a frame is ``every`` decisions."""
     scenario, simulation, people = env.scenario_of_env[e], env.simulation, env.people(e)
     return {
         "scenario": scenario.name,
@@ -54,7 +54,7 @@ def _of_memory(simulation: Simulation) -> dict[str, type[Behavior]]:
 class FrameSampler:
     """Makes the frames of environment ``e`` of a batch, each a recording of one frame.
 
-    There is one ``every`` so many decisions, and the first and the last in any case.
+    There is one every ``every`` decisions, and the first and the last in any case.
     """
 
     def __init__(self, env: CrowdEnv, e: int, facts: Mapping[str, Any], *, every: int, contacts: bool) -> None:
@@ -66,8 +66,8 @@ class FrameSampler:
         self._impulse = np.zeros(count)
         self._gone = np.zeros(count, dtype=np.bool_)
         self._last = env.simulation.state.position[self._people].copy()
-        self._leaving = np.zeros(count, dtype=np.bool_)  # who has got out, and one more row to come
-        self._onward = np.zeros((count, 2))  # where that is
+        self._leaving = np.zeros(count, dtype=np.bool_)  # pedestrians that have got out, with one more row to come
+        self._onward = np.zeros((count, 2))  # the position of that row
         self._empty = self._without_frames(env, facts)
 
     def _without_frames(self, env: CrowdEnv, facts: Mapping[str, Any]) -> dict[str, Any]:
@@ -92,7 +92,7 @@ class FrameSampler:
         }
 
     def first(self, env: CrowdEnv) -> Recording:
-        """Return the frame of the start: nobody has touched anybody yet."""
+        """Return the frame of the start, without contacts."""
         return self._frame(env, _NOBODY, np.zeros(len(self._gone)))
 
     def after_step(self, env: CrowdEnv, last: bool) -> Recording | None:
@@ -110,7 +110,7 @@ class FrameSampler:
         return frame
 
     def after_end(self, env: CrowdEnv) -> Recording | None:
-        """Return one frame more, of the people alone who got out in the last one; None if nobody did."""
+        """Return one frame more, of only the pedestrians that got out in the last one; None if there are none."""
         if not self._leaving.any():
             return None
         self._gone[:] = True
@@ -118,12 +118,12 @@ class FrameSampler:
         return replace(frame, times=np.array([self._seen_at + self._every * self._decision_dt]))
 
     def stop(self) -> None:
-        """Leave the environment alone: no more frames will be asked for."""
+        """Detach from the environment: no more frames follow."""
         if self._contacts is not None:
             self._contacts.stop()
 
     def _time(self, env: CrowdEnv) -> float:
-        """Return the time of the moment [s]; a clock that stopped within a decision, when all were out, is at its end."""
+        """Return the time of the moment [s]; a clock that stopped within a decision, with all out, is at its end."""
         time = float(env.simulation.state.time[self._e])
         inside = np.isnan(env.simulation.state.exit_time[self._people]).any()
         return time if inside else max(time, self._decisions * self._decision_dt)

@@ -93,7 +93,7 @@ class Hdf5Writer:
         table.flush()
 
     def finish(self, facts: Mapping[str, Any]) -> Path:
-        """Write all into a file without the gaps that rows leave which are packed anew with every flush, and the last facts."""
+        """Write all into a file without the gaps of rows that every flush compresses again, with the last facts."""
         import h5py
 
         self._file.close()
@@ -119,7 +119,7 @@ class Hdf5Writer:
 
 @contextmanager
 def _named(path: Path, file: Any = None) -> Iterator[None]:
-    """Say which file it is if it cannot be written, and let go of it: HDF5 would try again, and end the process."""
+    """Name the file in the error if it cannot be written, and release it: HDF5 would try again, and end the process."""
     try:
         yield
     except (OSError, RuntimeError) as error:
@@ -132,7 +132,7 @@ def _named(path: Path, file: Any = None) -> Iterator[None]:
 
 
 def _optional(recording: Recording) -> dict[str, np.ndarray]:
-    """Return the columns of rows that not every recording has."""
+    """Return the columns of rows that only some recordings have."""
     return ({} if recording.angle is None else {"angle": recording.angle}) | dict(recording.memory)
 
 
@@ -158,7 +158,7 @@ def read_hdf5(path: Path) -> Recording:
     except OSError as error:
         if "already open for write" not in str(error):
             raise  # damaged: in the other mode HDF5 would wait for its writer to mend it
-        file = h5py.File(path, "r", libver="latest", swmr=True)  # whoever wrote it has not come to the end
+        file = h5py.File(path, "r", libver="latest", swmr=True)  # its writer has not come to the end
     with file:
         if "trajectory" not in file or "fps" not in file["trajectory"].attrs:
             raise ValueError(f"{path} holds no dataset 'trajectory' with a frame rate, as those of the archive do")
@@ -180,7 +180,7 @@ def _ours(file: Any) -> Recording:
         start = np.concatenate([[0], count["contacts"]])
         contacts = FrameContacts(start, *(found[name] for name in FrameContacts._fields[1:]))
     since = count["time"][-1] if len(count) else -np.inf
-    out = people["exit_time"] <= since  # what was written after the last frame that counts
+    out = people["exit_time"] <= since  # rows written after the last valid frame do not count
     of_people = {name: people[name] for name in OF_PEOPLE}
     of_people["exit_time"] = np.where(out, people["exit_time"], np.nan)
     of_people["exit_index"] = np.where(out, people["exit_index"], -1)

@@ -1,4 +1,4 @@
-"""Recorders of a rollout: the evacuations are written, or kept, while they run."""
+"""Recorders of a rollout: they write or keep the evacuations while they run."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
@@ -31,10 +31,10 @@ class RunningRecording:
         self.writer: Writer | None = None if path is None else open_writer(path, first)
         self._waiting: list[Recording] = []
         self._rows, self._written_until = 0, -np.inf
-        self.add(first)  # is written at once: a file that can be read from the start
+        self.add(first)  # is written at once: the file can be read from the start
 
     def add(self, frame: Recording | None) -> None:
-        """Take the next frame; write those that wait if they are many, or span a second."""
+        """Take the next frame; write the waiting ones if they are many, or span a second."""
         if frame is None:
             return
         self._waiting.append(frame)
@@ -46,7 +46,7 @@ class RunningRecording:
 
     def _flush(self) -> None:
         if self.writer is not None and self._waiting:
-            waiting, self._waiting = self._waiting, []  # what cannot be written is not tried again
+            waiting, self._waiting = self._waiting, []  # a failed write is not repeated
             self.writer.append(joined(waiting))
 
     def finish(self, facts: Mapping[str, Any]) -> Any:
@@ -59,7 +59,7 @@ class RunningRecording:
         return self.writer.finish(facts)
 
     def abandon(self) -> None:
-        """Write the frames that wait, if they can be written, and leave the file unfinished."""
+        """Write the waiting frames, if possible, and leave the file unfinished."""
         self.sampler.stop()
         with suppress(OSError):
             self._flush()
@@ -70,20 +70,20 @@ class RunningRecording:
 class RunRecorder:
     """Records evacuations of a rollout, each into a file of its own, or in memory.
 
-    It is a `crowd_env.envs.rollout.Recorder`, for `run_episodes` and `rollout`; they come out as without it, bit by bit.  What
-    it keeps of a run is the path of its file, a `Recording` if there is no file, or None if the run is not recorded; where the
-    file cannot be written any more, the OSError that says so: the run goes on without.  A file
-    appears under its name when its evacuation is over; until then `NAME.part.SUFFIX` holds what was written so far, at
-    most a second of the evacuation or 10 000 rows behind.  Used as a context it closes files of evacuations that broke off.
+    It is a `crowd_env.envs.rollout.Recorder`, for `run_episodes` and `rollout`, and changes no bit of them.  Of each run it
+    keeps the path of its file, a `Recording` if there is no file, or None if the run is not recorded.  Where the file cannot be
+    written any more, it keeps the OSError, and the run continues without.  A file appears under its name when its evacuation
+    is over.  Until then `NAME.part.SUFFIX` holds the frames so far, at most a second of the evacuation or 10 000 rows behind.
+    Used as a context it closes files of evacuations that broke off.
 
     Parameters
     ----------
     path : of the file, or if several runs are recorded of `NAME-0.sqlite`, `NAME-1.sqlite` ...; None = in memory.
-    runs : which are recorded: so many, the first ones, or those of these numbers.
-    contacts : whether to record who touches whom, and with what forces.
+    runs : which are recorded: the first ones up to this number, or a list of numbers.
+    contacts : whether to record contacts and their forces.
     every : s, from one frame to the next, a whole multiple of the decision step; by default that.
     seed : of the rollout, for the facts.
-    facts : plain data that the recording is to hold beside what it knows itself.
+    facts : plain data that the recording holds beside its own facts.
 
     Raises
     ------
@@ -158,21 +158,21 @@ class RunRecorder:
                 del self._running[e]
 
     def _drop(self, e: int, error: OSError) -> None:
-        """Give up a recording, and the room that it takes: others, and the tables of results, may need it."""
+        """Give up a recording, and release its disk space: others, and the tables of results, may need it."""
         path, self._finished[e] = self.path_of(self._numbers[e]), error
         if path is not None:
             remove_part(path)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy has, here or in another process: it begins with no evacuation under way."""
+        """Return the state of a copy, here or in another process: it begins without a running evacuation."""
         return {**vars(self), "_running": {}, "_finished": {}}
 
     def record(self, env: CrowdEnv, e: int) -> Any:
-        """Return what there is of the evacuation in environment ``e``, which has just ended."""
+        """Return the record of the evacuation in environment ``e``, which has just ended."""
         return self._finished.pop(e, None)
 
     def close(self) -> None:
-        """Write the frames that wait of evacuations that will not go on, and leave their files unfinished."""
+        """Write the waiting frames of evacuations that broke off, and leave their files unfinished."""
         for running in self._running.values():
             running.abandon()
         self._running = {}
@@ -211,7 +211,7 @@ def record(
 
     Parameters
     ----------
-    env : one environment without autoreset, in which everyone walks as its strategy says; or a scenario, or its name.
+    env : one environment without autoreset, in which all pedestrians walk by its strategy; or a scenario, or its name.
     contacts, every, facts : see `RunRecorder`.
     driver : decides; see `crowd_env.envs.rollout.rollout`.
     **options : of the environment of a scenario, such as ``strategy``.

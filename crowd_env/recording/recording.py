@@ -1,4 +1,4 @@
-"""A recording: who was where, and how hard they were pressed, at some moments of one evacuation."""
+"""A recording: position and pressure of each pedestrian, at some moments of one evacuation."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -26,10 +26,10 @@ _WHOLE = {"frame_start", "group", "exit_index", "company", "person", "start", "i
 
 
 class FrameContacts(NamedTuple):
-    """The K contacts of F frames: everything that touched since the frame before, of people who are still inside.
+    """The K contacts of F frames: all contacts since the frame before, of pedestrians still inside.
 
-    Gap, normal and point are those of the last physics step in which the two touched, found where `Simulation.contacts` finds
-    them: a gap may differ from the frame's by what people move in a step, and more if they parted before.
+    Gap, normal and point come from the last physics step of the contact, at the positions of `Simulation.contacts`: a gap may
+    differ from the frame's by the motion in one step, and by more if the bodies parted before.
     """
 
     start: Ints  #: (F+1,) contacts of frame f are start[f]:start[f + 1]
@@ -48,24 +48,24 @@ class Moment(NamedTuple):
     position: Floats  # (K, 2)  m
     velocity: Floats  # (K, 2)  m/s
     pressure: Floats  # (K,)    N/m
-    angle: Floats | None  # (K,)    rad  where bodies face that are no discs
-    memory: Mapping[str, Floats]  # (K, ...)  what behaviors of people keep, as the feet of those who keep their balance
+    angle: Floats | None  # (K,)    rad  orientation of bodies that are no discs
+    memory: Mapping[str, Floats]  # (K, ...)  rows that behaviors keep, such as the feet under `Balance`
 
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One evacuation of N people, seen in F frames; its R rows lie frame by frame, those of a frame in the order of people.
+    """One evacuation of N people, seen in F frames; its R rows lie frame by frame, within a frame in the order of people.
 
-    A frame has a row for everyone inside.  In the two frames after someone got out there is one row more for that person,
-    beyond the exit line: where the straight way on leads by then, and at least a few centimeters past the line.  If people get
-    out in the last frame of a run, one more follows in which they alone have a row.
+    A frame has a row for every pedestrian inside.  In the two frames after an exit that pedestrian has one row more, beyond the
+    exit line: on the straight way on, and at least a few centimeters past the line.  If people get out in the last frame of a
+    run, one more follows in which they alone have a row.
 
     Arrays may be given as lists, or of another kind of number.
 
     Raises
     ------
     ValueError
-        If an array does not have the shape named here, the times do not increase, or a number points nowhere.
+        If an array does not have the shape named here, the times do not increase, or a number is out of range.
     """
 
     facts: Mapping[str, Any]  #: plain data: scenario, scheme, dt, decision_dt, seed, strategy, time_limit, versions ...
@@ -80,17 +80,17 @@ class Recording:
     radius: Floats  #: (N,) m, of the disc, or of the disc of the same area
     desired_speed: Floats  #: (N,) m/s
     group: Ints  #: (N,) which of `groups`
-    exit_time: Floats  #: (N,) s, nan for people who did not get out
-    exit_index: Ints  #: (N,) which of `exits`; -1 for people who did not get out
+    exit_time: Floats  #: (N,) s, nan for pedestrians still inside at the end
+    exit_index: Ints  #: (N,) which of `exits`; -1 for pedestrians still inside at the end
     # of R rows
     person: Ints  #: (R,)
     position: Floats  #: (R, 2) m
     velocity: Floats  #: (R, 2) m/s
     pressure: Floats  #: (R,) N/m, mean since the frame before, see `contact_pressure`
-    angle: Floats | None = None  #: (R,) rad, where bodies face that are no discs
-    company: Ints = None  # type: ignore[assignment]  #: (N,) who have one number walk together; -1, the default, = alone
-    memory: Mapping[str, Floats] = field(default_factory=dict)  #: (R, ...) what behaviors keep: see `Behavior.rows`
-    outline: Any = None  #: their shape as plain data, see `Outline.plain_of`
+    angle: Floats | None = None  #: (R,) rad, orientation of bodies that are no discs
+    company: Ints = None  # type: ignore[assignment]  #: (N,) number of the company; -1, the default, = alone
+    memory: Mapping[str, Floats] = field(default_factory=dict)  #: (R, ...) rows of behaviors: see `Behavior.rows`
+    outline: Any = None  #: shape of the bodies as plain data, see `Outline.plain_of`
     contacts: FrameContacts | None = None  #: if they were recorded
 
     def __post_init__(self) -> None:
@@ -129,7 +129,7 @@ class Recording:
 
     @cached_property
     def beyond(self) -> Bools:
-        """Which rows (R,) lie beyond the exit line: the last two rows of each person who got out."""
+        """Which rows (R,) lie beyond the exit line: the last two rows of each pedestrian that got out."""
         return self.times[self.frame] >= np.nan_to_num(self.exit_time[self.person], nan=np.inf)
 
     @property
@@ -144,7 +144,7 @@ class Recording:
 
     @cached_property
     def end(self) -> float:
-        """When the last person got out [s], or the last frame with someone inside."""
+        """When the last person got out [s], or the last frame with a person inside."""
         if len(self.radius) and np.isfinite(self.exit_time).all():
             return float(self.exit_time.max())
         return float(self.times[self.frame[~self.beyond].max(initial=0)])
@@ -152,7 +152,7 @@ class Recording:
     @cached_property
     def geometry(self) -> Geometry:
         """The place; doors are walls."""
-        with warnings.catch_warnings():  # what there is to say was said when the place was made
+        with warnings.catch_warnings():  # its warnings appeared when the place was made
             warnings.simplefilter("ignore")
             lines = {str(k): line for k, (_, line) in enumerate(self.exits)}
             made = Geometry.from_wkt(self.walkable, exits=lines)
@@ -167,9 +167,9 @@ class Recording:
         )
 
     def at(self, time: float, *, average: float = 0.3) -> Moment:
-        """Return who is inside at ``time`` [s], on straight ways between frames; after the end, as they were then.
+        """Return the pedestrians inside at ``time`` [s], on straight ways between frames; after the end, as they were then.
 
-        The pressure is the mean over ``average`` [s] around it: what a body bears, not single blows.
+        The pressure is the mean over ``average`` [s] around it: the load on a body, not single impacts.
         """
         time = min(max(time, float(self.times[0])), self.end)
         first, last = np.searchsorted(self.times, [time, time + 1e-12], side="right") - 1
@@ -189,7 +189,7 @@ class Recording:
 
         angle = None if self.angle is None else between(self._steady_angle)
         if angle is not None and first == 0:
-            angle = self._steady_angle[then]  # people face their way from the first step on
+            angle = self._steady_angle[then]  # bodies face their way from the first step on
         kept = {name: between(one) for name, one in self.memory.items()}
         return Moment(person, between(self.position), between(self.velocity), pressure, angle, kept)
 
@@ -241,7 +241,7 @@ class Recording:
 
 
 def joined(parts: Sequence[Recording]) -> Recording:
-    """Return successive parts of one recording as one; what is known of people, and the facts, are those of the last."""
+    """Return successive parts of one recording as one; people and facts come from the last part."""
     rows = ("times", "person", "position", "velocity", "pressure", *(() if parts[0].angle is None else ("angle",)))
     columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in rows}
     columns["memory"] = {name: np.concatenate([part.memory[name] for part in parts]) for name in parts[0].memory}

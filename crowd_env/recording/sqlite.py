@@ -1,4 +1,4 @@
-"""Recordings in JuPedSim's trajectory format, version 2 (SQLite), with tables of our own for what that lacks.
+"""Recordings in JuPedSim's trajectory format, version 2 (SQLite), with additional tables.
 
 The format: JuPedSim, `SqliteTrajectoryWriter`, tables trajectory_data, metadata, geometry and frame_data, which
 JuPedSim's `Recording` reads, and PedPy's `load_trajectory_from_jupedsim_sqlite`.
@@ -20,7 +20,7 @@ from crowd_env.recording.foreign import recording_of_positions
 from crowd_env.recording.recording import OF_PEOPLE, FrameContacts, Recording
 from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing, part_of, recording_of, remove_part
 
-# What JuPedSim and PedPy read.
+# The tables that JuPedSim and PedPy read.
 _JUPEDSIM = """
 CREATE TABLE trajectory_data (frame INTEGER NOT NULL, id INTEGER NOT NULL, pos_x REAL NOT NULL, pos_y REAL NOT NULL,
     ori_x REAL NOT NULL, ori_y REAL NOT NULL);
@@ -39,7 +39,7 @@ CREATE TABLE frames (frame INTEGER PRIMARY KEY, time REAL NOT NULL);
 CREATE TABLE motion (frame INTEGER NOT NULL, id INTEGER NOT NULL, vel_x REAL NOT NULL, vel_y REAL NOT NULL,
     pressure REAL NOT NULL, angle REAL, PRIMARY KEY (frame, id)) WITHOUT ROWID;
 """
-# What a behavior keeps of everyone, a table each.
+# The rows that behaviors keep of each pedestrian, a table each.
 _MEMORY = """
 CREATE TABLE "{name}" (frame INTEGER NOT NULL, id INTEGER NOT NULL, {columns}, PRIMARY KEY (frame, id)) WITHOUT ROWID;
 """
@@ -140,7 +140,7 @@ def _rows(*columns: np.ndarray) -> Iterator[tuple[Any, ...]]:
 
 @contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Say which file it is if SQLite fails."""
+    """Name the file in the error if SQLite fails."""
     try:
         yield
     except sqlite3.Error as error:
@@ -193,7 +193,7 @@ def _table_of(name: str, values: Floats) -> str:
 
 
 def _read_memory(file: sqlite3.Connection, name: str) -> Floats:
-    """Return what is kept in a table whose first two columns are frame and id (R,), or (R, K) of several columns."""
+    """Return the values of a table that begins with the columns frame and id (R,), or (R, K) of several columns."""
     names = [column for _, column, *_ in file.execute("SELECT * FROM pragma_table_info(?)", (name,))][2:]
     query = f"""SELECT {", ".join(names)} FROM "{name}" ORDER BY frame, id"""
     columns = _columns(file, query, len(names))

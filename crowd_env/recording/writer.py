@@ -1,4 +1,4 @@
-"""What writes recordings, part by part, so that a run that breaks off leaves what was written so far."""
+"""Writers of recordings, part by part: a run that breaks off keeps the parts already written."""
 
 import json
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from crowd_env.recording.recording import Recording
 
 
 class Writer(Protocol):
-    """Writes one recording; all that was appended is whole, whatever happens to the process afterwards."""
+    """Writes one recording; every appended part is whole, whatever happens to the process afterwards."""
 
     def append(self, part: Recording) -> None:
         """Write the next frames, at least one."""
@@ -27,12 +27,12 @@ class Writer(Protocol):
 
 
 def part_of(path: Path) -> Path:
-    """Return where a recording lies until it is finished: beside its place, as a file of the same kind."""
+    """Return the path of a recording until it is finished: beside its place, as a file of the same kind."""
     return path.with_name(f"{path.stem}.part{path.suffix}")
 
 
 def remove_part(path: Path) -> None:
-    """Remove what there is of a recording that is not finished, and the journal that SQLite has left beside it."""
+    """Remove an unfinished recording, and the journal that SQLite has left beside it."""
     part = part_of(path)
     for name in (part.name, f"{part.name}-journal"):
         part.with_name(name).unlink(missing_ok=True)
@@ -44,7 +44,7 @@ def plain(value: Any) -> Any:
 
 
 def area_with_aprons(recording: Recording) -> Any:
-    """Return the area that other programs are told of: what can be walked on, and the ground just outside of its exits."""
+    """Return the area for other programs: the walkable area, and the ground just outside of its exits."""
     exits = np.array([line for _, line in recording.exits], dtype=np.float64).reshape(-1, 2, 2)
     return add_aprons(recording.geometry.walkable, exits, APRON) if len(exits) else recording.geometry.walkable
 
@@ -71,7 +71,7 @@ def recording_of(facts: Mapping[str, Any], place: Mapping[str, Any], **columns: 
 
 
 def facing(recording: Recording) -> Floats:
-    """Return unit vectors (R, 2): where bodies face, or (discs) where they walk; x where nobody knows."""
+    """Return unit vectors (R, 2): the orientation of bodies, or (discs) their walking direction; x where unknown."""
     if recording.angle is not None:
         return np.stack([np.cos(recording.angle), np.sin(recording.angle)], axis=1)
     speed = np.hypot(*recording.velocity.T)[:, None]

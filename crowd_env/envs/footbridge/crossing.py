@@ -1,8 +1,8 @@
 """A crowd of the contact schemes on a deck that sways: bodies and deck are advanced in turn.
 
-Between two calls everyone stands where the crowd has left them: psi is constant over a call of 0.1 s, in which a walker moves
-by a thousandth of the deck.  The deck acts on the crowd by the beat of the steps alone: who steps faster walks faster, by
-`crowd_env.envs.footbridge.gait`.  Under ``off`` and ``pendulum`` no bit of the crowd changes.
+Between two calls pedestrians stand where the crowd has left them: psi is constant over a call of 0.1 s, in which a walker
+moves by a thousandth of the deck.  The deck acts on the crowd through the step frequency alone: faster steps mean faster
+walking, by `crowd_env.envs.footbridge.gait`.  Under ``off`` and ``pendulum`` no bit of the crowd changes.
 """
 
 from collections.abc import Mapping
@@ -22,15 +22,15 @@ COUPLINGS: Mapping[str, Synchrony | Pendulum | None] = {"synchrony": Synchrony()
 
 _LONGEST = 0.05  # s, a step of the phases, at most: a third of a radian
 _PENDULUM = 0.02  # s, the step of pendulums, of which a call is a multiple
-_CALL = 0.4  # s, of one call at most: longer, nobody could tell how fast a phase has turned
+_CALL = 0.4  # s, of one call at most: a longer one could not resolve the rate of a phase
 
 
 class Footbridge:
-    """One crowd on one deck, whose x axis runs along the deck from its first support.
+    """One crowd on one deck; the x axis runs along the deck from its first support.
 
     Parameters
     ----------
-    simulation : of one environment; whoever is active and on the deck counts.
+    simulation : of one environment; active pedestrians on the deck count.
     coupling : a name in `COUPLINGS`, a `Synchrony`, a `Pendulum`, or None.
     deck : the deck.
     seed : of the phases at the start, which are even around the circle.
@@ -68,7 +68,7 @@ class Footbridge:
 
     @property
     def psi(self) -> Floats:
-        """Share of the motion that everyone feels (P,); 0 for those who are not on the deck."""
+        """Share of the motion that each pedestrian feels (P,); 0 off the deck."""
         state = self.simulation.state
         return self.deck.shape(state.position[:, 0]) * state.active
 
@@ -89,14 +89,14 @@ class Footbridge:
 
     @property
     def walkers_phase(self) -> Floats:
-        """Phase of everyone's stride (P,) [rad]."""
+        """Phase of each pedestrian's stride (P,) [rad]."""
         if isinstance(self.coupling, Pendulum):
             return self._walkers.phase()
         return np.angle(self._state[2])
 
     @property
     def order(self) -> float:
-        """R of those on the deck."""
+        """R of the pedestrians on the deck."""
         return float(order_parameter(self.walkers_phase, self.psi > 0.0))
 
     def advance(self, command: Floats | None = None, *, n_substeps: int = 10, world: bool = False) -> None:
@@ -104,8 +104,8 @@ class Footbridge:
 
         Parameters
         ----------
-        command : (P, 2), as in `Simulation.advance`: multiples of the own desired speed, to which the pace of steps is added;
-            0 holds a person back.
+        command : (P, 2), as in `Simulation.advance`: multiples of the desired speed, to which the pace of steps is added;
+            0 stops a pedestrian.
         world : the command has the axes of the world.
 
         Raises

@@ -4,9 +4,9 @@
     psi(x) = sin(pi x / L)                share of the motion that is felt at x; 0 off the deck
 
 The defaults are the north span of the London Millennium Bridge after Strogatz et al. 2005 (Nature 438:43, doi
-10.1038/438043a), which could not be opened.  M, B and K stand so in two programs of others, one of them after Marcheggiani and
-Lenci 2010; M and the frequency, 1.03 Hz, also in that of Belykh et al. 2021 (doi 10.1038/s41467-021-27568-y).  81 m, and a
-width of 4 m, are those of an account of the bridge after Dallard et al. 2001.
+10.1038/438043a), which could not be opened.  Two programs by others have the same M, B and K, one of them after Marcheggiani
+and Lenci 2010.  The program of Belykh et al. 2021 (doi 10.1038/s41467-021-27568-y) has the same M and the frequency, 1.03 Hz.
+The length of 81 m and the width of 4 m come from an account of the bridge after Dallard et al. 2001.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.checks import NotNegative, Positive, check_fields
 
-State: TypeAlias = tuple[Floats, ...]  # what is integrated together
+State: TypeAlias = tuple[Floats, ...]  # arrays that are integrated together
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def order_parameter(phase: Floats, counted: Floats | Bools | None = None) -> Flo
     Parameters
     ----------
     phase : (..., N) rad.
-    counted : (..., N) weights, 0 for those who are not counted; default all alike.  R of nobody is 0.
+    counted : (..., N) weights, 0 for pedestrians to leave out; default all alike.  R of no pedestrians is 0.
     """
     weight = np.ones_like(phase) if counted is None else np.asarray(counted, dtype=np.float64)
     total = weight.sum(axis=-1)

@@ -19,10 +19,10 @@ from crowd_env.envs.terms import Layout
 # m/s2: accelerations to the side up to the first are comfortable, beyond the second they are not to be borne (HIVOSS
 # guideline, from memory; the table 7.2 of CSA S7, seen in a program, has the same two).
 COMFORT = 0.1, 0.8
-_APPROACH = 60.0  # m of floor before the deck, on which people wait
-_GATE = 1.0  # m before the deck, on which they are held back
-_CALL = 0.1  # s between two looks of bodies and deck at each other
-_QUEUE = 0.3  # m/s, slower than which one who is not yet on the deck waits
+_APPROACH = 60.0  # m of floor before the deck, where pedestrians wait
+_GATE = 1.0  # m before the deck, where the gate stands
+_CALL = 0.1  # s between two exchanges of bodies and deck
+_QUEUE = 0.3  # m/s, below which a pedestrian before the deck counts as waiting
 _SWAY, _LOAD = 0.015, 150.0  # m and people that are observed as 1/2
 
 
@@ -34,7 +34,7 @@ class DeckLayout(Layout):
         "phase": 2,  # sine and cosine of Psi
         "people": 1,  # on the deck / all
         "load": 1,  # sum of psi squared, n as n / (n + 150)
-        "queue": 1,  # people who wait before the deck / all
+        "queue": 1,  # pedestrians waiting before the deck / all
         "open": 1,  # 1 = people were let through last
     }
 
@@ -45,32 +45,32 @@ class DeckLayout(Layout):
 class FootbridgeEnv(gymnasium.Env):
     """A crowd that crosses the north span of the London Millennium Bridge again and again, and a gatekeeper.
 
-    It is the task ``footbridge``: as many as possible shall cross, and none shall sway.
+    It is the task ``footbridge``: the most crossings with the least sway.
 
     Observation
         (7,) float32, see `DeckLayout`.
     Action
-        1 lets people onto the deck, 0 holds them back at its entrance; who is on it walks on.
+        1 lets pedestrians onto the deck, 0 stops them at its entrance; pedestrians on the deck walk on.
     Reward
-        ``throughput`` + ``weight`` ``discomfort``, each in ``info["reward/<name>"]``.  ``throughput`` counts those who have
-        reached the far end; ``discomfort`` is minus the time of everyone on the deck [s], times how far the acceleration at
-        their place, psi A omega_0^2, is on the way from the one to the other of `COMFORT`; it may be further.
+        ``throughput`` + ``weight`` ``discomfort``, each in ``info["reward/<name>"]``.  ``throughput`` counts arrivals at the
+        far end.  ``discomfort`` is minus the time of each pedestrian on the deck [s], times the local acceleration
+        psi A omega_0^2, scaled to 0 at the first and 1 at the second value of `COMFORT`; it may exceed 1.
     Termination
         Truncated at the time limit.
 
     Parameters
     ----------
-    people : who arrive at the far end come back behind those who wait.
+    people : number of pedestrians; arrivals at the far end rejoin the back of the queue.
     coupling : as `Footbridge` takes it.
     scheme, dt : contact scheme, and its step [s], a part of 0.1 s.
     interval : s between decisions, a multiple of 0.1 s.
-    weight : 1/s, of discomfort: with 0.02 a crossing of 50 s that is just not to be borne is worth nothing.
+    weight : 1/s, of discomfort: with 0.02 a crossing of 50 s at the limit of the intolerable is worth nothing.
     time_limit : s.
 
     Raises
     ------
     ValueError
-        If one of them is unknown or out of range, or so many do not fit.
+        If one of them is unknown or out of range, or the people do not fit.
     """
 
     metadata = {"render_modes": []}

@@ -1,11 +1,11 @@
-"""How often those step who walk at a speed.
+"""The step frequency of pedestrians at a walking speed.
 
     f = 0.35 v^3 - 1.59 v^2 + 2.93 v                    f steps a second, v m/s
     Omega = pi f                                        a stride is two steps
 
 Venuti and Bruno's cubic through the treadmill data of Bertram and Ruina 2001 (Bruno, Venuti, Crowd-structure interaction in
-footbridges, Journal of Sound and Vibration 323, 2009).  The paper could not be opened; the coefficients stand so in several
-programs about footbridges, one of which halves f for strides.  The cubic rises for all speeds.  It gives 1.9 steps a second at
+footbridges, Journal of Sound and Vibration 323, 2009).  The paper could not be opened; several programs about footbridges have
+the same coefficients, one of which halves f for strides.  The cubic rises for all speeds.  It gives 1.9 steps a second at
 1.34 m/s, and the 2.06 of the north span of the Millennium Bridge at 1.61 m/s.
 """
 
@@ -32,5 +32,5 @@ def walking_speed(frequency: Floats) -> Floats:
 
 
 def stride_rate(speed: Floats) -> Floats:
-    """Return Omega [rad/s] of those who walk at a speed [m/s]."""
+    """Return Omega [rad/s] at a walking speed [m/s]."""
     return np.pi * step_frequency(speed)

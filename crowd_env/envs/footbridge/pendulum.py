@@ -1,4 +1,4 @@
-"""Walkers who keep their balance and mind no beat: the coupling ``pendulum``.
+"""Walkers that keep their balance at a step time of their own: the coupling ``pendulum``.
 
     y'' = w^2 (y - p) - psi X''                         body at y over a foot at p, both from the deck; w^2 = g / L
     F = sum_i psi_i m w^2 (p_i - y_i)                   force on the mode
@@ -7,16 +7,16 @@
 
 Model 1 of Belykh, Bocian, Champneys, Daley, Jeter, Macdonald, McRobie 2021 (Nature Communications 12:7223, doi
 10.1038/s41467-021-27568-y), after Macdonald 2009; where feet are put is Hof's rule.  Equations and numbers were checked against
-the program that goes with the paper.  Steps follow each other at a fixed time: nobody can fall into step.  Their Model 2, whose
-walkers also change the time of a step, is not here.
+the program that goes with the paper.  Steps follow each other at a fixed time: walkers never fall into step.  Their Model 2,
+where the time of a step changes too, is not here.
 
 ``h`` is the mean response of ``-(y - p)`` to X = exp(i Omega t), over all phases of the steps.  With a step of T and
 q = y + y'/w - p, r = y - y'/w - p it is
 
     q' = w q + f,   q = 0 after a step      r' = -w r - f,   f = Omega^2 exp(i Omega t) / w
 
-which is solved in closed form.  The paper's own formula, (36) of its supplement, could not be opened: unchecked.  This one is
-ours, and a test finds it in the motion of the equations above.
+which is solved in closed form.  The paper's formula, (36) of its supplement, could not be opened: unchecked.  This one is
+derived here, and a test measures it in the motion of the equations above.
 """
 
 from dataclasses import dataclass
@@ -91,7 +91,7 @@ class Walkers(NamedTuple):
     steps: Ints  # (N,) that a foot stays down
 
     def phase(self) -> Floats:
-        """Return the phase (N,) [rad] of everyone's stride; it runs on evenly, whatever the deck does."""
+        """Return the phase (N,) [rad] of each stride; it advances evenly, whatever the deck does."""
         return np.pi * (1.0 - self.steps_left / self.steps) + np.where(self.side > 0.0, 0.0, np.pi)
 
 

@@ -1,4 +1,4 @@
-"""Walkers who fall into step with the deck: the coupling ``synchrony``.
+"""Walkers that fall into step with the deck: the coupling ``synchrony``.
 
     F = sum_i G psi_i sin(theta_i)                                                       force on the mode
     theta_i' = Omega_i + C A psi_i sin(Psi - theta_i + alpha)
@@ -6,12 +6,12 @@
     sum_i psi_i^2 = (4 zeta / pi) K / (G C P(omega_0))                                   threshold, for alpha = pi / 2
 
 Strogatz, Abrams, McRobie, Eckhardt, Ott 2005 (Nature 438:43, doi 10.1038/438043a); there psi_i = 1.  ``theta_i`` is the phase
-of a stride, left and right, so that Omega_i is half of the frequency of steps; ``P`` is the density of the Omega_i.  The
-equations, alpha and C, which the paper fits to a test on the bridge, were checked against accounts of it, since it could not
-be opened; G = 30 N and the spread of 0.63 rad/s stand so in a program of others, which has another C.
+of a stride, left and right, so that Omega_i is half of the frequency of steps; ``P`` is the density of the Omega_i.  The paper
+could not be opened.  The equations, alpha and C, which it fits to a test on the bridge, were checked against accounts of it.
+G = 30 N and the spread of 0.63 rad/s come from a program by others, which has another C.
 
-The threshold follows from linear response: a small motion A of the mode brings a share pi P C A psi_i / 2 of the walkers at
-omega_0 into step, a quarter of a cycle ahead, and the deck takes energy from them as fast as it loses it.
+The threshold follows from linear response.  A small motion A of the mode brings a share pi P C A psi_i / 2 of the walkers at
+omega_0 into step, a quarter of a cycle ahead.  The deck takes energy from them as fast as it loses it.
 """
 
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ class Synchrony:
     Parameters
     ----------
     force : N, ``G``, amplitude of the force of one walker to the side.
-    sensitivity : 1/(m s), ``C``; 0 = nobody minds the motion.
+    sensitivity : 1/(m s), ``C``; 0 = walkers ignore the motion.
     lag : rad, ``alpha``.
 
     Raises
@@ -52,7 +52,7 @@ class Synchrony:
     def threshold(self, deck: Deck, density: float) -> float:
         """Return the sum of psi_i squared beyond which the deck sways; ``density`` [s] is that of Omega at omega_0.
 
-        It is the number of walkers at mid-span, and half the number of those who fill the deck evenly.
+        It is the number of walkers at mid-span, and half the number of walkers spread evenly over the deck.
         """
         return (
             4.0 * deck.damping_ratio / np.pi * deck.stiffness / (self.force * max(self.sensitivity, 1e-300) * density)

@@ -1,4 +1,4 @@
-"""A crowd that walks along the deck, as fast as the strides of its people say, and round and round."""
+"""A crowd that walks along the deck at the speed of its strides, and returns to the start at the end."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 
 DECK, WIDTH = Deck(), 4.0  # m
-_FASTEST = 3.0  # standard deviations of the stride beyond which nobody is drawn
+_FASTEST = 3.0  # standard deviations of the stride at which the draw is cut off
 _BEHIND = 6.0  # m of floor behind the deck
 
 
@@ -27,9 +27,9 @@ def draw_strides(rng: np.random.Generator, shape: tuple[int, ...]) -> Floats:
 def crowd(
     people: int, scheme: str, dt: float, seed: int, *, before: float = 1.0, region: str | None = "deck"
 ) -> Simulation:
-    """Return people in a region, None = everywhere, who walk along the deck and keep a distance.
+    """Return a population in a region, None = everywhere, that walks along the deck and keeps a distance.
 
-    ``before`` [m] is how much floor there is in front of the deck.
+    ``before`` [m] is the length of floor in front of the deck.
     """
     rng = np.random.default_rng(seed)
     place = Geometry.from_polygon(
@@ -47,9 +47,9 @@ def crowd(
 
 
 def come_round(simulation: Simulation, end: float, back: float) -> Bools:
-    """Put those who have passed ``end`` [m] ``back`` [m] where there is room, so that their number stays; return who (P,).
+    """Move pedestrians beyond ``end`` [m] ``back`` [m] where there is room, so that their number stays; return which (P,).
 
-    It is for places without an exit that reach beyond both ends, whose people walk along x.
+    It is for places without an exit that reach beyond both ends, with pedestrians that walk along x.
     """
     position, radius = simulation.state.position, simulation.bodies.radius
     moved = np.zeros(len(radius), dtype=np.bool_)

@@ -1,8 +1,8 @@
-"""The terms that observations are made of, those of a user's own among them, and in which columns they stand.
+"""The terms of observations, built-in and custom, and their columns.
 
 Vectors are given in the frame of the actions: along and to the left of the shortest path ("path"), or along x and y
-("world").  Only `direction` is always along x and y: a compass, by which a policy in the frame of the path would know one
-wall of a room from another, and which it is not shown unless it asks.  Every value lies in [-1, 1].
+("world").  Only `direction` is always along x and y: a compass, by which a policy in the frame of the path could tell the walls
+of a room apart.  Such a policy observes it only on request.  Every value lies in [-1, 1].
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +16,7 @@ from crowd_env.core.checks import Range, check_fields, from_data
 from crowd_env.envs.observation.view import Columns, Plan, View
 from crowd_env.envs.terms import Layout, Term, observed_terms, own_terms
 
-# Up to so many people in an environment all pairs are looked at, above it those of neighboring cells: faster, the same bits.
+# Up to this number of pedestrians in an environment all pairs are compared, above it neighboring cells: faster, same bits.
 ALL_PAIRS = 96
 MOST_NEIGHBORS = 32
 MOST_RAYS = 360
@@ -25,14 +25,14 @@ MOST_ROUTES = 1000
 
 @dataclass(frozen=True)
 class ObservationTerm(Term):
-    """A term of one's own, an entry of ``ObservationLayout(terms=...)`` beside the names in ``TERMS``.
+    """A custom term, an entry of ``ObservationLayout(terms=...)`` beside the names in ``TERMS``.
 
     Parameters
     ----------
     name : the columns are ``layout[name]``.
     width : number of columns.
     function : ``(view, out)`` writes the columns ``out`` (P, width), zero before, scaled to [-1, 1], from a `View`.  Values
-        beyond that are clipped, and the rows of those who are out stay zero.  It must draw no random numbers, and an
+        beyond that are clipped, and the rows of pedestrians outside stay zero.  It must draw no random numbers, and an
         environment's rows must not depend on other environments.  A function of a module can be pickled with its layout.
 
     Raises
@@ -49,11 +49,11 @@ class ObservationTerm(Term):
 
 
 class CompiledTerm(NamedTuple):
-    """A term whose columns a kernel writes, see `crowd_env.envs.observation.perception`."""
+    """A term with columns that a kernel writes, see `crowd_env.envs.observation.perception`."""
 
     width: int
-    of_each: Literal["", "neighbors", "rays", "routes"] = ""  # field of the layout: so many times the width
-    usual: bool = True  # part of an observation whose terms are not named
+    of_each: Literal["", "neighbors", "rays", "routes"] = ""  # field of the layout that multiplies the width
+    usual: bool = True  # part of an observation without a list of terms
 
 
 # Each has a field of the same name in `Columns`.
@@ -64,38 +64,38 @@ TERMS: Mapping[str, CompiledTerm] = {
     "desired_speed": CompiledTerm(1),
     # direction of the shortest path to an exit, along x and y
     "direction": CompiledTerm(2, usual=False),
-    # time t the rest of the shortest path takes at the own desired speed, as t / (t + 5 s)
+    # time t of the rest of the shortest path at the desired speed, as t / (t + 5 s)
     "travel_time": CompiledTerm(1),
     # the narrowest opening on the way ahead: 1 - own diameter / width, at least 0, and the time t to it as t / (t + 5 s)
     "opening": CompiledTerm(2, usual=False),
-    # time t since one last got nearer to the end of the way than ever before, as t / (t + 5 s)
+    # time t since the pedestrian was last nearer to the end of the way than ever before, as t / (t + 5 s)
     "stood": CompiledTerm(1, usual=False),
     # sum of the contact impulses since the last decision / (own mass * 1 m/s), in the frame
     "push": CompiledTerm(2),
-    # sum of the magnitudes of these impulses / (own mass * 1 m/s): large between two who push from both sides
+    # sum of the magnitudes of these impulses / (own mass * 1 m/s): large between two neighbors that push from both sides
     "crush": CompiledTerm(1),
-    # people within 1 m of the own center, oneself included, / (pi m2 * 8 /m2)
+    # pedestrians within 1 m of the body's center, itself included, / (pi m2 * 8 /m2)
     "density": CompiledTerm(1),
-    # free distance from the own surface to the nearest wall along rays / 3 m; ray k at k / n of a turn to the left
+    # free distance from the surface of the body to the nearest wall along rays / 3 m; ray k at k / n of a turn to the left
     "walls": CompiledTerm(1, of_each="rays"),
     # the k nearest people within 3 m, five values each: offset / 3 m (2), relative velocity / 4 m/s (2), closeness, which
-    # is 1 - gap / 3 m, 1 at contact; all five are 0 where there is nobody
+    # is 1 - gap / 3 m, 1 at contact; all five are 0 without a neighbor
     "neighbors": CompiledTerm(5, of_each="neighbors"),
-    # how much further along the own route each of these k people is, (own distance to go - theirs) / 3 m: above 0 for those
-    # who are nearer the exit, 0 where there is nobody
+    # how much further along its route each of these k pedestrians is, (own distance to go - theirs) / 3 m: above 0 for a
+    # neighbor nearer the exit, 0 without a neighbor
     "lead": CompiledTerm(1, of_each="neighbors", usual=False),
-    # of the people within 3 m who go the same way and are nearer its end: closeness of the next, which is 1 - lead / 3 m
-    # (at least 0), the speed of that person along the route / 2 m/s, and their number n as n / (n + 10); 0 if there is none
+    # of the pedestrians within 3 m that go the same way and are nearer its end: closeness of the next, which is 1 - lead / 3 m
+    # (at least 0), its speed along the route / 2 m/s, and their number n as n / (n + 10); 0 if there is none
     "ahead": CompiledTerm(3, usual=False),
-    # two values for each exit and route of the place, in the order of `Scenario.ways`, as who knows the plan knows them:
-    # the time t that this way takes at the own desired speed, as t / (t + 5 s), and 1 for the one that is followed
+    # two values for each exit and route of the place, in the order of `Scenario.ways`, as known from the plan:
+    # the time t of this way at the desired speed, as t / (t + 5 s), and 1 for the way that is followed
     "routes": CompiledTerm(2, of_each="routes", usual=False),
-    # how many of the people within 3 m are nearer the end of each way than oneself and heading for it, n as n / (n + 10)
+    # how many pedestrians within 3 m are ahead of this one on each way and heading for it, n as n / (n + 10)
     "queues_seen": CompiledTerm(1, of_each="routes", usual=False),
-    # the same of all people inside, as signs would show it that count those who wait: n / (n + 50)
+    # the same of all pedestrians inside, as signs with the length of each queue would show it: n / (n + 50)
     "queues_shown": CompiledTerm(1, of_each="routes", usual=False),
-    # those inside in whose company one walks: offset of their center / (3 m + its distance) (2), in the frame, and their
-    # number n as n / (n + 3); 0 for who walks alone
+    # companions inside: offset of their center / (3 m + its distance) (2), in the frame, and their number n as n / (n + 3);
+    # 0 without companions
     "company": CompiledTerm(3, usual=False),
 }
 
@@ -109,9 +109,9 @@ class ObservationLayout(Layout):
     Parameters
     ----------
     terms : names in ``TERMS`` and `ObservationTerm` objects, in the order of the columns; by default the ``USUAL`` ones.
-    neighbors : how many nearest people are seen.
-    rays : how many directions walls are felt for in.
-    routes : number of exits and routes that the terms of each tell of; 0 = as many as the place has, which an environment
+    neighbors : number of nearest pedestrians observed.
+    rays : number of directions in which walls are sensed.
+    routes : number of exits and routes in terms with columns for each; 0 = as many as the place has, which an environment
         fills in.
 
     Raises
@@ -165,7 +165,7 @@ class ObservationLayout(Layout):
         Raises
         ------
         ValueError
-            If a term is a function of the user's own.
+            If a term is a custom function.
         """
         for term in self.own_terms:
             raise ValueError(f"{term.kind} {term.name!r} is one of your own, which cannot be written as plain data")
@@ -177,8 +177,8 @@ class ObservationLayout(Layout):
 
         Parameters
         ----------
-        largest : how many people the largest environment holds.
-        all_pairs : environments of up to so many people need no cells.
+        largest : number of pedestrians of the largest environment.
+        all_pairs : environments of up to this number of pedestrians need no cells.
         """
         wanted = [term for term in self.terms if isinstance(term, str)]
         angle = 2.0 * np.pi * np.arange(self.rays) / self.rays
@@ -193,7 +193,7 @@ class ObservationLayout(Layout):
         )
 
     def add_own_terms(self, view: View, environments: Ints, out: np.ndarray) -> None:
-        """Write the columns of terms that are not compiled, of everyone in some environments, into ``out`` (P, size)."""
+        """Write the columns of terms that are not compiled, for all rows of some environments, into ``out`` (P, size)."""
         for term in self.own_terms:
             values = np.zeros((len(out), term.width))
             term.function(view, values)
@@ -209,12 +209,12 @@ def make_layout(
 ) -> ObservationLayout:
     """Return a layout, the one of plain data such as ``{"terms": ["velocity", "walls"], "rays": 16}``, or the default.
 
-    Whose vectors are ``in_world``, along x and y, is shown the `direction` of the path by default too.
+    Vectors that are ``in_world``, along x and y, come with the `direction` of the path by default.
 
     Raises
     ------
     ValueError
-        If it is something else, or a key is unknown.
+        If it is of a wrong type, or a key is unknown.
     """
     if observation is None and in_world:
         return ObservationLayout(tuple(name for name in TERMS if name in USUAL or name == "direction"))

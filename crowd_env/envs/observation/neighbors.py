@@ -1,4 +1,4 @@
-"""The people around each pedestrian, compiled: the density, the nearest neighbors, and who is nearer the exit."""
+"""The neighbors of each pedestrian, compiled: the density, the nearest ones, and the ones nearer the exit."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from crowd_env.routing.fields.lookup import way_at
 
 DENSITY_RADIUS = 1.0  # m
 DENSITY_SCALE = 8.0  # 1/m2
-AHEAD_SCALE = 10.0  # people   so many ahead are observed as 1/2
+AHEAD_SCALE = 10.0  # people   this number ahead is observed as 1/2
 
 # The nearest are found by one number, gap before slot: gaps that differ by less than 0.2 nm count as equal.  It is whole and
 # below 2**53, so that float64 holds it, as long as a room has fewer slots than half a million.
@@ -30,7 +30,7 @@ def clipped(value: float) -> float:
 
 @inner_kernel
 def neighbor_features(e: int, begin: int, end: int, view: View, plan: Plan, out: Rows) -> None:
-    """Write all terms about others for those in ``listed[begin:end]`` who are inside environment ``e``."""
+    """Write all terms about others for the rows of ``listed[begin:end]``, which are inside environment ``e``."""
     near, active, position = view.near, view.state.active, view.state.position
     if end - begin <= plan.all_pairs:
         head, columns, rows = put_into_one_cell(e, begin, end, view.listed, active, near)
@@ -50,7 +50,7 @@ def neighbor_features(e: int, begin: int, end: int, view: View, plan: Plan, out:
 def put_into_one_cell(
     e: int, begin: int, end: int, listed: Cells, active: Bools, near: NeighborList
 ) -> tuple[int, int, int]:
-    """Put all listed people who are inside into one cell, so that all pairs are looked at; return as `sort_into_cells` does."""
+    """Put all listed pedestrians inside into one cell, so that all pairs are compared; return as `sort_into_cells` does."""
     head, count = first_cell(e, begin), 0
     for n in range(index(begin), index(end)):
         if active[listed[n]]:
@@ -62,7 +62,7 @@ def put_into_one_cell(
 
 @inner_kernel
 def gather_around(head: int, cell: int, columns: int, rows: int, begin: int, view: View, around: Floats) -> int:
-    """Write position, radius and slot of those in a cell and beside it into ``around``; return their number."""
+    """Write position, radius and slot of pedestrians in and beside a cell into ``around``; return their number."""
     near, position, radius = view.near, view.state.position, view.bodies.radius
     row, column, count = cell // columns, cell % columns, 0
     for other in range(max(row - 1, 0), min(row + 2, rows)):
@@ -79,7 +79,7 @@ def gather_around(head: int, cell: int, columns: int, rows: int, begin: int, vie
 def write_neighbors(
     e: int, first_item: int, end_item: int, count: int, begin: int, view: View, plan: Plan, out: Rows
 ) -> None:
-    """Write what those in ``cell_item[first_item:end_item]`` see among the ``count`` people who are in ``around``."""
+    """Write what ``cell_item[first_item:end_item]`` observe of the ``count`` pedestrians in ``around``."""
     at_density, at_neighbors, at_lead = plan.column.density, plan.column.neighbors, plan.column.lead
     around, key, nearest = plan.around, plan.key, plan.nearest
     axis, position, velocity = view.axis, view.state.position, view.state.velocity
@@ -126,7 +126,7 @@ def write_neighbors(
 
 @inner_kernel
 def route_from(e: int, i: int, j: int, view: View) -> tuple[float, float, float]:
-    """Return the direction and length [m] of the route that person ``i`` follows, from where person ``j`` stands."""
+    """Return the direction and length [m] of the route of pedestrian ``i``, from the position of pedestrian ``j``."""
     f = view.field_of_route[e, view.followed[i]]
     if view.field_of_route[e, view.followed[j]] == f:
         return view.direction[j, 0], view.direction[j, 1], view.distance_to_go[j]
@@ -136,9 +136,9 @@ def route_from(e: int, i: int, j: int, view: View) -> tuple[float, float, float]
 
 @inner_kernel
 def write_ahead(e: int, i: int, count: int, begin: int, view: View, plan: Plan, out: Rows) -> None:
-    """Write the term `ahead` of person ``i``: of equally near people the one in the first slot is the next.
+    """Write the term `ahead` of pedestrian ``i``: of equally near pedestrians the one in the first slot is the next.
 
-    Those on other ways do not count: two streams that cross or meet would wait for each other for ever.
+    Pedestrians on other ways do not count: two streams that cross or meet would wait for each other for ever.
     """
     around, velocity, first = plan.around, view.state.velocity, plan.column.ahead
     x, y, own = view.state.position[i, 0], view.state.position[i, 1], view.distance_to_go[i]

@@ -1,4 +1,4 @@
-"""Observations of a batch of crowds, and how far everyone still has to go."""
+"""Observations of a batch of crowds, and the rest of each pedestrian's way."""
 
 import numpy as np
 
@@ -19,10 +19,10 @@ class Observer:
 
     Parameters
     ----------
-    simulation, layout : whom, and what of them.
+    simulation, layout : the crowds, and the terms to observe.
     ways : that people may choose among.
     in_world : vectors along x and y, else along and to the left of the shortest path.
-    all_pairs : see `ObservationLayout.plan`; cells hold everyone inside, whether observed or not.
+    all_pairs : see `ObservationLayout.plan`; cells hold all pedestrians inside, observed or not.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class Observer:
         )
 
     def observe(self, seen: Bools, environments: Ints | None = None, out: np.ndarray | None = None) -> np.ndarray:
-        """Return the observation (P, D) float32 of those ``seen`` (P,), zero elsewhere.
+        """Return the observation (P, D) float32 of pedestrians ``seen`` (P,), zero elsewhere.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class Observer:
         return self.finish(rows, chosen)
 
     def begin(self, seen: Bools) -> np.ndarray:
-        """Return room (P, D) for what those ``seen`` (P,) observe, to `look` and `finish`: what `observe` does in one."""
+        """Return an array (P, D) for pedestrians ``seen`` (P,), to `look` and `finish`: `observe` does all three."""
         self._update_openings()
         self.view.fields.seen[:] = seen
         return np.empty((len(seen), self._width), np.float32)
@@ -105,7 +105,7 @@ class Observer:
         perceive(self._everywhere[first:stop], self.view, self._plans[first], rows)
 
     def _update_openings(self) -> None:
-        """Find the openings of fields that are new: at first all, later those that doors have brought about."""
+        """Find the openings of new fields: at first all, later the fields that doors have caused."""
         planner = self._simulation.planner
         if "opening" not in self.layout.names or self._known == planner.fields:
             return
@@ -114,7 +114,7 @@ class Observer:
         replace_arrays(self._openings, bottlenecks_of(self._known, geometries))
 
     def finish(self, rows: np.ndarray, environments: Ints | None = None) -> np.ndarray:
-        """Return the rows, with terms of one's own of these environments; None = of all."""
+        """Return the rows, with the custom terms of these environments; None = of all."""
         if self.layout.own_terms:
             self.layout.add_own_terms(
                 self.view.fields, self._everywhere if environments is None else environments, rows

@@ -1,8 +1,7 @@
-"""What pedestrians perceive, compiled: the functions behind the terms of ``TERMS``.
+"""Perception of pedestrians, compiled: the functions behind the terms of ``TERMS``.
 
-They write their columns of the rows (P, D) float32 of those who are ``seen``, clipped to [-1, 1].  All terms of one
-environment are written before the next one is begun: what is known of twenty people stays in the cache that is nearest to the
-processor.
+They write their columns of the rows (P, D) float32 of ``seen`` pedestrians, clipped to [-1, 1].  All terms of one environment
+are written before the next one begins: the data of twenty pedestrians stay in the nearest cache of the processor.
 """
 
 import numpy as np
@@ -27,13 +26,13 @@ from crowd_env.envs.observation.ways import way_features
 from crowd_env.routing.fields.bottlenecks import bottleneck_at
 from crowd_env.routing.fields.lookup import travel_time_at, way_at
 
-COMPANY_SCALE = 3.0  # people   so many companions are observed as 1/2
-KICK_SCALE = 1.0  # m/s   an impulse that changes the own speed by this much is observed as 1
+COMPANY_SCALE = 3.0  # people   this number of companions is observed as 1/2
+KICK_SCALE = 1.0  # m/s   an impulse that changes the pedestrian's speed by this much is observed as 1
 
 
 @kernel
 def perceive(environments: Ints, view: View, plan: Plan, out: Rows) -> None:
-    """Write the rows of ``out`` (P, D) of everyone in some environments, all but the terms that are not compiled."""
+    """Write the rows of ``out`` (P, D) of some environments, all but the terms that are not compiled."""
     column, listed = plan.column, view.listed
     for e in environments:
         begin = view.bodies.env_start[e]
@@ -52,19 +51,19 @@ def perceive(environments: Ints, view: View, plan: Plan, out: Rows) -> None:
 
 @inner_kernel
 def list_seen(begin: int, end: int, seen: Bools, listed: Cells, out: Rows) -> int:
-    """Empty the rows of one environment, and list who is seen of the people ``begin:end``; return the end of the list."""
+    """Empty the rows of one environment, and list the seen pedestrians of ``begin:end``; return the end of the list."""
     last = begin
     for i in range(index(begin), index(end)):
         for k in range(out.shape[1]):
             out[i, k] = 0.0
-        listed[index(last)] = i  # no branch: which slots are empty nobody can guess
+        listed[index(last)] = i  # no branch: the processor cannot predict which slots are empty
         last += seen[i]
     return last
 
 
 @inner_kernel
 def update_route_ahead(e: int, begin: int, end: int, view: View) -> None:
-    """Write the rest of the route of those in ``listed[begin:end]``, by the route that each follows.
+    """Write the rest of the route of each pedestrian in ``listed[begin:end]``, by the route that it follows.
 
     The potential is a travel time too, by a field that depends on route and doors alone: most often it is the same one.
     """
@@ -86,7 +85,7 @@ def update_route_ahead(e: int, begin: int, end: int, view: View) -> None:
 
 @inner_kernel
 def write_own_features(e: int, begin: int, end: int, view: View, column: Columns, out: Rows) -> None:
-    """Write what each knows of itself: velocity, desired speed, the route ahead, and what presses on it."""
+    """Write the pedestrians' state: velocity, desired speed, the route ahead, and the contact impulses."""
     axis, velocity, impulse = view.axis, view.state.velocity, view.impulse
     at_velocity, at_speed, at_direction = column.velocity, column.desired_speed, column.direction
     at_time, at_push, at_crush = column.travel_time, column.push, column.crush
@@ -131,7 +130,7 @@ def write_opening(e: int, i: int, k: int, view: View, out: Rows) -> None:
 
 @inner_kernel
 def time_stood(i: int, now: float, view: View) -> float:
-    """Return for how long [s] person ``i`` has not got nearer to the end of the way, and keep what has been reached."""
+    """Return the time [s] since pedestrian ``i`` last got nearer to the end of the way, and store the least potential."""
     reached, potential = view.reached, view.potential[i]
     if not reached[i, 0] - GAIN < potential < reached[i, 0] + LOSS:
         reached[i, 0], reached[i, 1] = potential, now
@@ -140,7 +139,7 @@ def time_stood(i: int, now: float, view: View) -> float:
 
 @inner_kernel
 def write_company(e: int, begin: int, end: int, view: View, first: int, out: Rows) -> None:
-    """Write the term `company` of everyone in ``listed[begin:end]`` of environment ``e``."""
+    """Write the term `company` of ``listed[begin:end]`` in environment ``e``."""
     sums, company, position, active = view.company_sums, view.bodies.company, view.state.position, view.state.active
     slot_start, slot_stop = view.bodies.env_start[e], view.bodies.env_start[e + 1]
     for i in range(index(slot_start), index(slot_stop)):
@@ -165,14 +164,14 @@ def write_company(e: int, begin: int, end: int, view: View, first: int, out: Row
 
 @inner_kernel
 def write_turned(out: Rows, i: int, k: int, x: float, y: float, ax: float, ay: float, scale: float) -> None:
-    """Write (x, y) / ``scale`` in the frame whose first axis is (ax, ay) into two columns."""
+    """Write (x, y) / ``scale`` into two columns, in the frame with the first axis (ax, ay)."""
     out[i, k] = clipped((x * ax + y * ay) / scale)
     out[i, k + 1] = clipped((y * ax - x * ay) / scale)
 
 
 @inner_kernel
 def cast_rays(e: int, begin: int, end: int, view: View, plan: Plan, out: Rows) -> None:
-    """Write the free distance from everyone's surface to the nearest wall along rays / 3 m."""
+    """Write the free distance from each body's surface to the nearest wall along rays / 3 m."""
     g = view.geometry_of_env[e]
     w0, w1 = view.boundary.wall_start[g], view.boundary.wall_start[g + 1]
     wall, wall_door, axis, turn, beam = view.boundary.wall, view.boundary.wall_door, view.axis, plan.turn, plan.beam

@@ -1,4 +1,4 @@
-"""The ways that people may choose among, compiled: how long each takes, who goes it, and how many wait there."""
+"""The ways that pedestrians may choose among, compiled: the time of each, its followers, and its queue."""
 
 import numpy as np
 
@@ -8,12 +8,12 @@ from crowd_env.envs.observation.neighbors import clipped
 from crowd_env.envs.observation.view import SLOWEST, TIME_SCALE, Plan, Rows, View
 from crowd_env.routing.fields.lookup import travel_time_at, way_at
 
-SHOWN_SCALE = 50.0  # people   a sign that shows so many is observed as 1/2
+SHOWN_SCALE = 50.0  # people   a sign that shows this number is observed as 1/2
 
 
 @inner_kernel
 def way_features(e: int, begin: int, end: int, view: View, plan: Plan, out: Rows) -> None:
-    """Find the ways of those in ``listed[begin:end]``; write the terms `routes` and `queues_shown` of environment ``e``."""
+    """Find the ways of ``listed[begin:end]``; write the terms `routes` and `queues_shown` of environment ``e``."""
     first, length, heads_for = plan.column.routes, view.length_of_way, view.heads_for
     for n in range(index(begin), index(end)):
         i = view.listed[n]
@@ -31,10 +31,10 @@ def way_features(e: int, begin: int, end: int, view: View, plan: Plan, out: Rows
 
 @inner_kernel
 def find_ways(e: int, i: int, view: View) -> None:
-    """Write the length of each way of person ``i``, and which one that person goes.
+    """Write the length of each way of pedestrian ``i``, and the way that it goes.
 
-    It is the way that is followed, or among the others the one in whose direction the person wants to go: who takes the fastest
-    way is seen to head for one exit, and may turn.
+    It is the way that is followed, or among the others the one in the desired direction: a pedestrian on the fastest way is
+    seen to head for one exit, and may turn.
     """
     x, y, r, followed = view.state.position[i, 0], view.state.position[i, 1], view.bodies.radius[i], view.followed[i]
     heads_for, best = 0, -np.inf
@@ -55,7 +55,7 @@ def find_ways(e: int, i: int, view: View) -> None:
 
 @inner_kernel
 def write_queue_shown(k: int, begin: int, end: int, view: View, plan: Plan, out: Rows) -> None:
-    """Write how many of all are heading for the end of way ``k`` and nearer to it, of everyone in ``listed[begin:end]``."""
+    """Write the number of pedestrians ahead on way ``k`` and heading for its end, for each in ``listed[begin:end]``."""
     length, sorted_lengths, count = view.length_of_way, plan.key, 0
     for n in range(index(begin), index(end)):
         i = view.listed[n]

@@ -38,7 +38,7 @@ class RoutingBatch:
     ----------
     env : the crowds, a `CrowdEnv`.
     samples : number of steps of ``env`` in an interval.
-    regions, layout : where decisions are made, and what is observed.
+    regions, layout : decision regions, and terms of the observation.
     weights : weight of each reward term; 0 = only reported.
     choices : (R + D,) number of choices of each entry of an action.
     """
@@ -77,9 +77,9 @@ class RoutingBatch:
             num_envs=num_envs,
             physics=physics,
             walking=walking,
-            routing=Routing("nearest", signs=signs),  # until the controller says otherwise; makes a route of every exit
+            routing=Routing("nearest", signs=signs),  # until the controller decides; makes a route of every exit
             decision_dt=sample_dt,
-            observation=ObservationLayout(terms=("desired_speed",)),  # nobody reads it
+            observation=ObservationLayout(terms=("desired_speed",)),  # not used
             time_limit=time_limit,
         )
         self.scenario = self.env.scenarios[0]
@@ -127,7 +127,7 @@ class RoutingBatch:
         return gymnasium.spaces.MultiDiscrete(self.choices)
 
     def info_at_reset(self) -> dict[str, np.ndarray]:
-        """Return ``inside`` (E,): everyone."""
+        """Return ``inside`` (E,): all people."""
         return {"inside": np.full(self.env.num_envs, self.env.num_people // self.env.num_envs)}
 
     def reset(self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None) -> np.ndarray:
@@ -199,7 +199,7 @@ class RoutingBatch:
         state.route[sent] = self._route[choice[sent]]
 
     def observe(self, inside: Bools, left: Bools) -> np.ndarray:
-        """Return observations (E, D) of people ``inside`` (P,), and of people who ``left`` (P,) since the last decision."""
+        """Return observations (E, D) of people ``inside`` (P,), and of people that ``left`` (P,) since the last decision."""
         return self._observation(self._view(inside, left))
 
     def _observation(self, view: RoutingView) -> np.ndarray:
@@ -211,7 +211,7 @@ class RoutingBatch:
         return np.clip(out, 0.0, 1.0).astype(np.float32)
 
     def _view(self, inside: Bools, left: Bools) -> RoutingView:
-        """Return what the terms read, of people ``inside`` (P,), and of people who ``left`` (P,) since the last decision."""
+        """Return the input of the terms, of people ``inside`` (P,) and people that ``left`` (P,) since the last decision."""
         env, state, rooms = self.env, self.env.simulation.state, self.env.num_envs
         until = np.where(left, state.exit_time, state.time[env.env_of_person])
         time_inside = np.where(inside | left, until - self._decided[env.env_of_person], 0.0)
@@ -259,7 +259,7 @@ def _checked_names(kind: str, names: Sequence[str], allowed: Sequence[str]) -> t
 def routing_arguments(scenario: Place = "two-exit-hall-v0", **settings: Any) -> dict[str, Any]:
     """Return the arguments of a `RoutingBatch` for flat settings, as the files of controllers hold them.
 
-    ``rules`` are the signs; what no batch knows is an option of the scenario.  All else is as in `arguments_of`.
+    ``rules`` are the signs; an unknown name is an option of the scenario.  All else is as in `arguments_of`.
     """
     words = {"rules": "signs", "count": "people"}
     known = inspect.signature(RoutingBatch).parameters

@@ -16,10 +16,10 @@ from crowd_env.envs.settings import answers_unknown
 
 
 class RoutingEnv(SingleEnv):
-    """One evacuation and one controller that says, region by region, which exit or route to take.
+    """One evacuation and one controller that chooses, region by region, the exit or route to take.
 
     Observation
-        (D,) float32 in [0, 1]: the terms in `crowd_env.envs.routing.terms.TERMS`, in the columns that ``layout`` says.
+        (D,) float32 in [0, 1]: the terms in `crowd_env.envs.routing.terms.TERMS`, in the columns that ``layout`` defines.
     Action
         MultiDiscrete.  One entry a decision region: the number, in ``layout.routes``, of the exit or route that everyone in
         that region is sent along.  People keep to the route that they were last sent along, also in other regions; before
@@ -31,7 +31,7 @@ class RoutingEnv(SingleEnv):
 
             -(a * mean exit time + b * exit time of the last person),
 
-        not discounted, to the hundredth of a second; people who never get out count until the end.
+        not discounted, to the hundredth of a second; people that never get out count until the end.
     Termination
         Terminated when everyone is out; truncated at the first decision at or after the time limit, or when the exits are
         blocked (`Scenario.blocked_after`).  ``info["metrics"]`` then holds the `EpisodeMetrics` as a dict;
@@ -47,14 +47,14 @@ class RoutingEnv(SingleEnv):
     grid : columns and rows of that grid over the bounding box; cells without floor are left out.
     routes : names of exits and of the scenario's routes to choose from; if none, all of them.
     doors : names of the doors to open and close; the others are left to the scenario.
-    observation : the terms that are observed, ``{"terms": ["count", "queue"]}``; by default all.  `RoutingTerm` objects of your
-        own may stand among the names.
-    reward : weights of the terms, by default ``{"mean": 0.1, "last": 0.1}``.  `RewardTerm` objects of your own may be keys.
+    observation : the terms that are observed, ``{"terms": ["count", "queue"]}``; by default all.  Custom `RoutingTerm` objects
+        may stand among the names.
+    reward : weights of the terms, by default ``{"mean": 0.1, "last": 0.1}``.  Custom `RewardTerm` objects may be keys.
     render_mode : None or "rgb_array".
 
     Attributes
     ----------
-    layout : what the columns of the observation and the numbers of an action mean, a `RoutingLayout`.
+    layout : meaning of the columns of the observation and of the numbers of an action, a `RoutingLayout`.
 
     Raises
     ------
@@ -79,10 +79,10 @@ class RoutingEnv(SingleEnv):
 
 
 class RoutingVectorEnv(BatchVectorEnv):
-    """Many evacuations in one array, each with its own controller's action; each row is what `RoutingEnv` gives.
+    """Many evacuations in one array, each with its own controller's action; each row equals `RoutingEnv`.
 
     For infos and restarts see `BatchVectorEnv`: an evacuation that has ended restarts in the same step unless
-    ``autoreset_mode`` says otherwise.
+    ``autoreset_mode`` differs.
 
     Parameters
     ----------

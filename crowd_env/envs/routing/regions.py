@@ -38,7 +38,7 @@ def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
     Raises
     ------
     ValueError
-        If these are no two whole numbers >= 1, or so many that no cell has 0.1 m2 of floor.
+        If these are no two whole numbers >= 1, or if no cell of the grid has 0.1 m2 of floor.
     """
     numbers = list(grid) if isinstance(grid, list | tuple | np.ndarray) else []
     if len(numbers) != 2 or not all(

@@ -1,4 +1,4 @@
-"""What a controller of ``crowd_env/routing-v0`` observes and is rewarded for: two tables of named terms, and a user's own."""
+"""Observation and reward of a controller of ``crowd_env/routing-v0``: two tables of named terms, and custom ones."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ QUEUE_REACH = 2.5  # m  people with no further to walk to an exit stand in its q
 
 
 class RoutingView(NamedTuple):
-    """What a term may read: E evacuations of N people, R regions, X exits, K routes and D doors, when a decision is due."""
+    """Input of a term: E evacuations of N people, R regions, X exits, K routes and D doors, when a decision is due."""
 
     interval: float  # s  between decisions
     inside: Bools  # (E, N)  inside, or cut off by the end of the episode since the last decision
@@ -27,7 +27,7 @@ class RoutingView(NamedTuple):
     velocity: Floats  # (E, N, 2)  m/s
     region: Ints  # (E, N)  region of people inside; -1 = none of the regions, or not inside
     region_area: Floats  # (R,)  m2, walkable
-    exit_taken: Ints  # (E, N)  exit by which people have left since the last decision; -1 = have not
+    exit_taken: Ints  # (E, N)  exit of people that left since the last decision; -1 = have not
     exit_width: Floats  # (X,)  m
     exit_distance: Floats  # (X, E, N)  m to walk to each exit
     on_route: Bools  # (K, E, N)  inside and sent along the route
@@ -118,11 +118,11 @@ _TERMS = (
     RoutingTerm("density", "region", _density),
     # mean speed of the people in it / (2 m/s); 0 if there are none
     RoutingTerm("speed", "region", _speed),
-    # people who left by it since the last decision / (interval * width * 5 /(s m))
+    # people that left by it since the last decision / (interval * width * 5 /(s m))
     RoutingTerm("flow", "exit", _flow),
     # people with at most 2.5 m to walk to it / N
     RoutingTerm("queue", "exit", _queue),
-    # people inside who were sent along it / N
+    # people inside sent along it / N
     RoutingTerm("assigned", "route", _assigned),
     # 1 = open
     RoutingTerm("door", "door", _door),
@@ -161,7 +161,7 @@ def make_terms(observation: Mapping[str, Any] | None) -> tuple[RoutingTerm, ...]
     Raises
     ------
     ValueError
-        If it is something else, a name is unknown, or two terms have the same name.
+        If it is of a wrong type, a name is unknown, or two terms have the same name.
     """
     given = table("observation", {} if observation is None else observation, "terms such as {'terms': ['count']}")
     check_keys("observation", given, ["terms"])

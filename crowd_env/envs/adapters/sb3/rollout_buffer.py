@@ -1,4 +1,4 @@
-"""Rollouts of a `CrowdVecEnv` that keep pedestrians who have left out of the loss."""
+"""Rollouts of a `CrowdVecEnv` without the samples of pedestrians outside."""
 
 from collections.abc import Generator
 
@@ -14,13 +14,13 @@ _SAMPLED = ("observations", "actions", "values", "log_probs", "advantages", "ret
 
 
 class MaskedRolloutBuffer(RolloutBuffer):
-    """A rollout buffer that hands out only the samples of pedestrians who were inside when they acted.
+    """A rollout buffer that returns only the samples of pedestrians inside at the time of their action.
 
     The rewards of a `CrowdVecEnv` carry the mask, see `SlotRewards`, whichever environment the model has at the time.
 
     Having left is worth nothing without a ``team_share`` s; with one it is worth what the critic expects of the others.  Let M
-    be the mean over all N people of an environment of what is still to come.  The n who are inside expect
-    V = (1 - s) own + s M each, the others s M; so the sum of V over those inside is ((1 - s) N + s n) M.
+    be the mean return-to-go over all N pedestrians of an environment.  The n pedestrians inside expect V = (1 - s) own + s M
+    each, and the others s M.  So the sum of V over the pedestrians inside is ((1 - s) N + s n) M.
     """
 
     def reset(self) -> None:
@@ -58,13 +58,13 @@ class MaskedRolloutBuffer(RolloutBuffer):
             slots.acted, self.values[t], _worth_of_having_left(self.values[t], slots.acted, slots)
         )
         if slots.team_share > 0.0 and slots.cut_off.any():
-            # stable-baselines3 has bootstrapped the rows that were cut off.  For pedestrians who had left the episode would go
-            # on as well: what that is worth to them follows from the values of the rows cut off, one observation earlier.
+            # stable-baselines3 has bootstrapped the rows that were cut off.  For pedestrians outside the episode would go on as
+            # well: its value for them follows from the values of the rows cut off, one observation earlier.
             later = _worth_of_having_left(self.values[t], slots.cut_off, slots)
             self.rewards[t] += np.where(slots.cut_off, 0.0, self.gamma * later)
 
     def compute_returns_and_advantage(self, last_values: torch.Tensor, dones: np.ndarray) -> None:
-        """Compute lambda-returns and advantages; having left is worth what the class says."""
+        """Compute lambda-returns and advantages; the class docstring defines the value of having left."""
         assert self._slots is not None, "the buffer is empty"
         slots = self._slots
         values, inside = last_values.detach().cpu().numpy().flatten(), slots.inside

@@ -19,11 +19,11 @@ KEPT_EPISODES = 1000  #: metrics of finished environments that are kept until `t
 
 
 class BatchVecEnv(VecEnv):
-    """What is common to batches that stable-baselines3 steps: the row's return and length, seeds, metrics, attributes.
+    """The common part of batches for stable-baselines3: the row's return and length, seeds, metrics, attributes.
 
     Parameters
     ----------
-    env : the batch; its single spaces are those of a row.
+    env : the batch; its single spaces are the spaces of a row.
     rows : number of sub-environments of the VecEnv.
 
     Attributes
@@ -56,7 +56,7 @@ class BatchVecEnv(VecEnv):
         return np.asarray(observation)
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Fix what the next reset draws: environment ``e`` of the batch uses (seed, e)."""
+        """Fix the draws of the next reset: environment ``e`` of the batch uses (seed, e)."""
         self._seeds = [seed] * self.num_envs
         return self._seeds
 
@@ -114,7 +114,7 @@ class BatchVecEnv(VecEnv):
 
 
 class Slots(NamedTuple):
-    """Which rows of a step belong to pedestrians who are inside."""
+    """Which rows of a step belong to pedestrians inside."""
 
     acted: Bools  # (P,)  inside when the step began: the rows worth learning from
     inside: Bools  # (P,)  inside after the step; all of them in an environment that has restarted
@@ -124,10 +124,10 @@ class Slots(NamedTuple):
 
 
 class SlotRewards(np.ndarray):
-    """Rewards (P,) of a step that carry their `Slots` along; so does every array that is computed from them.
+    """Rewards (P,) of a step that carry their `Slots` along, as does every array computed from them.
 
-    A rollout buffer receives nothing else from its algorithm, which may have been loaded, or given another environment, since
-    the buffer was made; and other environments may have been stepped in between.
+    A rollout buffer receives nothing else from its algorithm.  Since the buffer was made, the algorithm may have been loaded or
+    given another environment, and other environments may have been stepped in between.
 
     Attributes
     ----------
@@ -150,11 +150,11 @@ class SlotRewards(np.ndarray):
 class CrowdVecEnv(BatchVecEnv):
     """A `CrowdEnv` with autoreset, or `GeneratedCrowds`, as a VecEnv of P slots, one policy shared by all pedestrians.
 
-    The episode of a slot is that of its environment: ``done`` is true when that ends, ``TimeLimit.truncated`` for pedestrians
-    who are then still inside, so that the value of their last observation is bootstrapped.  A pedestrian who has left before
-    waits with zeros as observation, and with a share of what the others earn as reward, if there is a ``team_share``: leaving
-    is an absorbing state.  `MaskedRolloutBuffer` knows what that state is worth, and keeps it out of the loss.  A slot in which
-    nobody has been inside is never ``done``.
+    The episode of a slot is that of its environment: ``done`` is true when that ends.  ``TimeLimit.truncated`` is true for
+    pedestrians still inside then, so that the value of their last observation is bootstrapped.  A pedestrian outside waits with
+    zeros as observation, and with its ``team_share``, if any, as reward: leaving is an absorbing state.
+    `MaskedRolloutBuffer` computes the value of that state, and keeps it out of the loss.  A slot that was always empty is never
+    ``done``.
 
     The info of a slot, in the step in which its environment finishes, holds ``episode`` (return ``r`` and length ``l`` of the
     environment's episode), ``steps_inside`` (decision steps until the pedestrian left), ``is_success`` (whether the pedestrian
