@@ -1,4 +1,4 @@
-"""The border of an area as straight oriented edges, cut into walls and exits; what lies behind it, and where walls end."""
+"""The border of an area as straight oriented edges, cut into walls and exits; depth behind walls, and walls at corners."""
 
 import warnings
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ _INWARDS = 1e-3  # m; an apron begins this far inside, so that no gap of roundin
 def open_boundary(area: Area, exits: Mapping[str, BaseGeometry]) -> tuple[Floats, Floats, tuple[str, ...]]:
     """Return the walls (W, 2, 2) and exits (X, 2, 2) [m] of the border of ``area``, and the name of each exit.
 
-    A line opens the border along it; a polygon (already cut out of ``area``) opens what it shares with the border.
+    A line opens the border along it; a polygon (already cut out of ``area``) opens their common border.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def _along(edges: Floats, name: str, segment: Floats) -> list[_Opening]:
 
 
 def _moved_to(area: Area, segment: Floats) -> list[Floats]:
-    """Return where a segment (2, 2) may be meant that lies within the thickness of a wall of the boundary."""
+    """Return the places on the border that may be meant by a segment (2, 2) within the thickness of a wall."""
     border = shapely.boundary(area)
     points = np.concatenate([segment, segment.mean(axis=0)[None]])
     onto = np.array(
@@ -217,7 +217,7 @@ def add_aprons(walkable: Area, exits: Floats, depth: float) -> Area:
 
 
 def solid_depth(walls: Floats, area: Area, most: float = 0.25) -> Floats:
-    """Return (W,) half the thickness [m] of what is solid behind (to the right of) each wall, ``most`` at the most.
+    """Return (W,) half the thickness [m] of the solid behind (to the right of) each wall, ``most`` at the most.
 
     A center that was pressed into a wall belongs to the nearer face of it.
     """
@@ -228,7 +228,7 @@ def solid_depth(walls: Floats, area: Area, most: float = 0.25) -> Floats:
     behind = 2 * most * np.column_stack([along[:, 1], -along[:, 0]])
     a, b = walls[:, 0] + SLIVER * along, walls[:, 1] - SLIVER * along
     strips = shapely.polygons(np.stack([a, b, b + behind, a + behind], axis=1))
-    # What is walkable in a strip and nearest to its wall lies on the border of the area: its edges near the strip tell all.
+    # The nearest walkable part of a strip lies on the border of the area: the edges near the strip are sufficient.
     room = shapely.buffer(area, -SLIVER)
     border = shapely.linestrings(border_edges(room))
     row, edge = shapely.STRtree(border).query(strips, predicate="intersects")

@@ -1,6 +1,6 @@
-"""Doors: walls that come and go.
+"""Doors: walls that appear and disappear.
 
-The leaf of a door ends a millimeter short of the jambs, so that no corner belongs to it and to what stands for good.
+The leaf of a door ends a millimeter short of the jambs, so that no corner belongs to it and to a permanent wall.
 """
 
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from crowd_env.geometry.parsing import Area, Shape, read_lines, require_inside, 
 
 _SHORT = 1e-3  # m
 _SHORTEST = 0.1  # m
-_JAMB = 0.1  # m; a door may be so far from what it shuts against
+_JAMB = 0.1  # m; greatest distance of a door from its jambs
 
 
 def read_doors(
@@ -38,7 +38,7 @@ def read_doors(
             segments = exits[[k for k, other in enumerate(exit_names) if other == thing]]
             along, _ = tangents(segments)
             left = np.stack([-along[:, 1], along[:, 0]], axis=1)
-            segments = segments + _SHORT * left[:, None, :]  # inside, so that nobody is over the line when it closes
+            segments = segments + _SHORT * left[:, None, :]  # inside, so that no center is over the line when it closes
             closes.append(thing)
         else:
             if isinstance(thing, str) and not thing.lstrip().upper().startswith(("LINE", "MULTILINE")):

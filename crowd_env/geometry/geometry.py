@@ -44,16 +44,16 @@ _BENT = 0.1  # m; an opening that is deeper is no line between two jambs
 
 
 class Boundary(NamedTuple):
-    """What kernels read of the geometry; the arrays of G geometries lie one behind the other."""
+    """Input of the kernels from the geometry; the arrays of G geometries lie one behind the other."""
 
     wall: Floats  # (W, 2, 2)  m   ends a, b; walkable area to the left of a -> b; the chords of round jambs last
     tangent: Floats  # (W, 2)  unit vector from a to b
     length: Floats  # (W,)    m
-    depth: Floats  # (W,)    m   half the thickness of what is solid behind the wall, 0.25 m at most
+    depth: Floats  # (W,)    m   half the thickness of the solid behind the wall, 0.25 m at most
     two_sided: Bools  # (W,)    thin wall inside the area: touches from both sides
     wall_door: Ints  # (W,)    door of its geometry that the wall closes; -1 = it stands for good
     wall_start: Ints  # (G+1,)  first wall of each geometry
-    chord_start: Ints  # (G,)    first chord of each geometry: nobody touches a chord, but the arc that it draws
+    chord_start: Ints  # (G,)    first chord of each geometry: contacts are with its arc, never with a chord
     corner: Floats  # (V, 2)  m   distinct ends of walls: door jambs, corners of obstacles; or the center of a round one
     corner_radius: Floats  # (V,)    m   of a round jamb; 0 = a point
     corner_turn: Floats  # (V,)    sine of the turn between its two walls, > 0: to the left; -1 = none or not two
@@ -73,7 +73,7 @@ class Geometry:
     Attributes
     ----------
     walkable
-        What may be walked on [m]; obstacles and polygonal exits are already cut out.
+        Walkable area [m]; obstacles and polygonal exits are already cut out.
     walls
         (W, 2, 2) straight walls [m], walkable area to the left; behind them thin walls and doors (``two_sided``), and last
         the chords that draw round jambs.
@@ -92,7 +92,7 @@ class Geometry:
     exits_of_door
         For each door the name of the exit that it closes, or None if it stands inside.
     left_out
-        Parts of what was drawn that have no exit; they are not walkable.
+        Parts of the drawing without an exit; they are not walkable.
     arcs
         The round jambs.
     """
@@ -140,12 +140,12 @@ class Geometry:
         regions
             Name -> area that overlaps the walkable area.
         doors
-            Name -> what can be closed: the name of an exit, or a line across a passage inside the area.
+            Name -> a door: the name of an exit, or a line across a passage inside the area.
         jamb_radius
             Radius [m] of the corners that jut into the area: door jambs, corners of obstacles, the tips of thin walls; 0 for
             sharp ones.  See `crowd_env.geometry.jambs`: passages and doors stay as wide as they are drawn.
         narrowest
-            Radius [m] of a body: what it cannot leave through any passage is left out.
+            Radius [m] of a body: parts that it cannot leave are left out.
 
         Raises
         ------
@@ -176,7 +176,7 @@ class Geometry:
             area, _ = split_by_exits(rest, exit_rows)  # without the crumbs of a slit
             left_out += lost
         if left_out:
-            with warnings.catch_warnings():  # what it has to say has been said
+            with warnings.catch_warnings():  # its warnings have been given
                 warnings.simplefilter("ignore")
                 walls, exit_rows, exit_names = open_boundary(area, shapes)
         if radius > 0.0:
@@ -204,7 +204,7 @@ class Geometry:
 
     @classmethod
     def from_wkt(cls, text: str, **others: Any) -> "Geometry":
-        """Return the geometry whose walkable area is the WKT ``text``; the ``others`` are those of `from_polygon`."""
+        """Return the geometry of the walkable area in the WKT ``text``; the ``others`` are parameters of `from_polygon`."""
         return cls.from_polygon(require_text("walkable area", text, "well-known text (WKT)"), **others)
 
     def with_regions(self, regions: Mapping[str, Shape]) -> "Geometry":
@@ -213,12 +213,12 @@ class Geometry:
         Raises
         ------
         ValueError
-            If one is malformed, has the name of an exit, or nothing of it can be walked on.
+            If one is malformed, has the name of an exit, or is nowhere walkable.
         """
         return replace(self, regions=_regions(self.walkable, self.left_out, regions, self.exit_names))
 
     def turned(self, angle: float, mirrored: bool = False) -> "Geometry":
-        """Return the place as `turning` moves it; walls, exits and doors keep what is to their left."""
+        """Return the place as `turning` moves it; walls, exits and doors keep their left sides."""
         turn, ends = turning(angle, mirrored), self.arcs.ends
         if mirrored:
             on_post = ends[:, 1:] < 0
@@ -263,7 +263,7 @@ class Geometry:
         sharp = np.delete(np.arange(len(ends)), on_arc)
         start, members = ends_together(ends[sharp])
         members = sharp[members]
-        # A leaf shares its ends with nothing that stands for good.
+        # A leaf shares its ends with no permanent wall.
         doors = self.door_of_wall[members[start[:-1]] // 2]
         on_post = self.arcs.ends[:, 1] < 0
         members = np.concatenate([members, self.arcs.ends[~on_post].ravel()])
@@ -317,13 +317,13 @@ class Geometry:
     def exit_widths(self) -> dict[str, float]:
         """The width [m] of each exit by its name.
 
-        Lines that hang together are one opening.  One that is bent, such as the sides of a zone that people walk into, is as
-        wide as the longer side of the smallest rectangle around it: people come from one side.
+        Connected lines are one opening.  A bent one, such as the sides of a zone that people walk into, is as wide as the
+        longer side of the smallest rectangle around it: people come from one side.
         """
         return self.clear_widths()
 
     def clear_widths(self, body: float = 0.0) -> dict[str, float]:
-        """Return the `exit_widths` [m] of doors through which people of a width ``body`` [m] pass as they do here.
+        """Return the `exit_widths` [m] of doors with the same room for people of a width ``body`` [m].
 
         Between jambs the middle of a body stays half its width off each of them.  A zone has none: middles enter all along its
         side, as through a door that is wider by a body.
@@ -371,7 +371,7 @@ def _sides(corners: Floats) -> tuple[float, float]:
 
 
 def turning(angle: float, mirrored: bool = False) -> Callable[[Floats], Floats]:
-    """Return what turns points (..., 2) [m] by an ``angle`` [rad] to the left, about (0, 0).
+    """Return a function that turns points (..., 2) [m] by an ``angle`` [rad] to the left, about (0, 0).
 
     Where ``mirrored``, it first mirrors them at the axis of x.
     """
@@ -381,7 +381,7 @@ def turning(angle: float, mirrored: bool = False) -> Callable[[Floats], Floats]:
 
 
 def nearest_among(segments: Floats) -> Callable[[Floats], Ints]:
-    """Return what tells for points (K, 2) [m] the row (K,) of the nearest of some ``segments`` (S, 2, 2) [m]."""
+    """Return a function from points (K, 2) [m] to the row (K,) of the nearest of some ``segments`` (S, 2, 2) [m]."""
     return partial(_nearest, shapely.STRtree(shapely.linestrings(segments)))
 
 

@@ -1,7 +1,7 @@
-"""Who stands in the walkable area, by position alone: a compiled test over many crowds that knows nothing of contacts.
+"""Test of positions for the walkable area: compiled, over many crowds, without contacts.
 
 A point is inside if the ray from it to the right crosses the border of the area an odd number of times.  The edges are kept in
-horizontal rows, so that a point looks only at those at its own height.
+horizontal rows, so that a point compares only the edges at its own height.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ _FEWEST_ROWS, _MOST_ROWS = 8, 1024
 
 
 class Border(NamedTuple):
-    """The border of G walkable areas as edges in rows, those of one area behind those of another."""
+    """The border of G walkable areas as edges in rows, area by area."""
 
     bottom: Floats  # (G,)    m   where the first row begins
     per_height: Floats  # (G,)    1/m rows a meter
@@ -79,7 +79,7 @@ def _row(y: Floats, bottom: float, per_height: float, rows: int) -> Ints:
 def mark_outside(
     border: Border, geometry_of_env: Ints, env_start: Ints, active: Bools, position: Floats, outside: Bools
 ) -> None:
-    """Set ``outside`` (P,) of everyone who is active and not in the walkable area; clear none."""
+    """Set ``outside`` (P,) of all active pedestrians out of the walkable area; clear none."""
     low, high, x_low, slope = border.low, border.high, border.x, border.slope
     edge_start = border.edge_start
     for e in range(len(geometry_of_env)):

@@ -1,12 +1,12 @@
 """Round jambs: corners of walls that jut into the walkable area become arcs.
 
-The arc around a corner has its center inside the solid and is tangent to both walls, which end where it begins: the corner is
-cut off, and the walkable area grows by what is cut off.  An exit line in a wall moves outwards to the narrowest place between
-its two jambs, so that the width of the door stays what it was.  A thin wall, which has no inside, ends in a round post as far
-out as its tip was.
+The arc around a corner has its center inside the solid and is tangent to both walls, which end where it begins.  The walkable
+area grows by the corner that is cut off.  An exit line in a wall moves outwards to the narrowest place between its two jambs,
+so that the width of the door does not change.  A thin wall, which has no inside, ends in a round post as far out as its tip
+was.
 
-Contacts are with the arc itself.  For everything that looks or draws (sight, ways, pictures, who stands inside) it is a row of
-chords, which lie in the solid, less than 1/800 of the radius behind it.
+Contacts are with the arc itself.  For sight, ways, pictures and the test of the walkable area it is a row of chords, which lie
+in the solid, less than 1/800 of the radius behind it.
 """
 
 from collections.abc import Callable
@@ -23,7 +23,7 @@ from crowd_env.geometry.boundary import ends_together, rings_of
 from crowd_env.geometry.parsing import SLIVER, Area, place, tangents
 
 _CHORDS = 32  # of half a turn
-_KEPT = 1e-5  # m; so much is left of a wall between two arcs that meet, lest it have no direction
+_KEPT = 1e-5  # m; the length left of a wall between two arcs that meet, to keep its direction
 _ROUNDING = 1e-9  # m, m2
 
 
@@ -51,7 +51,7 @@ def deepen_exits(
     Raises
     ------
     ValueError
-        If such an exit is bent or touches another, or what lies behind it is walkable.
+        If such an exit is bent or touches another, or the place behind it is walkable.
     """
     lines: dict[str, list[Floats]] = {}
     strips = []
@@ -118,7 +118,7 @@ def round_jambs(area: Area, walls: Floats, thin: Floats, exits: Floats, radius: 
     Raises
     ------
     ValueError
-        If the radius is too large for a corner; the sentence names the tightest, and what fits there.
+        If the radius is too large for a corner; the sentence names the tightest, and the largest radius there.
     """
     corners = _jutting_corners(walls, thin, radius)
     corner, joints, cut = corners.point, corners.joints, corners.cut
@@ -171,7 +171,7 @@ def _jutting_corners(walls: Floats, thin: Floats, radius: float) -> _Corners:
 
 
 def _require_solid(area: Area, corners: _Corners, radius: float) -> None:
-    """Refuse a radius whose arcs open the solid to what is walkable behind it."""
+    """Refuse arcs that open the solid to a walkable place behind it."""
 
     def open_behind(r: float) -> np.ndarray:
         away = (r / radius * corners.cut)[:, None]
@@ -200,7 +200,7 @@ def _turn(before: Floats, behind: Floats) -> float:
 
 
 def _require_walls(corner: Floats, joints: Ints, taken: Floats, length: Floats, radius: float) -> None:
-    """Refuse a radius whose arcs take more of a wall than there is."""
+    """Refuse arcs that take more of a wall than its length."""
     share = length / np.maximum(taken, 1e-300)
     fits = share[joints // 2].min(axis=1)
     if (taken > length + _ROUNDING).any():

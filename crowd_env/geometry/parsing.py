@@ -1,4 +1,4 @@
-"""What a user may write for a place, read into valid shapely shapes or refused in one sentence.
+"""Reads a user's shapes into valid shapely shapes, or refuses them in one sentence.
 
 Areas are polygons with holes, several of them, well-known text (WKT) or corner coordinates; exits are lines or polygons.
 """
@@ -24,11 +24,11 @@ Shape: TypeAlias = BaseGeometry | str | ArrayLike
 """A shapely geometry, its WKT, or (K, 2) coordinates [m]."""
 
 SLIVER = 1e-6  # m; shorter pieces of wall are dropped
-# m; what is nearer is the same but for rounding.  GEOS loses pieces of shapes that share edges but for that, unless told so.
+# m; shapes nearer than this are equal but for rounding.  Without it GEOS loses pieces of shapes that share edges.
 ROUNDED = 1e-9
 _MIN_AREA = 1e-9  # m^2
 _DEEPEST = 50  # collections in collections; of tens of thousands GEOS overruns the stack, which ends the process
-_MIN_EXIT = 0.02  # m; below this an exit is a slip of the pen (and could not be told from the snap tolerance)
+_MIN_EXIT = 0.02  # m; below this an exit is a slip of the pen (and not distinguishable from the snap tolerance)
 _LINES = ("LineString", "LinearRing", "MultiLineString")
 _POLYGONS = ("Polygon", "MultiPolygon")
 _NOT_FINITE = " has a coordinate that is not finite; all must be numbers in meters"
@@ -101,7 +101,7 @@ def from_wkt(text: str, what: str) -> BaseGeometry:
     if max(accumulate(1 if sign == "(" else -1 for sign in re.findall("[()]", body)), default=0) > _DEEPEST:
         raise ValueError(f"{what} is nested too deeply: more than {_DEEPEST} parentheses are open at once")
     try:
-        with np.errstate(invalid="ignore"):  # what is not finite is named by those who read the shape
+        with np.errstate(invalid="ignore"):  # the reader of the shape names numbers that are not finite
             return shapely.from_wkt(body)
     except (shapely.errors.ShapelyError, NotImplementedError) as error:
         raise ValueError(

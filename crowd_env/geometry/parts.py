@@ -1,6 +1,6 @@
-"""The parts of an area: those that were meant to touch are joined, those that no exit reaches are left out.
+"""The parts of an area: parts that nearly touch are joined, parts without an exit are left out.
 
-A note (a warning) says so each time: nothing that is drawn disappears without a word.
+Each change gives a note (a warning): nothing that is drawn disappears silently.
 """
 
 import warnings
@@ -24,7 +24,7 @@ def join_near_parts(area: Area, what: str) -> Area:
     if len(parts) < 2:
         return area
     snapped = shapely.union_all(parts, grid_size=ROUNDED)
-    if len(shapely.get_parts(snapped)) < len(parts):  # nobody has drawn what rounding leaves between two parts
+    if len(shapely.get_parts(snapped)) < len(parts):  # rounding alone leaves such pieces between two parts
         return join_near_parts(snapped, what)
     tree = shapely.STRtree(parts)
     first, second = tree.query(parts, predicate="dwithin", distance=GAP)
@@ -61,7 +61,7 @@ def _onto(part: Polygon, other: Polygon) -> Polygon:
 
 
 def split_by_exits(area: Area, openings: Floats) -> tuple[Area, list[Polygon]]:
-    """Return the parts of ``area`` that have an exit among ``openings`` (X, 2, 2), and those that have none."""
+    """Return the parts of ``area`` with an exit among ``openings`` (X, 2, 2), and the parts without."""
     parts = list(shapely.get_parts(area))
     if len(parts) < 2 or not len(openings):
         return area, []
@@ -75,10 +75,10 @@ def split_by_exits(area: Area, openings: Floats) -> tuple[Area, list[Polygon]]:
 
 
 def closed_off(area: Area, openings: Floats, radius: float, share: float = 0.9) -> list[Polygon]:
-    """Return the parts of ``area`` from which a disc of ``radius`` [m] gets to none of the exits ``openings`` (X, 2, 2).
+    """Return the parts of ``area`` with no way for a disc of ``radius`` [m] to any of the exits ``openings`` (X, 2, 2).
 
-    Only passages clearly too narrow count, narrower than a ``share`` of the disc; what is in between is left to the grid of
-    ways.
+    Only passages clearly too narrow count, narrower than a ``share`` of the disc; passages in between are left to the grid
+    of ways.
     """
     narrow = share * radius
     centers = list(shapely.get_parts(shapely.buffer(area, -narrow)))

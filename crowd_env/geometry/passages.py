@@ -1,4 +1,4 @@
-"""How wide the narrow places of a plan are, without any grid."""
+"""The widths of the narrow places of a plan, without a grid."""
 
 import numpy as np
 import shapely
@@ -12,8 +12,8 @@ _TOUCH = 1e-7  # m
 def passages(geometry: Geometry, walls: Floats, least: float, most: float) -> Floats:
     """Return the widths [m] between ``least`` and ``most`` of the passages between ``walls`` (W, 2, 2) [m].
 
-    What hangs together changes with the dilation of the walls only where a circle of that size fits between two walls that it
-    touches on opposite sides, one of them at an end: its middle is a critical point of the distance to the walls.
+    The connectivity of the floor changes with the dilation of the walls only where a circle of that size fits between two
+    walls.  It touches them on opposite sides, one of them at an end: its middle is a critical point of the wall distance.
     """
     tree, ends = shapely.STRtree(shapely.linestrings(walls)), np.unique(walls.reshape(-1, 2), axis=0)
     end, wall = tree.query(shapely.points(ends), predicate="dwithin", distance=most)

@@ -23,7 +23,7 @@ Walls = tuple[Floats, Bools, Floats]
 
 
 class Cells(NamedTuple):
-    """Square cells over a place, and who has been placed in each."""
+    """Square cells over a place, and the people placed in each."""
 
     last: Ints  # (columns * rows + N,)  last person placed in each cell, then the one placed before each person; -1 = none
     columns: int
@@ -42,7 +42,7 @@ def sample_positions(
 ) -> Floats:
     """Return random positions (N, 2) of discs that overlap neither walls nor each other, nor the people in ``standing``.
 
-    One after the other, each uniform over what is free (Pécol et al. 2011, section 4.2: random initial positions); a crowd
+    One after the other, each uniform over the free area (Pécol et al. 2011, section 4.2: random initial positions); a crowd
     too dense for that stands on a hexagonal lattice with random holes.
 
     Raises
@@ -89,7 +89,7 @@ def _clearance(x: float, y: float, walls: Walls) -> float:
 
 
 def _usable(geometry: Geometry, points: Floats, region: str | None, standing: Standing | None) -> Floats:
-    """Distance (K,) of points to walls and to people who stand already; -1 outside of the area or region."""
+    """Distance (K,) of points to walls and to people already placed; -1 outside of the area or region."""
     clearance = np.empty(len(points))
     _clearances(points, _walls_of(geometry), clearance)
     if region is not None:
@@ -141,13 +141,13 @@ _NOT_KNOWN = np.empty(0)
 def _accept(
     points: Floats, clearance: Floats, walls: Walls, radius: Floats, placed: Floats, done: int, cells: Cells
 ) -> int:
-    """Give each next person the first candidate point where it fits; returns how many stand.
+    """Give each next person the first candidate point where it fits; returns the number placed.
 
     Parameters
     ----------
-    points, clearance : (K, 2) m, (K,) m to walls and people who stand already, -1 = not usable; empty = only walls matter,
-        found here for as many points as are looked at.
-    radius, placed, done : (N,) m, (N, 2) m and how many stand by now.
+    points, clearance : (K, 2) m, (K,) m to walls and people already placed, -1 = not usable; empty = only walls matter,
+        found here for as many points as needed.
+    radius, placed, done : (N,) m, (N, 2) m and the number placed by now.
     """
     last, columns, rows, low_x, low_y, size = cells
     table = columns * rows
@@ -177,7 +177,7 @@ def _accept(
 
 
 def lattice(geometry: Geometry, radius: float, region: str | None = None) -> Floats:
-    """Return where (K, 2) bodies of ``radius`` [m] can stand on the lattice of those who are too many for chance."""
+    """Return where (K, 2) bodies of ``radius`` [m] can stand on the lattice of crowds too dense for random placement."""
     return _lattice(geometry, radius, (0.0, 0.0), region, None)
 
 

@@ -1,4 +1,4 @@
-"""What is near a place: square cells over each geometry, each with the list of walls that come near it; pairs of points.
+"""Walls near a place: square cells over each geometry, each with the list of walls that come near it; pairs of points.
 
 A wall between two pedestrians hides them from each other.  The cells spare a look at all walls of a building.
 """
@@ -34,7 +34,7 @@ class WallGrid(NamedTuple):
 def make_wall_grid(boundary: Boundary, reach: float | None) -> WallGrid:
     """Return the cells of every geometry, each with the walls that are nearer to it than ``reach`` [m]; None = no cells.
 
-    The leaves of doors are among them, of open ones too: a reader of the grid looks which of them stand.
+    The leaves of doors are among them, of open ones too: readers of the grid check which are closed.
     """
     parts: list[tuple[Floats, float, tuple[int, int], Ints, Ints]] = []
     for first, stop in zip(boundary.wall_start[:-1], boundary.wall_start[1:], strict=True):
@@ -91,7 +91,7 @@ def walls_near(grid: WallGrid, g: int, x: float, y: float) -> Near:
 def is_hidden(
     grid: WallGrid, near: Near, boundary: Boundary, door_open: Bools, x: float, y: float, dx: float, dy: float
 ) -> bool:
-    """Whether one of these walls stands between (x, y) and the point (dx, dy) [m] from there; an open door hides nothing."""
+    """Whether one of these walls stands between (x, y) and the point (dx, dy) [m] from there; an open door is transparent."""
     for entry in range(index(near[0]), index(near[1])):
         if _hides(grid.wall[entry], boundary, door_open, x, y, dx, dy):
             return True
@@ -126,9 +126,9 @@ def _hides(k: int, boundary: Boundary, door_open: Bools, x: float, y: float, dx:
 def free_paths(
     grid: WallGrid, near: Near, wall: Floats, x: float, y: float, ex: float, ey: float, most: float
 ) -> tuple[float, float]:
-    """Return how far [m] one gets from (x, y) along a unit vector, and back, before one of these walls, at most ``most``.
+    """Return the free lengths [m] from (x, y) along a unit vector, and back, up to one of these walls, at most ``most``.
 
-    Open doors stop it too: nobody overtakes through a doorway.
+    Open doors stop it too: overtaking through a doorway is impossible.
     """
     forth, back = most, most
     for entry in range(index(near[0]), index(near[1])):

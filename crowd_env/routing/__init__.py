@@ -1,1 +1,1 @@
-"""Who takes which route, and when: strategies, control rules, doors, replanning."""
+"""The route of each pedestrian over time: strategies, control rules, doors, replanning."""

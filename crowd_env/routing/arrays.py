@@ -1,4 +1,4 @@
-"""The routes of a batch as arrays: what the compiled step reads of fields, regions and rules."""
+"""The routes of a batch as arrays: the fields, regions and rules that the compiled step reads."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ _REGION_CELLS = 4e6  # a place of more than 100 m x 100 m gets larger ones
 def add_fields(
     route_set: RouteSet | NavigationField | None, fields: list[NavigationField | None]
 ) -> tuple[list[int], list[int]]:
-    """Append the fields of a place to those of a batch; return for each route the row of its field and of its potential."""
+    """Append the fields of a place to the batch's fields; return for each route the row of its field and of its potential."""
     if not isinstance(route_set, RouteSet):
         fields.append(route_set)
         return [len(fields) - 1], [len(fields) - 1]
@@ -34,7 +34,7 @@ def add_fields(
 def join_routes(
     places: Sequence[RouteSet | NavigationField | None], geometry_of_env: Ints
 ) -> tuple[list[NavigationField | None], list[int], Guidance, Ints]:
-    """Return all fields of a batch, the geometry of each, the guidance that says which route is which, and the potentials.
+    """Return all fields of a batch, the geometry of each, the guidance that maps routes to fields, and the potentials.
 
     A place that is one field has one route.  A route that follows the crowd has a field of its own in every environment.
     The potentials (E, R) are rows of the fields by which progress on each route is counted, see `RouteField.potential`.

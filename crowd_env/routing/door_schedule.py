@@ -15,7 +15,7 @@ CHECK_EVERY = 0.1  # s
 
 
 class DoorState(NamedTuple):
-    """What a checkpoint keeps of a `DoorSchedule`, for every environment."""
+    """The part of a checkpoint from a `DoorSchedule`, for every environment."""
 
     happened: tuple[frozenset[int], ...]  # events
     due: Floats  # (E,)  s
@@ -45,17 +45,17 @@ class DoorSchedule:
         self._watched = [e for e, events in enumerate(self._events) if events]
 
     def restart(self, e: int) -> frozenset[str]:
-        """Begin environment ``e`` anew; returns the doors that are closed."""
+        """Reset environment ``e``; returns the doors that are closed."""
         self._happened[e] = set()
         self._clock.due[e] = 0.0
         return self._closed_at_start[e]
 
     def moment(self) -> DoorState:
-        """Return a copy of how things stand."""
+        """Return a copy of the state."""
         return DoorState(tuple(map(frozenset, self._happened)), self._clock.due.copy())
 
     def restore(self, then: DoorState) -> None:
-        """Let things stand as they did."""
+        """Restore the state of a copy."""
         self._happened = [set(events) for events in then.happened]
         self._clock.due[:] = then.due
 
@@ -66,7 +66,7 @@ class DoorSchedule:
         return self._clock.steps_until_due(waiting, time, dt)
 
     def _next_look(self, e: int, now: float) -> float:
-        """Return when to look next: at the time of an event, or every `CHECK_EVERY` of the episode while people are counted."""
+        """Return the next time to check: that of an event, or every `CHECK_EVERY` of the episode while people are counted."""
         pending = [event for k, event in enumerate(self._events[e]) if k not in self._happened[e]]
         times = [event.at for event in pending if event.at is not None]
         if any(event.at is None for event in pending):
@@ -74,9 +74,9 @@ class DoorSchedule:
         return min(times, default=math.inf)
 
     def update(self, bodies: Bodies, state: CrowdState, door_open: Bools) -> list[tuple[int, frozenset[str]]]:
-        """Let what is due happen; returns the environments in which a door moves, and which are closed then.
+        """Apply the events that are due; returns the environments in which a door moves, and their closed doors.
 
-        ``door_open`` (E, D) says how they stand, in the order of `Geometry.doors`.
+        ``door_open`` (E, D) is the state of the doors, in the order of `Geometry.doors`.
         """
         moved = []
         for e in self._watched:

@@ -1,4 +1,4 @@
-"""Which field leads whom, environment by environment: fastest ways follow the crowd, all ways follow the doors."""
+"""The field of each pedestrian, environment by environment: fastest ways follow the crowd, all ways follow the doors."""
 
 import time
 import warnings
@@ -19,14 +19,14 @@ from crowd_env.routing.route_set import RouteSet
 Place = RouteSet | NavigationField | None
 
 
-_Key = tuple[int, frozenset[str]]  # whose ways, see `RoutePlanner._key`, and which doors are closed
+_Key = tuple[int, frozenset[str]]  # the ways, see `RoutePlanner._key`, and the closed doors
 
 
 class PlannerState(NamedTuple):
-    """What a checkpoint keeps of a `RoutePlanner`."""
+    """The part of a checkpoint from a `RoutePlanner`."""
 
-    known: tuple[_Key, ...]  # whose fields have been made, in their order
-    closed: tuple[frozenset[str], ...]  # doors that the ways of each environment are made for
+    known: tuple[_Key, ...]  # keys of the fields that have been made, in their order
+    closed: tuple[frozenset[str], ...]  # closed doors for the ways of each environment
     field_of_route: Ints  # (E, R)
     found: dict[int, tuple[np.ndarray, ...]]  # travel times, directions and cells of the fields that follow a crowd
     due: Floats  # (E,)  s
@@ -47,12 +47,12 @@ class RoutePlanner:
 
     Attributes
     ----------
-    field, guidance : what kernels read.
+    field, guidance : input of the kernels.
     potential_of_route : (E, R) rows of the fields by which progress is counted, see
         `crowd_env.routing.route_set.RouteField.potential`.
     fields, geometry_of_field : the fields that ``field`` joins, and the geometry of each.
     seconds : processor time spent on new fields so far.
-    marches : fields found anew so far.
+    marches : number of fields found again so far.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class RoutePlanner:
         return place if isinstance(place, RouteSet) else None
 
     def restart(self, e: int) -> None:
-        """Begin environment ``e`` anew: all its doors stand open, and its fastest ways are due."""
+        """Reset environment ``e``: all its doors are open, and its fastest ways are due."""
         if self._closed[e]:
             self.close(e, frozenset())
         self._clock.due[e] = 0.0
@@ -107,7 +107,7 @@ class RoutePlanner:
         return self._clock.steps_until_due((e for e, _ in self._dynamic if inside[e] > 0), time, dt)
 
     def update(self, bodies: Bodies, state: CrowdState, only: int | None = None) -> None:
-        """Find the fastest ways of the environments that are due anew, or of ``only`` one of them, in place."""
+        """Find the fastest ways of the environments that are due again, or of ``only`` one of them, in place."""
         if not self._dynamic:
             return
         begin = time.process_time()
@@ -137,7 +137,7 @@ class RoutePlanner:
         self.marches += 1
 
     def close(self, e: int, closed: frozenset[str]) -> None:
-        """Let the ways of environment ``e`` be those while these doors are closed.
+        """Set the ways of environment ``e`` to the ways with these doors closed.
 
         If that locks people in, the routes stay as they were, with a warning: they wait at the door.
         """
@@ -207,6 +207,6 @@ class RoutePlanner:
 
 
 def _of_field(field: FieldArrays, row: int) -> tuple[Floats, Floats, np.ndarray]:
-    """Return what changes of a field when its ways are found anew, as views."""
+    """Return views of the parts of a field that change when its ways are found again."""
     nodes = slice(int(field.node_start[row]), int(field.node_start[row + 1]))
     return field.travel_time[nodes], field.direction[nodes], field.cell[nodes]

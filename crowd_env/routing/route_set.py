@@ -24,7 +24,7 @@ Target = Literal["path", "nearest", "centre", "width"]
 _MARGINS = {"nearest": float("nan"), "centre": float("inf"), "width": 0.0}
 
 
-# The way out of a place is asked for by the time limit, by environments, and again in every batch.
+# The time limit, the environments and every batch need the way out of a place.
 _field_of = lru_cache(maxsize=4)(travel_time_field)
 
 
@@ -36,10 +36,10 @@ class RouteField(NamedTuple):
     goal: int  # region that it leads to; -1 = exits
     following: int  # route that takes over there; -1 = none
     is_closed: bool  # it leads to closed exits alone
-    congestion: CongestionField | None  # makes the field anew from a crowd; None = it never changes
+    congestion: CongestionField | None  # makes the field again from a crowd; None = it never changes
     exits: tuple[str, ...]  # that it may lead to in the end; () = all
-    to_exit: NavigationField | None = None  # of a route via a region: travel time to the exit, what follows included
-    walls: Floats | None = None  # (W, 2, 2) m, those that stand; None = people who keep a distance do not spread on it
+    to_exit: NavigationField | None = None  # of a route via a region: travel time to the exit, second half included
+    walls: Floats | None = None  # (W, 2, 2) m, the standing ones; None = people do not spread on this route
 
     @property
     def potential(self) -> NavigationField:
@@ -49,18 +49,18 @@ class RouteField(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class RoutePlan:
-    """What the routes of a place are made from.
+    """The data from which the routes of a place are made.
 
     Parameters
     ----------
     geometry : the place.
     radius, min_radius : m, of the largest and smallest body; ``min_radius`` is ``radius`` by default.
     routes, zones, rules : besides the route "out", the shortest to any exit.  The name of an exit is a route too.
-    target : what the shortest routes aim at, see `crowd_env.scenarios.scenario.Scenario`.
+    target : the aim of the shortest routes, see `crowd_env.scenarios.scenario.Scenario`.
     walking_speed : m/s, of the people, to compare fixed speeds of zones with.
-    comfort : what the most comfortable route counts.
-    closed_at_start, events : doors that are closed at first, and what happens to doors.
-    one_way : doors that nobody means to pass the other way.
+    comfort : costs of the most comfortable route.
+    closed_at_start, events : doors that are closed at first, and events that open or close doors.
+    one_way : doors that people mean to pass one way only.
 
     Raises
     ------
@@ -87,7 +87,7 @@ class RoutePlan:
         _check_doors(self)
 
     def build(self, closed: frozenset[str] = frozenset()) -> "RouteSet":
-        """Return the routes while these doors are closed: "out", then ``routes``, then those that rules need.
+        """Return the routes while these doors are closed: "out", then ``routes``, then the routes that rules need.
 
         Raises
         ------
@@ -121,7 +121,7 @@ class RoutePlan:
         via = route.via if goal >= 0 else None
         exits = route.exits or None if via is None else None
         doors = zip(self.geometry.doors, self.geometry.exits_of_door, strict=True)
-        # A route to closed exits alone stays as it is: people who mean to take it wait there.
+        # A route to closed exits alone stays as it is: people that choose it wait there.
         is_closed = exits is not None and not set(exits) - {e for door, e in doors if door in closed}
         closed = frozenset() if is_closed else closed
         strategy = STRATEGIES[route.strategy]
@@ -162,13 +162,13 @@ class RouteSet:
 
     Parameters
     ----------
-    plan : what they are made from.
+    plan : source of the routes.
     routes : as its doors stand.
     """
 
     plan: RoutePlan
     routes: tuple[RouteField, ...]
-    # Closed doors -> the routes then, or why there are none: found once, since a door may move in every episode.
+    # Closed doors -> their routes, or why there are none: found once, since a door may move in every episode.
     _when_closed: "dict[frozenset[str], RouteSet | ValueError]" = field(default_factory=dict, repr=False)
 
     @property
@@ -183,7 +183,7 @@ class RouteSet:
 
     @cached_property
     def spread(self) -> "RouteSet":
-        """The routes of people who keep a distance: over the whole width of openings, as the doors stand."""
+        """The routes of people that keep a distance: over the whole width of openings, as the doors stand."""
         made = (r if r.walls is None else r._replace(field=spread(r.field, r.walls)) for r in self.routes)
         return replace(self, routes=tuple(made))
 
@@ -193,7 +193,7 @@ class RouteSet:
         Raises
         ------
         ValueError
-            If someone would be locked in.
+            If this would lock people in.
         """
         if not closed:
             return self
@@ -221,7 +221,7 @@ class RouteSet:
         return names.index(name)
 
     def nearest(self, exits: Sequence[str], position: Floats, radius: Floats | float = 0.0) -> Ints:
-        """Return for each position (K, 2) the number of the route, among those of open ``exits``, that is shortest there.
+        """Return for each position (K, 2) the number of the shortest of the routes to open ``exits``.
 
         Ways that are too narrow for bodies of ``radius`` (K,) [m] count where there is no other.
         """

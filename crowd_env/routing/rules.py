@@ -1,8 +1,8 @@
-"""Routes, control rules and regions as the compiled step evaluates them: which route everyone follows, and how fast.
+"""Routes, control rules and regions for the compiled step: each pedestrian's route, and its desired speed.
 
-A route is a row of travel-time fields that an environment may offer; everyone has one (`CrowdState.route`).  A control rule
-counts the people in a region; while it is on, people elsewhere who would come through that region follow another
-route (Pécol et al. 2011, section 4.3).  A region may set or scale the desired speed: stairs.
+A route is a row of travel-time fields that an environment may offer; each pedestrian has one (`CrowdState.route`).  A rule
+counts the people in a region.  While it is on, people elsewhere with that region on their way follow another route (Pécol et
+al. 2011, section 4.3).  A region may set or scale the desired speed: stairs.
 """
 
 from typing import Any, NamedTuple
@@ -24,8 +24,8 @@ class RegionArrays(NamedTuple):
     origin: Floats  # (G, 2)  m   lower left corner of cell [0, 0]
     spacing: Floats  # (G,)    m
     mask: Ints  # (M,)    bit k: the middle of the cell lies in region k
-    fixed: Floats  # (G, 62)  m/s  desired speed there; nan = one's own
-    factor: Floats  # (G, 62)  multiple of one's own
+    fixed: Floats  # (G, 62)  m/s  desired speed there; nan = the pedestrian's
+    factor: Floats  # (G, 62)  multiple of the pedestrian's
 
 
 class RuleArrays(NamedTuple):
@@ -33,11 +33,11 @@ class RuleArrays(NamedTuple):
 
     start: Ints  # (G+1,)
     region: Ints  # (K,)  where people are counted
-    at_least: Ints  # (K,)  switched on by so many
-    below: Ints  # (K,)  switched off by fewer than so many
-    hold: Floats  # (K,)  s   stays on for so long at least
-    route: Ints  # (K,)  what others follow meanwhile
-    commits: Bools  # (K,)  people who have been sent there keep to it
+    at_least: Ints  # (K,)  switched on by this number
+    below: Ints  # (K,)  switched off by fewer than this number
+    hold: Floats  # (K,)  s   stays on at least for this time
+    route: Ints  # (K,)  route of the others meanwhile
+    commits: Bools  # (K,)  people keep to the route after the rule is off
 
 
 class Guidance(NamedTuple):
@@ -52,7 +52,7 @@ class Guidance(NamedTuple):
 
 @inner_kernel
 def notice_regions(e: int, g: int, region: RegionArrays, bodies: Bodies, state: CrowdState, history: Any) -> None:
-    """Write the regions that everyone stands in (bits) and the desired speed there [m/s] into the `History` of a step."""
+    """Write each pedestrian's regions (bits) and its desired speed there [m/s] into the `History` of a step."""
     region_bits, local_speed = history.region_bits, history.local_speed
     rows, cols, mask, fixed, factor = region.shape[g, 0], region.shape[g, 1], region.mask, region.fixed, region.factor
     start, left, bottom, spacing = region.node_start[g], region.origin[g, 0], region.origin[g, 1], region.spacing[g]
@@ -80,7 +80,7 @@ def notice_regions(e: int, g: int, region: RegionArrays, bodies: Bodies, state: 
 def apply_rules(
     e: int, g: int, field: FieldArrays, guidance: Guidance, bodies: Bodies, state: CrowdState, history: Any
 ) -> None:
-    """Switch the rules of environment ``e`` on and off, and write the route that everyone follows now, into the history."""
+    """Switch the rules of environment ``e`` on and off, and write the present route of each pedestrian, into the history."""
     region_bits, followed = history.region_bits, history.followed
     rule_on, rule_since = history.rule_on, history.rule_since
     rule, slot_begin, slot_end, time = guidance.rule, bodies.env_start[e], bodies.env_start[e + 1], state.time[e]
@@ -117,7 +117,7 @@ def apply_rules(
 
 @inner_kernel
 def _after_goals(e: int, guidance: Guidance, route: int, region_bits: int) -> int:
-    """Return the route to follow from the regions that someone stands in: the next one, if the goal of this one is reached."""
+    """Return the route to follow from a pedestrian's regions: the next one, if the goal of this one is reached."""
     for _ in range(guidance.goal.shape[1]):
         goal = guidance.goal[e, route]
         if goal < 0 or not (region_bits >> goal) & 1 or guidance.following[e, route] < 0:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from crowd_env.core.checks import NOT_NEGATIVE, check_fields, shown
 from crowd_env.routing.strategies import OfRoutes
 
-OUT = "out"  # name of the route that everyone knows: all exits
+OUT = "out"  # name of the route of all people by default: all exits
 
 
 @dataclass(frozen=True)

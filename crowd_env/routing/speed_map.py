@@ -1,4 +1,4 @@
-"""Speed maps of the floor: how fast people walk where, and what a comfortable way costs."""
+"""Speed maps of the floor: walking speeds by place, and the cost of a comfortable way."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,13 +49,13 @@ class Comfort:
 
 @dataclass(frozen=True, eq=False)
 class SpeedMap:
-    """The floor of a place as those who walk it count it.
+    """The floor of a place with the speed or cost of every meter.
 
     Parameters
     ----------
     geometry, zones : the place, and where people walk at another speed.
     walking_speed : m/s, on plain floor, to compare fixed speeds of zones with.
-    comfort : what a comfortable way costs.
+    comfort : costs of a comfortable way.
     """
 
     geometry: Geometry
@@ -82,7 +82,7 @@ class SpeedMap:
         corners = jutting_corners(self.geometry.boundary)
         left, right = (np.searchsorted(x[0], corners[:, 0] + away) for away in (-reach, reach))
         low, high = (np.searchsorted(y[:, 0], corners[:, 1] + away) for away in (-reach, reach))
-        for k, (cx, cy) in enumerate(corners):  # each looks only at the nodes around it
+        for k, (cx, cy) in enumerate(corners):  # each affects only the nodes around it
             around = slice(low[k], high[k] + 1), slice(left[k], right[k] + 1)
             near = np.hypot(x[around] - cx, y[around] - cy) < reach
             cost[around][near] += self.comfort.turn / (2.0 * reach)

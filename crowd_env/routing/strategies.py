@@ -1,4 +1,4 @@
-"""Strategies: what people weigh when they choose their way (Pécol et al. 2011, section 3).
+"""Strategies: how people choose their way (Pécol et al. 2011, section 3).
 
 Each is a travel-time field by fast marching with a speed map of its own.  A new one is a line in `STRATEGIES`.
 """
@@ -13,14 +13,14 @@ from crowd_env.routing.speed_map import SpeedMap
 
 @dataclass(frozen=True)
 class Strategy:
-    """How travel time is counted, and who chooses.
+    """The speed behind the travel time, and the choice of the exit.
 
     Parameters
     ----------
-    about : what it means, in a few words.
+    about : a short description.
     speed : speed (rows, cols) relative to plain floor, of a speed map at nodes (rows, cols, 2); None = plain floor everywhere.
-    follows_crowd : the field is found anew with the speed that the crowd leaves, see `crowd_env.routing.fields.congestion`.
-    per_exit : there is a route to every exit, and everyone keeps to the one that is shortest from where they start.
+    follows_crowd : the field is found again at the speed that the crowd allows, see `crowd_env.routing.fields.congestion`.
+    per_exit : there is a route to every exit, and each pedestrian keeps to the one that is shortest from its start.
     """
 
     about: str
@@ -35,7 +35,7 @@ STRATEGIES: dict[str, Strategy] = {
     "fastest": Strategy("the least time through the crowd as it is", speed=SpeedMap.walking, follows_crowd=True),
     "comfortable": Strategy("off stairs and corners", speed=SpeedMap.comfortable),
 }
-# Those that a route can have: where it leads does not depend on where somebody starts.
+# The strategies of a route: its goal does not depend on the start.
 if TYPE_CHECKING:
     OfRoutes: TypeAlias = str
 else:

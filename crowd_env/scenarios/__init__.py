@@ -1,4 +1,4 @@
-"""The scenarios that ship with crowd_env, by name, and those of files."""
+"""The scenarios that ship with crowd_env, by name, and scenarios of files."""
 
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
@@ -15,7 +15,7 @@ from crowd_env.scenarios.scenario import COMMON, Scenario, changed_place
 from crowd_env.scenarios.shipped import places
 from crowd_env.scenarios.shipped.theatre import theatre
 
-# Name -> what makes the scenario: a function whose keyword arguments are the scenario's options.
+# Name -> function that makes the scenario; its keyword arguments are the scenario's options.
 SCENARIOS: dict[str, Callable[..., Scenario]] = {
     "room-v0": places.room,
     "lin-room-v0": places.lin_room,
@@ -42,13 +42,13 @@ def make_scenario(scenario: str | Path | Mapping[str, Any] | Scenario, **options
     Parameters
     ----------
     scenario : a name in ``SCENARIOS``; a scenario file (.toml or .json); or a floor plan (WKT, GeoJSON, DXF, the SQLite files
-        of JuPedSim, scenarios of Vadere), whose options are those of `crowd_env.scenarios.floor_plan.scenario_from_plan`; or
+        of JuPedSim, scenarios of Vadere) with the options of `crowd_env.scenarios.floor_plan.scenario_from_plan`; or
         a table ``{"name": "room-v0", "side": 8.0}`` of a name or file and its options.
 
     Raises
     ------
     ValueError
-        If the name or an option is unknown (the message lists the known ones), or something in a file is wrong.
+        If the name or an option is unknown (the message lists the known ones), or the content of a file is wrong.
     """
     if isinstance(scenario, Mapping):
         if "name" not in scenario:
@@ -76,7 +76,7 @@ def make_scenario(scenario: str | Path | Mapping[str, Any] | Scenario, **options
 
 
 def kind_of_place(scenario: str | Path) -> Literal["name", "file", "plan"]:
-    """Return what a text names: a scenario that ships with crowd_env, a scenario file, or a floor plan in a file.
+    """Return the kind of place that a text names: a shipped scenario, a scenario file, or a floor plan in a file.
 
     Raises
     ------
@@ -97,5 +97,5 @@ def kind_of_place(scenario: str | Path) -> Literal["name", "file", "plan"]:
 
 
 def options_of(name: str) -> Mapping[str, Any]:
-    """Return name -> default of the options of a scenario that ships with crowd_env; None = as the place says."""
+    """Return name -> default of the options of a scenario that ships with crowd_env; None = set by the place."""
     return getattr(SCENARIOS[name], "__kwdefaults__", None) or {}

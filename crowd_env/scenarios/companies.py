@@ -1,4 +1,4 @@
-"""Who walks in company with whom: those who stand near each other at the start."""
+"""Companies of pedestrians that walk together: neighbors at the start."""
 
 import numpy as np
 
@@ -8,10 +8,10 @@ from crowd_env.scenarios.distributions import Distribution
 
 
 def draw_companies(rng: np.random.Generator, sizes: Distribution, position: Floats) -> Ints:
-    """Return the number of the company of each of the people at ``position`` (N, 2) [m], -1 for those alone.
+    """Return the number of the company of each person at ``position`` (N, 2) [m], -1 for people alone.
 
-    The sizes are drawn and rounded; the last company is as large as people are left.  Those who follow one another in strips
-    to and fro, about as wide as a company, walk together.
+    The sizes are drawn and rounded; the last company takes the remaining people.  A company is a run of successive people in
+    strips to and fro, about as wide as a company.
     """
     count = len(position)
     drawn = np.maximum(np.rint(sizes.sample(rng, count)), 1.0)
@@ -30,6 +30,6 @@ def _in_strips(position: Floats, share: float) -> Ints:
 
 
 def same_route(route: Ints, company: Ints) -> Ints:
-    """Return the routes (N,) of people of whom those in company take that of their first."""
+    """Return the routes (N,) with one route a company: that of its first member."""
     _, first, number = np.unique(company, return_index=True, return_inverse=True)
     return np.where(company == ALONE, route, route[first][number])

@@ -1,4 +1,4 @@
-"""What body parameters are drawn from; every distribution has bounds, so that what can happen is known beforehand."""
+"""Distributions of body parameters, all with bounds: the range of a crowd is known beforehand."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -11,12 +11,12 @@ import numpy as np
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import at, check_fields, from_table, known, number, refuse
 
-_LEAST_SHARE = 0.01  # of what is drawn has to lie within the bounds: what lies outside is drawn again
+_LEAST_SHARE = 0.01  # of the draws has to lie within the bounds: a draw outside is repeated
 
 
 @runtime_checkable
 class Distribution(Protocol):
-    """Something to draw a body parameter from; ``low`` and ``high`` bound every draw."""
+    """A distribution of a body parameter; ``low`` and ``high`` bound every draw."""
 
     @property
     def low(self) -> float:
@@ -114,7 +114,7 @@ class LogNormal:
 
 
 def _within(low: float, high: float, draw: Callable[[int], Floats], count: int) -> Floats:
-    """Draw ``count`` values, anew those that lie outside the bounds."""
+    """Draw ``count`` values; repeat draws outside the bounds."""
     values = draw(count)
     while (bad := (values < low) | (values > high)).any():
         values[bad] = draw(int(bad.sum()))
@@ -122,13 +122,13 @@ def _within(low: float, high: float, draw: Callable[[int], Floats], count: int) 
 
 
 def _require_share(kind: str, low: float, high: float, from_sd: float, to_sd: float) -> None:
-    """Raise ValueError if hardly anything lies between two bounds, given in standard deviations from the mean."""
+    """Raise ValueError if less than `_LEAST_SHARE` lies between two bounds, given in standard deviations from the mean."""
     share = 0.5 * (math.erf(to_sd / math.sqrt(2.0)) - math.erf(from_sd / math.sqrt(2.0)))
     if share < _LEAST_SHARE:
         raise ValueError(f"{kind} distribution: only {share:.2g} of it lies in [{low:g}, {high:g}]; set wider bounds")
 
 
-# What a table calls its distribution.
+# Name of each distribution in a table.
 LAWS: dict[str, type[Uniform] | type[Normal] | type[LogNormal]] = {
     "uniform": Uniform,
     "normal": Normal,

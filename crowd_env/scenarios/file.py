@@ -1,7 +1,7 @@
 """Scenarios in files, TOML or JSON with the same keys: lengths in m, times in s, speeds in m/s, masses in kg.
 
-A file is data: its keys are the fields of `Scenario`, and what is wrong is found where the same is found in Python.  Nothing is
-ignored.  A place that takes options of its own is a function that returns a `Scenario`.
+A file is data: its keys are the fields of `Scenario`, and the checks are the same as in Python.  Nothing is ignored.  A place
+with options of its own is a function that returns a `Scenario`.
 """
 
 import json
@@ -74,7 +74,7 @@ def read_scenario(path: Path) -> Scenario:
     Raises
     ------
     ValueError
-        If the file cannot be read, or something in it is wrong or unknown.
+        If the file cannot be read, or its content is wrong or unknown.
     """
     try:
         return _read_scenario(path)

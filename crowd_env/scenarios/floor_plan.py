@@ -1,4 +1,4 @@
-"""Scenarios on floor plans in files: who starts where if nobody says it, and recorded starting positions."""
+"""Scenarios on floor plans in files: default starts of the people, and recorded starting positions."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
 
 PEOPLE = 20  # on a plan that does not say how many
-_CROWDED = 3.0  # people/m^2; more than these may not fit, and a file means by more that they come one after the other
+_CROWDED = 3.0  # people/m^2; more than these may not fit: a file with more means that they come one after the other
 
 
 def scenario_from_plan(
@@ -40,12 +40,12 @@ def scenario_from_plan(
     Parameters
     ----------
     path : the file.
-    exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into; without any, those
-        of the file.
-    unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that cannot be and the file says
-        another.
-    level : of a file with several, such as GeoJSON; a path such as ``house.geojson:1`` says it too.
-    people : number of people; by default 20, or as many as the file says.
+    exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into; by default the
+        exits of the file.
+    unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that is implausible and the file
+        names another.
+    level : of a file with several, such as GeoJSON; or a part of the path, such as ``house.geojson:1``.
+    people : number of people; by default 20, or the file's number.
     population : see `Scenario`; by default people of the default kind, in the start areas of the file if it has any.
     time_limit : s; by default long enough to walk out and to queue at the exits, at least 300 s.
     blocked_after : s.
@@ -61,7 +61,7 @@ def scenario_from_plan(
     Warns
     -----
     UserWarning
-        For what was dropped or repaired, and if the plan is so large that it may be in another unit.
+        If shapes are dropped or repaired, and if the plan is so large that it may be in another unit.
     """
     plan = read_plan(path, texts("exits", exits), unit=unit, level=level)
     crowd = as_people(population)
@@ -73,7 +73,7 @@ def scenario_from_plan(
 
 
 def scenario_on(plan: FloorPlan, population: People, *, time_limit: float | None = None, **options: Any) -> Scenario:
-    """Return a scenario on a floor plan; ``options`` are those of `Scenario`.
+    """Return a scenario on a floor plan; ``options`` are fields of `Scenario`.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def scenario_on(plan: FloorPlan, population: People, *, time_limit: float | None
     Warns
     -----
     UserWarning
-        With the notes of the plan, and for what is repaired of its walls and exits.
+        With the notes of the plan, and for repairs of its walls and exits.
     """
     for note in plan.notes:
         warnings.warn(note, stacklevel=3)
@@ -101,7 +101,7 @@ def scenario_on(plan: FloorPlan, population: People, *, time_limit: float | None
 
 
 def _reached(geometry: Geometry, plan: FloorPlan) -> dict[str, Area]:
-    """Return the regions of which an exit can be reached, and those in which people start, which have to be."""
+    """Return the regions with a way to an exit, and the start regions, which must have one."""
     reached = {
         name: shape
         for name, shape in plan.regions.items()
@@ -116,11 +116,11 @@ def _reached(geometry: Geometry, plan: FloorPlan) -> dict[str, Area]:
 
 
 def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> People:
-    """Return people for a plan: in its start areas, shared out by what the file says of each or by their size, or anywhere.
+    """Return people for a plan: in its start areas, shared out by the numbers of the file or by area, or anywhere.
 
     Parameters
     ----------
-    people : how many; by default as many as the file says, if there is room for them at once, else 20, or fewer in small areas.
+    people : number; by default the file's, if there is room for all at once, else 20, or fewer in small areas.
     fields : of their `Population`; recorded ``starts`` take the place of start areas.
     """
     if fields.get("starts") is not None or not plan.starts:
@@ -154,14 +154,14 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
 
 
 def _room(plan: FloorPlan, radius: float, beside: bool) -> dict[str, int]:
-    """Return how many bodies of ``radius`` [m] can stand in each start area, whoever stands in those before if ``beside``.
+    """Return the capacity of each start area for bodies of ``radius`` [m], beside the people of earlier areas if ``beside``.
 
-    None if what is drawn makes no place.
+    Empty if the drawing makes no valid place.
     """
     areas = [shape for shape in plan.exits.values() if "Polygon" in shape.geom_type]
     starts = {name: plan.regions[name] for name in plan.starts}
     try:
-        with warnings.catch_warnings():  # what it has to say is said where the plan becomes a place
+        with warnings.catch_warnings():  # its warnings appear where the plan becomes a place
             warnings.simplefilter("ignore")
             closed = Geometry.from_polygon(shapely.difference(plan.walkable, shapely.union_all(areas)), regions=starts)
     except (ValueError, shapely.errors.ShapelyError):

@@ -26,7 +26,7 @@ class Bounds(NamedTuple):
 class Groups:
     """Several populations in one scenario; the people of the first come first, and so on.
 
-    It offers what a `Population` does; its distributions are the bounds of those of all parts.  People who start anywhere in
+    It has the interface of a `Population`; the bounds of its distributions include all parts.  People that start anywhere in
     the same region are placed together, so that they are mixed; recorded starts are taken first.  A part may be a table of
     the fields of a `Population`.
 
@@ -77,7 +77,7 @@ class Groups:
         Raises
         ------
         ValueError
-            If something else than a distribution or the number is given, or there are fewer people than groups.
+            If an option is neither a distribution nor the number, or there are fewer people than groups.
         """
         common = (*DRAWN, *MOTIVATION)
         other = [name for name, value in options.items() if name not in common and value is not None]
@@ -97,7 +97,7 @@ class Groups:
         shares = np.maximum(np.floor(exact + 1e-9), 1).astype(int)
         while shares.sum() < people:
             shares[np.argmax(exact - shares)] += 1
-        while shares.sum() > people:  # small groups took what they need
+        while shares.sum() > people:  # small groups have their least number
             shares[np.argmax(np.where(shares > 1, shares - exact, -np.inf))] -= 1
         return [int(n) for n in shares]
 
@@ -146,7 +146,7 @@ People: TypeAlias = Population | Groups
 
 
 def extreme_bodies(people: People) -> Bodies:
-    """Return bodies whose stable step is no longer than that of any draw.
+    """Return bodies with a stable step no longer than that of any draw.
 
     Of each part all bodies have the largest mass, radius and speed and the shortest relaxation time; one more has the
     smallest mass and radius.
@@ -170,7 +170,7 @@ def as_people(population: Any) -> People | None:
     Raises
     ------
     ValueError
-        If it is something else, or a key is unknown.
+        If it is of a wrong type, or a key is unknown.
     """
     if isinstance(population, Mapping):
         return population_of("population", population)

@@ -1,4 +1,4 @@
-"""Who is in the building: how many, the distributions of their bodies, and where they stand at the start."""
+"""The people of a scenario: number, distributions of their bodies, and starting positions."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -29,8 +29,8 @@ from crowd_env.scenarios.starts import as_positions, check_starts
 
 __all__ = ["TABLE_4", "Distribution", "LogNormal", "Normal", "Population", "Uniform"]
 
-_MOST_PEOPLE = 500_000  # their neighbors are told apart by a number of 19 bits
-# What is drawn for each of the people, in this order, and which values are allowed.
+_MOST_PEOPLE = 500_000  # a neighbor's number has 19 bits
+# The drawn values of each person, in this order, and their allowed ranges.
 DRAWN = {
     "radius": POSITIVE,
     "mass": Range(0.0, 1000.0, above=True),  # kg
@@ -51,9 +51,9 @@ class Population:
     """How many people, of which kind, starting where and going where.
 
     By default they are adults on plain floor: shoulders of 0.30 to 0.38 m, since people turn them where it is narrow, and the
-    speeds of Weidmann 1993, within two standard deviations.  Nobody hesitates; everyone takes the route of the run's
-    strategy.  Mass and relaxation time are Table 4 of Pécol et al. 2011; ``**TABLE_4`` is all of it.  Crowds of several kinds
-    are `crowd_env.scenarios.groups.Groups`.
+    speeds of Weidmann 1993, within two standard deviations.  All respond at once, and take the route of the run's strategy.
+    Mass and relaxation time are Table 4 of Pécol et al. 2011; ``**TABLE_4`` is all of it.  Crowds of several kinds are
+    `crowd_env.scenarios.groups.Groups`.
 
     A distribution may be given as in a scenario file: a number, a pair (low, high), or a table such as
     ``{"distribution": "normal", "mean": 0.22, "sd": 0.01, "low": 0.2, "high": 0.25}``.
@@ -61,7 +61,7 @@ class Population:
     Raises
     ------
     ValueError
-        If a field is not what it should be, or two contradict each other.
+        If a field is of a wrong type or out of range, or two contradict each other.
     """
 
     people: int
@@ -145,7 +145,7 @@ class Population:
         return motivated._replace(company=self.draw_companions(rng, position)), position
 
     def draw_bodies(self, rng: np.random.Generator) -> Bodies:
-        """Draw the bodies alone, their motivation being that of the manner of the run."""
+        """Draw the bodies alone, with the motivation of the run's manner."""
         laws = {name: getattr(self, name) for name in DRAWN}
         drawn: dict[str, Any] = {name: law.sample(rng, self.people) for name, law in laws.items()}
         if not all(type(law) in _KEEP_THEIR_BOUNDS for law in laws.values()):
@@ -166,11 +166,11 @@ class Population:
 
     @property
     def walks_together(self) -> bool:
-        """Whether anyone can have companions."""
+        """Whether people may have companions."""
         return self.companions is not None and self.people > 1 and self.companions.high > 1.5
 
     def draw_companions(self, rng: np.random.Generator, position: Floats) -> Ints:
-        """Return the company (people,) of those at ``position`` (people, 2), from 0; drawn last, for the same reason."""
+        """Return the company (people,) of people at ``position`` (people, 2), from 0; drawn last, to change no earlier draw."""
         if self.companions is None or not self.walks_together:
             return np.full(self.people, ALONE)
         return draw_companies(rng, self.companions, position)
@@ -191,7 +191,7 @@ def population_of(where: str, table: Mapping[str, Any]) -> Population:
     Raises
     ------
     ValueError
-        If a key is unknown, or something in it is wrong.
+        If a key is unknown, or a value is wrong.
     """
     if table.get("starts") is not None:
         starts = as_positions(table["starts"])
@@ -200,7 +200,7 @@ def population_of(where: str, table: Mapping[str, Any]) -> Population:
 
 
 def check_people(what: str, people: Any) -> int:
-    """Return a number of people; raise ValueError unless one environment can hold so many."""
+    """Return a number of people; raise ValueError unless one environment can hold them."""
     whole(what, people)
     return whole(what, people, Range(1, _MOST_PEOPLE).because("more people do not fit into one environment"))
 

@@ -27,17 +27,17 @@ from crowd_env.scenarios.population import Population, require_names, require_ro
 
 Kind = TypeVar("Kind", bound=Behavior)
 
-# What callers can set of every place: people, and fields of the scenario.
+# Options of every place: people, and fields of the scenario.
 COMMON = ("people", "population", "time_limit", "blocked_after", "target")
 
 _SHORTEST_LIMIT = 300.0  # s; a time limit that follows from the place is no shorter, ...
 _DETOUR, _QUEUE_FLOW = (
     1.5,
     0.5,
-)  # ... lets people walk this many times as far, and pass the exits at so many 1/(s m), ...
+)  # ... lets people walk this many times as far, and pass the exits at this flow, 1/(s m), ...
 _ROUND = 100.0  # ... and is a multiple of this [s]
 _LARGE = 40_000.0  # m2, of the box around a place
-_SLOW = 0.1  # m/s, at which those are taken to walk who hardly want to
+_SLOW = 0.1  # m/s, lower bound of the desired speed in this time limit
 _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
 
 # How people walk in the papers: `Scenario(..., **FULL_SPEED)`.
@@ -48,27 +48,27 @@ FULL_SPEED: Mapping[str, Any] = {"manner": None, "strategy": "shortest", "max_dr
 class Scenario:
     """What is evacuated; knows neither physics nor rewards.
 
-    ``target`` says what people walk to: "path", the shortest path of a disc (the default); or straight to the nearest exit,
-    whatever stands between: to the "nearest" point that keeps the body off the jambs, to the "centre" of the door, or to the
+    ``target`` is the goal of each walk: "path", the shortest path of a disc (the default); or straight to the nearest exit,
+    across obstacles: to the "nearest" point that keeps the body off the jambs, to the "centre" of the door, or to the
     nearest point of its whole "width".  The straight ones are for comparison with models that have no path planning.
 
-    ``manner`` says how people walk before they touch, unless the run says otherwise: a name in ``MANNERS``, a Headway, or a
-    table of its parameters; None = at full speed, whatever is in front of them.  By default people keep a distance and do not
-    drive harder than a person can; ``**FULL_SPEED`` gives the people of the papers, who do neither.
+    ``manner`` defines how people walk before they touch, unless the run overrides it: a name in ``MANNERS``, a Headway, or a
+    table of its parameters; None = at full speed, even towards people in front.  By default people keep a distance, and
+    their driving force is at most a person's; ``**FULL_SPEED`` gives the people of the papers, without either.
 
-    ``strategy`` is how people choose their way, unless the run says otherwise.  By default it is the fastest where there are
-    several exits and nothing else says who takes which (routes, rules, one-way doors, a straight ``target``), or the shortest;
-    also in a place of more than 200 m x 200 m, where looking for the fastest way again and again takes longer than all else.
+    ``strategy`` is how people choose their way, unless the run overrides it.  It defaults to the fastest in a place with
+    several exits and without routes, rules, one-way doors or a straight ``target``, else to the shortest.  A place of more
+    than 200 m x 200 m also defaults to the shortest: there the search for the fastest way dominates the run time.
 
-    ``outline`` is the shape of all bodies, unless the run says otherwise: a name in ``OUTLINES``, an Outline, or a table of its
+    ``outline`` is the shape of all bodies, unless the run overrides it: a name in ``OUTLINES``, an Outline, or a table of its
     parameters; by default they are discs.  People are placed with room to turn.
 
-    ``pulls`` says how those in company keep together (who they are is a matter of the population), and what attracts people.
-    ``balance`` is how those who stand keep upright, unless the run says otherwise: a name in ``BALANCES``, a Balance, or a
+    ``pulls`` defines how companions keep together (the population defines the companies), and what attracts people.
+    ``balance`` is how standing people keep upright, unless the run overrides it: a name in ``BALANCES``, a Balance, or a
     table of its parameters; by default their drive brakes them.
 
-    An episode ends when everyone is out, at the time limit, or when nobody has got out for ``blocked_after`` seconds since the
-    first could have: since the shortest free walk of anyone, response time included.
+    An episode ends when all are out, at the time limit, or after ``blocked_after`` seconds without an exit.  These count from
+    the last exit, or at first from the shortest free walk of any person, response time included.
 
     Raises
     ------
@@ -138,7 +138,7 @@ class Scenario:
         self.strategy_of_run()
 
     def behavior(self, kind: type[Kind], given: Any = None) -> Kind | None:
-        """Return a behavior of people in a run of the ``given`` one; None = as the scenario says.
+        """Return a behavior of people in a run with the ``given`` one; None = the scenario's.
 
         Raises
         ------
@@ -148,7 +148,7 @@ class Scenario:
         return kind.of(getattr(self, kind.NAME) if given is None else given)
 
     def plain_behaviors(self) -> dict[str, Any]:
-        """Return name -> plain form of each behavior that is spoken of, see `Behavior.WORDS`."""
+        """Return name -> plain form of each behavior that is set, see `Behavior.WORDS`."""
         return {name: BEHAVIORS[name].plain_of(self.behavior(BEHAVIORS[name])) for name in IN_WORDS}
 
     @property
@@ -157,7 +157,7 @@ class Scenario:
         return room_of(self.behavior(Outline))
 
     def strategy_of_run(self, strategy: str | None = None) -> str:
-        """Return how people choose their way in a run of this ``strategy``; None = as the scenario says.
+        """Return the strategy of people in a run with this ``strategy``; None = the scenario's.
 
         Raises
         ------
@@ -189,9 +189,9 @@ class Scenario:
         return self.route_set(rules=False).routes[0].field
 
     def longest_walk(self) -> tuple[float, Floats]:
-        """Return how long [s] it takes to walk out if nobody is in the way, at most, and from where (2,) [m].
+        """Return the longest free time to walk out [s], and its start (2,) [m].
 
-        That is the slowest of those who start furthest and respond last.
+        It is the time of the slowest person at the furthest start with the latest response.
         """
         field, longest = self.field(), (0.0, np.zeros(2))
         for part in self.population.parts:
@@ -213,7 +213,7 @@ class Scenario:
         """Return the place with a time limit in which people can walk out and queue at the exits: at least 300 s."""
         try:
             walk, _ = self.longest_walk()
-        except ValueError:  # somebody cannot get out; who runs it is told so
+        except ValueError:  # a person cannot get out; a run reports it
             walk = 0.0
         queue = self.population.people / (_QUEUE_FLOW * sum(self.geometry.exit_widths.values()))
         limit = _ROUND * np.ceil((_DETOUR * walk + queue) / _ROUND)
@@ -230,7 +230,7 @@ class Scenario:
         )
 
     def route_set(self, strategy: str = "shortest", *, rules: bool = True, ways: bool = False) -> RouteSet:
-        """Return all routes that people of this strategy, groups, rules and controllers may take; route 0 leads to any exit.
+        """Return all routes for people of this strategy, groups, rules and controllers; route 0 leads to any exit.
 
         Parameters
         ----------
@@ -268,7 +268,7 @@ class Scenario:
         ).build()
 
     def _taken(self, part: Population, strategy: str) -> list[Route]:
-        """Return the routes that a group takes if this is the strategy of the run; of several, the nearest."""
+        """Return the routes of a group under the strategy of the run; of several, the nearest."""
         own = {route.name: route for route in self.routes}
         if part.route is not None:
             return [own.get(part.route, Route(part.route, (part.route,)))]
@@ -281,7 +281,7 @@ class Scenario:
         return [_best_of(part.exits, strategy)]
 
     def depends_on_place(self, strategy: str) -> bool:
-        """Return whether the route that people mean to take depends on where they start."""
+        """Return whether the routes of people depend on their starts."""
         return any(len(self._taken(part, strategy)) > 1 for part in self.population.parts)
 
     def choose(
@@ -292,9 +292,9 @@ class Scenario:
         radius: Floats | float = 0.0,
         company: Ints | None = None,
     ) -> Ints:
-        """Return the number (K,) of the route that each of the people at ``position`` (K, 2) means to take.
+        """Return the number (K,) of the route of each person at ``position`` (K, 2).
 
-        Their bodies, of ``radius`` (K,) [m], have to get through; those in ``company`` (K,) take one way.
+        Bodies of ``radius`` (K,) [m] have to get through; a ``company`` (K,) takes one way.
 
         Raises
         ------

@@ -19,7 +19,7 @@ from crowd_env.scenarios.groups import Groups
 from crowd_env.scenarios.scenario import Scenario
 
 _Law = LAWS["uniform"] | LAWS["normal"] | LAWS["lognormal"]
-# Class of Python -> what a file holds in its place.
+# Class of Python -> its form in a file.
 _IN_FILES: dict[type, Any] = {Geometry: Plan, Distribution: float | tuple[float, float] | _Law, np.ndarray: str | Line}
 _CONFIG = ConfigDict(use_attribute_docstrings=True, arbitrary_types_allowed=True)
 
@@ -29,7 +29,7 @@ def _core(kind: Any) -> TypeAdapter[Any]:
 
 
 class _InFiles(GenerateJsonSchema):
-    """Shows classes as files hold them, and leaves out what says nothing."""
+    """Shows classes as files hold them, and leaves out empty entries."""
 
     def field_title_should_be_set(self, schema: Any) -> bool:
         return False
@@ -72,7 +72,7 @@ def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of scenario files, in draft 7, the newest that most editors of TOML read."""
     scenario = _core(Scenario).json_schema(ref_template="#/definitions/{model}", schema_generator=_InFiles)
     definitions = _draft_7(scenario.pop("$defs"))
-    del definitions["Population"]["required"]  # recorded starts say how many; groups share the rest
+    del definitions["Population"]["required"]  # recorded starts have a number; groups share the rest
     for name, behavior in BEHAVIORS.items():
         scenario["properties"][name]["description"] = behavior.ABOUT
     own = {

@@ -37,7 +37,7 @@ def read_starts(path: str | Path) -> Floats:
     Raises
     ------
     ValueError
-        If the file cannot be read, lacks a column, or holds something that is not a number; file and line are named.
+        If the file cannot be read, lacks a column, or holds an entry that is not a number; file and line are named.
     """
     table = read_table(path, "the starting positions", ("x", "y"), "meters", "a person")
     if "frame" in table.columns:

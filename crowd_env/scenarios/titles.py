@@ -1,4 +1,4 @@
-"""A scenario as a run takes it: how pedestrians walk and are shaped, and the title that says so."""
+"""A scenario with the settings of a run: manner and outline of pedestrians, and the title that names them."""
 
 from dataclasses import replace
 from typing import Any
@@ -10,7 +10,7 @@ from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 
 
 def with_manner(place: Scenario, manner: Manner | None, outline: str | None = None) -> Scenario:
-    """Return a scenario in which people walk in this manner and have this outline; None = as it says.
+    """Return a scenario in which people walk in this manner and have this outline; None = the scenario's.
 
     Competitive people drive as hard as in the papers.
 
@@ -28,7 +28,7 @@ def with_manner(place: Scenario, manner: Manner | None, outline: str | None = No
 
 
 def run_title(place: Scenario, scheme: str = "", *, people: str = "", runs: str = "") -> str:
-    """Return "room-v0: 20 people, hertz, calm, torso, 5 runs": what is given, and how people walk and are shaped."""
+    """Return "room-v0: 20 people, hertz, calm, torso, 5 runs": the given parts, with the people's manner and outline."""
     first = f"{place.name}: {people}" if people else place.name
     behaviors = ((IN_WORDS[name], plain) for name, plain in place.plain_behaviors().items())
     words = [plain if isinstance(plain, str) else one.brief(plain) for one, plain in behaviors if plain != one.usual]

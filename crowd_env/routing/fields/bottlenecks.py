@@ -25,14 +25,14 @@ if TYPE_CHECKING:  # no part of what kernels are made of
     from crowd_env.routing.fields.field import NavigationField
 
 WIDEST = 5.0  # m
-_SPACING, _NODES = 0.1, 40_000  # m between nodes, more in large places, of which so many are enough
+_SPACING, _NODES = 0.1, 40_000  # m between nodes, more in large places, which need at most this number of nodes
 _ANGLES = np.linspace(-0.25 * np.pi, 0.25 * np.pi, 5)  # rad  of the lines from wall to wall, to the normal
 _ROOM = 0.5  # m2
 _TURN = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 
 
 class Bottlenecks(NamedTuple):
-    """What kernels read: the nodes of F fields lie one behind the other; fields without bottlenecks have none."""
+    """Input of the kernels: the nodes of F fields lie one behind the other; fields without bottlenecks have none."""
 
     start: Ints  # (F+1,)  first node of each field; nodes run row by row
     shape: Ints  # (F, 2)  rows (y), columns (x)
@@ -77,7 +77,7 @@ def _bottlenecks(field: "NavigationField | None", geometry: Geometry) -> tuple[F
 
 
 def _widths_at_the_end(shape: tuple[int, ...], origin: Floats, spacing: float, geometry: Geometry) -> Floats:
-    """Return the width [m] of the exit that is nearest to every node (rows, cols): the way of the last ones ends there."""
+    """Return the width [m] of the exit nearest to every node (rows, cols): the way of the last nodes ends there."""
     i, j = np.indices(shape)
     places = np.asarray(origin + spacing * np.stack([j, i], axis=-1).reshape(-1, 2), dtype=np.float64)
     widths = np.array([min(geometry.exit_widths[name], WIDEST) for name in geometry.exit_names])

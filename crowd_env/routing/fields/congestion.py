@@ -1,10 +1,9 @@
-"""The fastest way through a crowd: a coarse travel-time field, marched anew with the speed that the crowd leaves.
+"""The fastest way through a crowd: a coarse travel-time field, marched again at the speeds that the crowd allows.
 
-People are slowed by queues: a front of them takes as long as its queue takes at the narrowest place ahead
-(`crowd_env.routing.fields.fronts`), and nobody gets past a queue by walking around those who stand in it.  Those who keep no
-distance are slowed by nothing else, and so they leave the shortest way only where another door or exit is faster.  Those who
-keep one are slowed as the density says as well, go where a queue is thinner, and spread over wide openings
-(`crowd_env.routing.fields.drain`).
+Queues slow people: passing a front takes as long as its queue takes at the narrowest place ahead
+(`crowd_env.routing.fields.fronts`), and walking around the queue saves nothing.  Queues alone slow people that keep no
+distance, so these leave the shortest way only where another door or exit is faster.  Density slows people that keep a
+distance too: they go where a queue is thinner, and spread over wide openings (`crowd_env.routing.fields.drain`).
 """
 
 from collections.abc import Callable
@@ -27,7 +26,7 @@ from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram, wei
 SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall must hold a node
 _ALIKE = 0.5  # cosine between two directions that lead the same way
 _WIDE = 1.6  # m, for the middle of a body, of openings over which density alone does not spread people; fitted
-_ABREAST = 0.7  # the same cosine, for people who spread: who turns off further goes around a crowd
+_ABREAST = 0.7  # the same cosine, for people that spread: a larger turn leads around a crowd
 _AT_EXIT = 1.0  # s, at 1 m/s
 _TIP = 2.0  # nodes that a corner may reach beyond the discs that fit into it
 _AHEAD = 0.6  # m, of the fine way, to tell whether the marched field leads the same way
@@ -35,12 +34,12 @@ _SMOOTHING = 0.5  # m, half width of the window that density is averaged over, t
 
 
 class CongestionField:
-    """Makes travel-time fields to the same exits again and again, on every few nodes of a fine one.
+    """Makes travel-time fields to the same exits repeatedly, on every few nodes of a fine one.
 
     Parameters
     ----------
     fine : field on the full grid, to the exits (or the region) in question.
-    walls : (W, 2, 2) m, those that stand.
+    walls : (W, 2, 2) m, the standing ones.
     speed : speed (...) at points (..., 2) [m], relative to plain floor.
     exits : (X, 2, 2) m, rows as in the field; None if it leads to a region.
     """
@@ -61,7 +60,7 @@ class CongestionField:
         shape = self._inside.shape
         self._speed = speed(grid.node_points(self.origin, self.spacing, shape))
         blocked = grid.blocked_lines(walls, shape, self.origin, self.spacing)
-        # This near to a door the straight line to it is the way, whatever the crowd.
+        # This near to a door the straight line to it is the way, with any crowd.
         near_door = (fine.direct >= 0) & (fine.travel_time < _AT_EXIT)
         direct = np.where(near_door, fine.direct, -1)[::stride, ::stride]
         self._direct, self._blocked = fine.direct[::stride, ::stride], blocked
@@ -89,8 +88,8 @@ class CongestionField:
 
     @cached_property
     def _spread(self) -> tuple[Floats, Ints, Bools]:
-        """For people who keep a distance: the directions (rows, cols, 2) in which they spread, how to look up, and where
-        the marched field gives way to them.
+        """For people that keep a distance: the directions (rows, cols, 2) of the spread, how to look up, and where they
+        replace the marched field.
         """
         stride = round(self.spacing / self._fine.spacing)
         direction = spread(self._fine, self._walls, _WIDE).direction[::stride, ::stride]
@@ -115,7 +114,7 @@ class CongestionField:
         waiting = self._mean_around(queue[front])
         if not people.keeps_distance:
             return self._speed / waiting, fronts.keeps_on(queue)[front]
-        # A queue takes as long as it takes, and within it people go where it is thinner: around corners abreast.
+        # The time of a queue is fixed, and within it people go where it is thinner: around corners abreast.
         pace = weidmann(self.density(position))
         slow = np.bincount(front.ravel(), 1.0 / pace.ravel()) / np.maximum(np.bincount(front.ravel()), 1)
         return self._speed * pace * np.minimum(self._mean_around(slow[front]) / waiting, 1.0), np.zeros_like(
@@ -132,7 +131,7 @@ class CongestionField:
         """Return where the fine way leads on in the marched field of ``time`` and ``speed``, all (rows, cols)."""
         row, col, walked = ahead
         least = _least_near(np.where(np.isnan(time), np.inf, time), 1)
-        least[np.isinf(least)] = np.nan  # nothing is known around: no comparison holds
+        least[np.isinf(least)] = np.nan  # unknown neighborhood: no comparison holds
         gained = 0.5 * (speed + speed[row, col]) * (least - least[row, col])
         return np.asarray(gained > _ALIKE * walked)
 
@@ -155,7 +154,7 @@ class CongestionField:
         if people is not None and people.keeps_distance:
             (shortest, cell, sure), least = self._spread, _ABREAST
         alike = sure & ((direction * shortest).sum(axis=-1) > least)
-        if self._ahead is not None:  # there no slope between two nodes tells: the march cuts corners that bodies touch
+        if self._ahead is not None:  # a slope between two nodes is wrong there: the march cuts corners
             alike |= sure & self._leads_on(time, speed, self._ahead)
         keeps = (keeps_on & known) | alike | (self._inside & ~self._free)
         if people is not None and people.keeps_distance:
@@ -171,7 +170,7 @@ class CongestionField:
 
 def _narrow(free: Bools, stride: int) -> Bools:
     """Return for every stride-th node whether it lies in or near a passage that holds few nodes abreast."""
-    half = stride  # what a square of 2 half + 1 fine nodes does not fit into is a passage, or a corner
+    half = stride  # where a square of 2 half + 1 fine nodes has no room is a passage, or a corner
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(free, half), (2 * half + 1, 2 * half + 1))
     core = windows.all(axis=(2, 3))
     opened = np.lib.stride_tricks.sliding_window_view(np.pad(core, half), (2 * half + 1, 2 * half + 1)).any(axis=(2, 3))
@@ -222,7 +221,7 @@ def _least_near(values: Floats, half: int, stride: int = 1) -> Floats:
 
 
 def _box_mean(values: Floats, half: int) -> Floats:
-    """Return the mean over a square window of 2 ``half`` + 1 nodes; outside of the grid there is nothing."""
+    """Return the mean over a square window of 2 ``half`` + 1 nodes; values outside of the grid are 0."""
     width = 2 * half + 1
     for axis in (0, 1):
         pad = [(0, 0), (0, 0)]

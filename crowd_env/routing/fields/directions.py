@@ -1,6 +1,6 @@
-"""Travel times on a grid become directions for everyone: their slope, and how to look up between the nodes.
+"""Directions from travel times on a grid: their slope, and how to look up between the nodes.
 
-What NumPy does as fast is not compiled: a first start waits for every kernel.
+Steps that NumPy does as fast are not compiled: a first start waits for every kernel.
 
 Arrays over nodes have shape (rows, cols); node (i, j) lies at ``origin + spacing * (j, i)``.
 """

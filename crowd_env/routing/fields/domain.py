@@ -1,4 +1,4 @@
-"""What a travel-time field is made for, and the dilation of the walls at which everyone reaches an exit."""
+"""The domain of a travel-time field, and the dilation of the walls at which all of it reaches an exit."""
 
 import warnings
 from collections.abc import Collection, Iterable, Iterator
@@ -18,8 +18,8 @@ _NODES = 4e5  # a big plan gets a coarser grid than _SPACING above this
 _FINEST = 0.01  # m; narrow passages are looked for down to this spacing ...
 _FINE_NODES = 1.6e6  # ... and up to this many nodes ...
 _SLACK = 0.75  # spacings; ... and half as wide as this too narrow, so that four neighbors connect in any direction
-_SIZES = 5  # of bodies, for each of which ways are looked for where larger ones do not get out
-_OPEN_NODES = 1e6  # a larger place without narrow passages gets a coarser grid, of about so many nodes ...
+_SIZES = 5  # sizes of bodies, with ways for each where larger ones do not get out
+_OPEN_NODES = 1e6  # a larger place without narrow passages gets a coarser grid, of about this number of nodes ...
 _COARSEST = 0.3  # m; ... or of this spacing
 _MAX_NODES = 3e7
 _MOST_DILATION = 0.4  # m, half a door: in the largest places
@@ -42,18 +42,18 @@ class Grid(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """What a field is made for; exits that are not used are walls."""
+    """The domain and goals of a field; exits that are not used are walls."""
 
     geometry: Geometry
     walls: Floats  # (W, 2, 2)  m
     two_sided: Bools  # (W,)
-    exits: Floats  # (X, 2, 2)  m   those used
+    exits: Floats  # (X, 2, 2)  m   the exits used
     rows: Ints  # (X,)  their rows in Geometry.exits
     names: list[str]  # (X,)
     widest: dict[str, float]  # m   the clear width of each exit
     radius: float  # m
     min_radius: float  # m
-    partial: bool = False  # doors are closed: not everybody need reach an exit
+    partial: bool = False  # doors are closed: some people may be locked in
     goal: str | None = None  # region where the way leads instead of to exits
     one_way: bool = False  # some doors are passed one way only
 
@@ -129,11 +129,11 @@ def _finest(geometry: Geometry, wanted: float) -> float:
 
 
 def require_grid(geometry: Geometry, min_radius: float) -> None:
-    """Raise ValueError, before anything is allocated, if a place is too large for a grid that shows ways for bodies so small.
+    """Raise ValueError, before anything is allocated, if a place is too large for a grid that resolves ways for such bodies.
 
-    Nodes lie no further apart than half of what the walls are dilated by, so that no way leads across a thin wall.  In a
-    place so large that this would be too many nodes, walls are dilated by more than a body, but never by more than lets
-    people through a door of 0.8 m.
+    Nodes lie no further apart than half the dilation of the walls, so that no way leads across a thin wall.  In a place too
+    large for this number of nodes, walls are dilated by more than a body.  The dilation always leaves a door of 0.8 m
+    passable.
     """
     x0, y0, x1, y1 = geometry.bounds
     spacing = _finest(geometry, min_radius / 2)
@@ -183,7 +183,7 @@ def _coarse(plan: Plan, spacing: float) -> Iterator[float]:
     if plan.one_way or wanted < 1.25 * spacing:
         return
     room = 2.0 * (2.0 + _SLACK)  # spacings in a passage: walls are dilated by two, and four neighbors connect
-    least = 2.0 * (plan.min_radius - _SLACK * spacing)  # what nobody passes is no passage
+    least = 2.0 * (plan.min_radius - _SLACK * spacing)  # narrower passages are closed to all bodies
     widths = passages(plan.geometry, plan.walls, least, room * wanted).tolist()
     coarse = min([wanted, *(width / room for width in (*widths, *plan.widest.values()))])
     if coarse >= 1.25 * spacing:
@@ -209,7 +209,7 @@ class Dilation(NamedTuple):
 
     radius: float  # m, of the body
     depth: float  # m, by which the walls are dilated
-    reached: Bools  # (rows, cols)  where the center may be, those of larger bodies included
+    reached: Bools  # (rows, cols)  where the center may be, the nodes of larger bodies included
     parts: Ints  # (rows, cols)  1 = reached, 2, 3 ... = parts that are not, 0 = too near to a wall
     closed: set[str]  # exits that such a body cannot pass
 
@@ -247,9 +247,9 @@ def _finer(plan: Plan, spacing: float) -> Iterator[float]:
 
 
 def _most_open(plan: Plan, spacing: float) -> tuple[Grid, list[Dilation]]:
-    """Return the grid on which the largest bodies get furthest, the coarsest of those that show as much, and its dilations.
+    """Return the grid on which the largest bodies get furthest, the coarsest of equally good ones, and its dilations.
 
-    These are left to the caller, [], unless the first is all that is needed, as in most places.
+    These are left to the caller, [], unless the first is sufficient, as in most places.
     """
     smallest, most, best = max(plan.min_radius, 2 * spacing), -np.inf, None
     for h in chain(_coarse(plan, spacing), [spacing], () if plan.partial else _finer(plan, spacing)):
@@ -259,7 +259,7 @@ def _most_open(plan: Plan, spacing: float) -> tuple[Grid, list[Dilation]]:
                 break
             whole = not dilation.closed and _lost_part(dilation.parts, nodes, smallest) is None
             if h > spacing and not whole:
-                break  # such as a region to lead to that is too small for it
+                break  # such as a goal region that is too small for it
             area = float(dilation.reached.sum()) * h**2
             if best is None or area > most + np.pi * smallest**2:
                 best, most = nodes, area
@@ -280,7 +280,7 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, list[Dilation]]:
     smallest, (best, whole) = max(plan.min_radius, 2 * spacing), _most_open(plan, spacing)
     if whole:
         return best, whole
-    leads_anywhere = len(plan.rows) == len(plan.geometry.exits)  # of one exit alone it is not worth a word
+    leads_anywhere = len(plan.rows) == len(plan.geometry.exits)  # a field to some of the exits gives no warning
     for nodes in chain([best], (_make_grid(plan, h) for h in _finer(plan, best.spacing))):
         dilations: list[Dilation] = []
         lost, closed = None, set(plan.widest)

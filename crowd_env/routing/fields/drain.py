@@ -1,13 +1,12 @@
-"""How people who keep a distance spread over wide openings, instead of filing along their ends, where shortest ways lead.
+"""The spread of people that keep a distance over wide openings; shortest ways would file along the ends of these.
 
     div q = 1,  q = -grad phi,  q . n = 0 at walls,  phi = 0 at exits
 
 ``q`` is the flow of a floor full of people that empties evenly: it fills every opening over its whole width, and runs straight
 through a corridor.  It does not cross the lines on which shortest ways part, so people keep to the exit, and to the side of
-every obstacle, that the shortest way takes; and it is followed only where it leads about that way, so every step along it
-makes the way shorter.  From where it leads through a narrow opening people take the shortest way: that opening is what holds
-them up.  The model is ours; recorded flow per meter does not fall with the width of an opening (Seyfried et al.
-2009, doi 10.1287/trsc.1090.0263).
+every obstacle, of the shortest way.  It is followed only where it is close to that way, so every step along it makes the way
+shorter.  Where the flow leads through a narrow opening people take the shortest way: that opening limits them.  The model is
+ours; recorded flow per meter does not fall with the width of an opening (Seyfried et al. 2009, doi 10.1287/trsc.1090.0263).
 """
 
 from dataclasses import replace
@@ -22,7 +21,7 @@ from crowd_env.routing.fields.fronts import parts_of_bands
 from crowd_env.routing.fields.grid import RIGHT, UP
 from crowd_env.routing.fields.lookup import BLEND
 
-_SPACING = 0.1  # m; more in large places, of which about so many nodes are enough:
+_SPACING = 0.1  # m; more in large places, which need at most this number of nodes:
 _NODES = 40_000
 _WIDE = 1.0  # m that the middle of a body has of an opening over which people spread
 _PARTING = 0.3  # ways part where the unit vectors of two nodes differ by more, along the line from one to the other
@@ -30,9 +29,9 @@ _ALIKE = 0.5  # cosine between two directions that lead the same way
 
 
 def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> NavigationField:
-    """Return ``field`` with the directions of people who spread over openings of which the middle of a body has ``wide`` [m].
+    """Return ``field`` with directions that spread over openings of at least ``wide`` [m] for the middle of a body.
 
-    ``walls`` (W, 2, 2) [m] are those that stand.
+    ``walls`` (W, 2, 2) [m] are the standing ones.
     """
     if field.free is None:
         return field

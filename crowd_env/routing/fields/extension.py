@@ -15,7 +15,7 @@ _LEAN = 2.0  # how much a direction turns away from the wall per body radius of 
 
 @inner_kernel
 def _walls_within(walls: Floats, x: float, y: float, reach: float, near: Ints) -> int:
-    """Write the walls whose bounding box comes within ``reach`` of (x, y) into ``near``; return their number."""
+    """Write the walls with a bounding box within ``reach`` of (x, y) into ``near``; return their number."""
     count = 0
     for w in range(len(walls)):
         if (
@@ -78,9 +78,9 @@ def extend_once(
     """Give walkable nodes without a time (nan) the least time + distance over known nodes in a window; count them.
 
     Only known nodes that are seen past all walls count.  With ``radius`` > 0 a node leads straight to the target of the
-    nearest known node, if that gets away from the walls at once.  Otherwise its direction is that of the place at the edge of
-    the band of that width along the walls, turned away from them the more, the deeper the node lies in the band.  Without
-    ``radius`` it is the direction to the best known node.  ``before`` is a copy of ``time``; ``near`` (W,) is scratch.
+    nearest known node, if that gets away from the walls at once.  Otherwise it takes the direction at the edge of the band of
+    that width along the walls, turned away from them by its depth in the band.  Without ``radius`` it takes the direction to
+    the best known node.  ``before`` is a copy of ``time``; ``near`` (W,) is scratch.
     """
     rows, cols = time.shape
     window = int(np.ceil(reach / spacing))
@@ -167,7 +167,7 @@ def _fill(time: Floats, direction: Floats, inside: Bools, known: Bools, spacing:
 def carried_along(time: Floats, value: Floats) -> Floats:
     """Return for every node the ``value`` of the place where the way from it ends: it is constant along ways.
 
-    Upwind differences of grad(value) . grad(time) = 0 (Adalsteinsson and Sethian 1999, eq 16), so that what is carried lies
+    Upwind differences of grad(value) . grad(time) = 0 (Adalsteinsson and Sethian 1999, eq 16), so that carried values lie
     between the least and the greatest value at the ends.  Nodes outside (nan) keep their own.
     """
     rows, cols = time.shape

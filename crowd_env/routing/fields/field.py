@@ -1,8 +1,8 @@
 """The way out: travel-time fields by fast marching, made for the center of a disc that keeps off the walls.
 
-The walls are dilated by a body radius, so that the shortest path never leads into a concave corner or a gap that is too
-narrow; scikit-fmm solves ``|grad T| = 1`` on what is left.  People may still stand closer to a wall than that (they are
-pushed, or are smaller): there the field is extended along straight lines to the dilated area.
+The walls are dilated by a body radius, so that the shortest path avoids concave corners and gaps that are too narrow.
+scikit-fmm solves ``|grad T| = 1`` on the rest.  People may still stand closer to a wall (pushed there, or with smaller
+bodies): there the field is extended along straight lines to the dilated area.
 """
 
 from collections.abc import Callable, Collection, Iterable, Sequence
@@ -86,7 +86,7 @@ class NavigationField:
     radius
         Radius of the disc that the field is made for [m].
     margin
-        Distance kept from the ends of an exit one aims at [m]; nan = the own radius.
+        Distance kept from the ends of an exit in the aim [m]; nan = the body's radius.
     through
         (rows, cols) bit k: the way from the node leads through region k of the geometry; None = not known.
     free
@@ -162,7 +162,7 @@ def travel_time_field(
     closed
         Names of the doors that are closed.
     one_way
-        Doors that nobody passes the other way.
+        Doors that people mean to pass one way only.
     speed
         Walking speed (...) at points (..., 2) [m], relative to that on plain floor; > 0.  The way is the quickest one then.
 
@@ -184,14 +184,14 @@ def travel_time_field(
 
 
 def straight_field(field: NavigationField, geometry: Geometry, margin: float) -> NavigationField:
-    """Return ``field`` with everyone aiming straight at the nearest exit, whatever stands between.
+    """Return ``field`` with all people aiming straight at the nearest exit, even through obstacles.
 
     The rule of crowd models without path planning, for comparison: it leads into walls and corners.
 
     Parameters
     ----------
     margin
-        Distance kept from the ends of the exit [m]: nan = the own radius, 0 = the whole width, inf = its middle.
+        Distance kept from the ends of the exit [m]: nan = the body's radius, 0 = the whole width, inf = its middle.
     """
     return replace(field, cell=geometry.nearest_exit(field.nodes()), margin=margin)
 
@@ -227,7 +227,7 @@ def join_fields(
         travel_time=np.concatenate([field.travel_time.ravel() for field in every]),
         direction=np.concatenate([field.direction.reshape(-1, 2) for field in every]),
         direct=np.concatenate([rows_in_batch(field.direct, first) for field, first in made]),
-        # Looked up by everyone a hundred times a second: as little to fetch from memory as can be.
+        # Looked up for each pedestrian a hundred times a second: as little to fetch from memory as possible.
         cell=np.concatenate([rows_in_batch(field.cell, first) for field, first in made]).astype(np.int16),
         margin=np.array([field.margin for field in every], dtype=np.float64),
         through=np.concatenate([np.zeros_like(f.direct) if f.through is None else f.through for f in every], axis=None),
@@ -269,7 +269,7 @@ def _solve(
     plain = np.empty((0, 0), dtype=bool) if speed is None else speed == 1.0
     order = np.argsort(time, axis=None, kind="stable")
     pull_strings(time, direction, target, order, clear, targets, around, plain, nodes.origin, h)
-    del order  # what is made next is as large
+    del order  # the next arrays are as large
     # The ragged edge of the march belongs to the band along the walls, unless it alone leads through a passage.
     edge = free if dilation == radius else ~np.isnan(time)
     time[edge & ~(clear | strip) & (target < 0) & grid.with_fringe(target >= 0, edge)] = np.nan

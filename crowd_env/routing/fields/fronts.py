@@ -1,8 +1,8 @@
 """The fronts in which a crowd comes to a way out, and how long it queues there.
 
 The floor is divided into bands, each `DEPTH` deep, by the distance to the way out.  A front is a connected piece of a band.
-People in one band who have to pass the same opening wait for each other there, whichever branch they come by.  Nobody gets past
-the others by walking around them.  Where ways part for good, a queue on one of them makes the other the faster one.
+The people of one band with the same opening ahead wait for each other there, whichever branch they come by.  Walking around a
+queue gains nothing.  Where ways part for good, a queue on one of them makes the other the faster one.
 """
 
 from heapq import heapify, heappop, heappush
@@ -20,11 +20,11 @@ _BESIDE = 3  # nodes between a wall and where the middle of a body has room
 
 
 class Fronts:
-    """The fronts of a place; front 0 is where nobody walks.
+    """The fronts of a place; front 0 is all floor without ways.
 
     Parameters
     ----------
-    time : (rows, cols) travel time at 1 m/s to the way out [s], inf where nobody walks.
+    time : (rows, cols) travel time at 1 m/s to the way out [s], inf where there is none.
     free : (rows, cols) where the middle of a body has room.
     speed : (rows, cols) relative to plain floor.
     blocked : (rows, cols) lines between nodes that walls cross, see `crowd_env.routing.fields.grid.blocked_lines`.
@@ -72,9 +72,9 @@ class Fronts:
         self.front = _spread(front, open_right, open_up)
 
     def _step(self, fronts: list[int]) -> tuple[Ints, Ints, Floats, Ints]:
-        """Return the pairs of these fronts and those ahead of them: behind, ahead, share, first.
+        """Return the pairs of these fronts and the fronts ahead of them: behind, ahead, share, first.
 
-        Of the people in ``behind`` (N,) the ``share`` (N, 1) comes through ``ahead`` (N,), by its width beside that of others;
+        Of the people in ``behind`` (N,) the ``share`` (N, 1) comes through ``ahead`` (N,), by its share of the width;
         ``first`` are the first pairs of each front.
         """
         fronts = [n for n in fronts if self._ahead[n]]
@@ -85,10 +85,10 @@ class Fronts:
         return behind, ahead, (self._width[ahead] / total[behind])[:, None], first
 
     def queue(self, node: tuple[Ints, Ints], people: FundamentalDiagram) -> Floats:
-        """Return how many times as long as for somebody alone (K,) each front takes, with people at these nodes."""
+        """Return the factor (K,) by which each front takes longer than for one pedestrian alone, with people at these nodes."""
         inside = np.bincount(self.front[node], minlength=len(self._band))
         inside[0] = 0
-        passing = np.zeros((len(inside), int(self._band.max()) + 1))  # people of each band who come through each front
+        passing = np.zeros((len(inside), int(self._band.max()) + 1))  # people of each band that come through each front
         passing[np.arange(len(inside)), self._band] = inside
         for behind, ahead, share, _ in reversed(self._steps):
             np.add.at(passing, ahead, passing[behind] * share)

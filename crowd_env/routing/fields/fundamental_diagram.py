@@ -1,11 +1,11 @@
-"""How a crowd walks at a density, and how many pass an opening: what a congested way costs in time.
+"""Speed of a crowd at a density, and flow through an opening: the time cost of a congested way.
 
-People who keep a distance walk about as fast as Weidmann (1993) found people to walk at a density,
+People that keep a distance walk about at the speed that Weidmann (1993) found for a density,
     v / v_free = 1 - exp(-1.913 (1 / rho - 1 / 5.4)),  rho in 1/m2,
-but never slower than `SLOWEST`: a jam moves on, it only takes its time.  (What their rule gives in a crowd packed in triangles,
-(d - 2 r) / T, sends them around queues that they could join: at the recorded gate 0.95 instead of 1.13 people a second.)  They
-pass an opening as recorded crowds do.  Who keeps no distance walks at full speed up to touching; only the queue in front of an
-opening takes time.
+but never slower than `SLOWEST`: a jam moves on slowly.  (The speed of their rule in a crowd packed in triangles,
+(d - 2 r) / T, sends them around queues that they could join: at the recorded gate 0.95 instead of 1.13 people a second.)
+They pass an opening as recorded crowds do.  People that keep no distance walk at full speed up to touching; only the queue in
+front of an opening takes time.
 """
 
 from typing import NamedTuple
@@ -14,7 +14,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 
-SLOWEST = 0.08  # of the free speed: a crowd that fills the floor moves on, it only takes its time
+SLOWEST = 0.08  # of the free speed: a crowd that fills the floor moves on slowly
 # 1/(m s)  The door of 1 m of Seyfried et al. 2009 (Transp. Sci. 43:395) passes 1.9; 79 published flows through doors of 0.4 to
 # 2.8 m lie from 1.6 to 2.8.
 _RECORDED = 1.9
@@ -32,8 +32,8 @@ class FundamentalDiagram(NamedTuple):
     def flow(self, width: Floats) -> Floats:
         """Return how many pass an opening per second [1/s].
 
-        ``width`` [m] is what the middle of a body has of it.  Of those who keep no distance at least one file passes; more
-        where a wide front lets more pass.
+        ``width`` [m] is the room in it for the middle of a body.  Of people that keep no distance at least one file passes;
+        more where a wide front lets more pass.
         """
         if self.keeps_distance:
             return _RECORDED * (width + 2.0 * self.radius)

@@ -23,14 +23,14 @@ def node_points(origin: Floats, spacing: float, shape: tuple[int, ...]) -> Float
 
 
 def nearest_nodes(position: Floats, origin: Floats, spacing: float, shape: tuple[int, ...]) -> tuple[Ints, Ints]:
-    """Return rows and columns (...) of the nodes nearest to ``position`` (..., 2) [m]; those beside the grid get its edge."""
+    """Return rows and columns (...) of the nodes nearest to ``position`` (..., 2) [m], inside or outside of the grid."""
     rows, cols = shape
     nearest = np.rint((position - origin) / spacing).astype(np.int64)
     return np.clip(nearest[..., 1], 0, rows - 1), np.clip(nearest[..., 0], 0, cols - 1)
 
 
 def nearest_known(position: Floats, values: Floats, origin: Floats, spacing: float) -> tuple[Ints, Ints]:
-    """Return rows and columns (K,) of the nodes nearest to ``position`` (K, 2) [m] among those whose value is not nan."""
+    """Return rows and columns (K,) of the nodes nearest to ``position`` (K, 2) [m] among nodes with a value, not nan."""
     row, col = nearest_nodes(position, origin, spacing, values.shape)
     reach = np.arange(-_AROUND, _AROUND + 1)
     around = np.stack(np.meshgrid(reach, reach, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -126,8 +126,7 @@ def with_fringe(free: Bools, allowed: Bools) -> Bools:
 def connected_parts(free: Bools, seeds: Bools) -> Ints:
     """Return a label per node: 1 = connected to a seed (side by side), 2, 3 ... other parts, 0 = not free.
 
-    What lies side by side in a row is a run; runs that touch runs of the next row take the least number of all they hang
-    together with.
+    Nodes side by side in a row form a run; connected runs of successive rows take the least number of all.
     """
     starts = free.copy()
     starts[:, 1:] &= ~free[:, :-1]

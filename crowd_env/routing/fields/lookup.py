@@ -1,4 +1,4 @@
-"""Reading a travel-time field at a place: what the physics calls for every pedestrian at every step.
+"""Reading a travel-time field at a place: the functions that physics calls for every pedestrian at every step.
 
 All functions are free of allocation; ``f`` is the row of the field within the batch.
 """
@@ -12,8 +12,8 @@ from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.kernels.jit import inner_kernel, kernel
 from crowd_env.geometry.geometry import Boundary
 
-# Depth [body radii] in front of the exit line within which the aim moves beyond the line: deep enough that nobody is
-# led along the line, shallow enough that nobody who passes a door jamb is led closer to it than the body allows.
+# Depth [body radii] in front of the exit line within which the aim moves beyond the line: deep enough to lead no body
+# along the line, shallow enough to lead no body closer to a door jamb than its radius allows.
 _DOORSTEP = 0.25
 
 
@@ -22,7 +22,7 @@ ALONE = -2  # cell: a wall runs through it, or no corner is walkable; follow a s
 
 
 class FieldArrays(NamedTuple):
-    """What kernels read of the navigation fields; the nodes of F fields lie one behind the other."""
+    """Input of the kernels from the navigation fields; the nodes of F fields lie one behind the other."""
 
     geometry: Ints  # (F,)    geometry that each field is made for
     node_start: Ints  # (F+1,)  first node of each field; nodes run row by row
@@ -33,7 +33,7 @@ class FieldArrays(NamedTuple):
     direction: Floats  # (M, 2)  unit vector along the shortest path; 0 outside
     direct: Ints  # (M,)    row of Boundary.exit reached in a straight line; -1 = none
     cell: NDArray[np.int16]  # (M,)    cell right of and above: exit that all its corners are direct to, BLEND, ALONE
-    margin: Floats  # (F,)    m   kept from the ends of an exit one aims at; nan = the own radius
+    margin: Floats  # (F,)    m   kept from the ends of an exit in the aim; nan = the body's radius
     through: Ints  # (M,)    bit k: the way from here leads through region k
 
 

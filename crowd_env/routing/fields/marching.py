@@ -17,9 +17,9 @@ class Gate(NamedTuple):
     """A one-way door on the nodes of a grid, all (rows, cols)."""
 
     strip: Bools  # the doorway
-    front: Bools  # next to it, where one enters
-    back: Bools  # next to it, where one comes out
-    depth: Floats  # m, how far the nodes of the strip are from coming out
+    front: Bools  # next to it, on the side of entry
+    back: Bools  # next to it, on the far side
+    depth: Floats  # m, from the nodes of the strip to the far side
     normal: Floats  # (2,)  unit vector of passing
 
 
@@ -29,7 +29,7 @@ def march(time: Floats, level: Floats, free: Bools, speed: Floats, spacing: floa
     Parameters
     ----------
     time : (rows, cols) s, of the nodes that the march starts from; nan elsewhere.
-    level : m, whose zero line the march starts from.
+    level : m, its zero line starts the march.
     speed : speed relative to plain floor.
     start : s, travel time at that line.
     """
@@ -43,7 +43,7 @@ def march(time: Floats, level: Floats, free: Bools, speed: Floats, spacing: floa
 
 
 def march_on(time: Floats, free: Bools, speed: Floats, spacing: float) -> Floats:
-    """Return ``time`` [s] (rows, cols) with the travel times of the ``free`` nodes beyond those that are known (not nan)."""
+    """Return ``time`` [s] (rows, cols) with the travel times of the ``free`` nodes beyond the known ones (not nan)."""
     known = ~np.isnan(time)
     edge = grid.with_fringe(free & ~known, known) & known
     beyond = march(

@@ -1,9 +1,9 @@
 """String pulling: the shortest way as straight lines to an exit, and arcs around the corners in between.
 
 A disc keeps its radius from every wall.  The shortest way of its center is made of straight lines and of arcs around wall ends.
-These are exact, however the place lies to the axes of the grid.  The march says which of them to look at.
+These are exact, at any angle of the place to the axes of the grid.  The march selects the ones to look at.
 
-A *target* is what a straight line leads to, by number.  Exits have the numbers 0 ... X-1.  The circle around wall end c has
+A *target* is the end of a straight line, by number.  Exits have the numbers 0 ... X-1.  The circle around wall end c has
 two: the way turns around it counterclockwise (X + 2c) or clockwise (X + 2c + 1).  ``spin`` is 1 and -1 then::
 
     node (x, y) ---- (ex, ey) ----> (tx, ty)     along a tangent of the circle, ``offset`` = spin * radius to its left
@@ -20,14 +20,14 @@ from crowd_env.core.kernels.jit import inner_kernel, kernel
 from crowd_env.routing.fields.grid import distance_to_segment, nearest_nodes
 from crowd_env.routing.fields.lookup import crosses, exit_frame, nearest_on_exit, through_exit
 
-_GET_AWAY = 0.25  # a straight line parts from a wall in whose band it starts by at least this sine
+_GET_AWAY = 0.25  # sine of the least angle between a straight line and a wall with its start in the band
 _MARCH = 2.0  # spacings that the march is wrong by, beside ...
 _SHARE = 0.03  # ... this share
 _TOUCH = 1e-6  # m
 
 
 class Targets(NamedTuple):
-    """What straight lines lead to: X exits, and C wall ends that a way may bend around."""
+    """Targets of straight lines: X exits, and C wall ends that a way may bend around."""
 
     exits: Floats  # (X, 2, 2)  m
     corner: Floats  # (C, 2)  m
@@ -122,7 +122,7 @@ def _turn(ex: float, ey: float, to: Floats, spin: float) -> float:
 def _is_flanked(target: Ints, i: int, j: int, n: int, ex: float, ey: float) -> bool:
     """Return whether the line from a node along (ex, ey) to target ``n`` runs between the lines of two neighbors.
 
-    Then nothing stands in its way: whatever a disc cannot pass is wider than the two spacings in between.
+    Then the line is free: any obstacle to a disc is wider than the two spacings in between.
     """
     left, right = False, False
     for p in range(max(i - 1, 0), min(i + 2, target.shape[0])):
@@ -155,7 +155,7 @@ def make_targets(
     row, col = nearest_nodes(places, origin, spacing, time.shape)
     off = origin + spacing * np.stack([col, row], axis=-1) - corner[:, None]
     near = np.where(np.hypot(off[..., 0], off[..., 1]) > radius + spacing, np.nan, time[row, col])
-    open_floor = ~np.isnan(near).all(axis=1)  # no way bends around what lies in a concave corner
+    open_floor = ~np.isnan(near).all(axis=1)  # no way bends around an end in a concave corner
     corner, around = corner[open_floor], np.stack([np.fmin.reduce(near, 1), np.fmax.reduce(near, 1)], 1)[open_floor]
     leave, rest = np.zeros((2 * len(corner), 2)), np.full(2 * len(corner), np.inf)
     return Targets(exits, corner, leave, rest, radius, walls), np.repeat(around, 2, axis=0)
@@ -163,7 +163,7 @@ def make_targets(
 
 @inner_kernel
 def _find_ways_around(targets: Targets, around: Floats, plain: Bools, origin: Floats, spacing: float) -> None:
-    """Write how the ways around corners go on, by Dijkstra's algorithm from the exits; ``around`` is used up."""
+    """Write how the ways around corners continue, by Dijkstra's algorithm from the exits; ``around`` is used up."""
     exits, corner, leave, rest, radius, walls = targets
     first = len(exits)
     for turn in range(first + len(rest)):
@@ -175,7 +175,7 @@ def _find_ways_around(targets: Targets, around: Floats, plain: Bools, origin: Fl
                     n, least = first + k, rest[k]
             if n < 0:
                 break
-            around[n - first, 1] = -np.inf  # settled: nothing is as short
+            around[n - first, 1] = -np.inf  # settled: no other is as short
         b, other = (n - first) >> 1, 1.0 - 2.0 * ((n - first) & 1)
         reach = rest[n - first] if n >= first else 0.0
         for k in range(len(rest)):
@@ -208,10 +208,10 @@ def pull_strings(
 ) -> None:  # fmt: skip
     """Find the ways around the corners, and write into ``target`` (-1 everywhere) which target a straight line leads to.
 
-    There ``time`` and ``direction`` become exact.  Straight lines run over ``plain`` floor alone (no nodes = all is plain), and
-    a way is taken only if its length agrees with the time found so far: otherwise fast ground or a one-way door offers another.
-    ``order`` holds the nodes, soonest first, unknown ones last; of those that are not ``clear`` of the walls only what their
-    neighbors lead to is tried.
+    There ``time`` and ``direction`` become exact.  Straight lines run over ``plain`` floor alone (no nodes = all is plain).
+    A way is taken only if its length agrees with the time found so far: otherwise fast ground or a one-way door offers another.
+    ``order`` holds the nodes, soonest first, unknown ones last.  Nodes not ``clear`` of the walls try only the targets of
+    their neighbors.
     """
     (rows, cols), first, rest, radius = time.shape, len(targets.exits), targets.rest, targets.radius
     more = 1.0 if len(plain) else 1.0 + _SHARE  # where fast ground may lie, the march alone knows whether it pays
@@ -226,7 +226,7 @@ def pull_strings(
             break
         low, best, tried = before * (1.0 - _SHARE) - _MARCH * spacing, before * more + _MARCH * spacing, -1
         for trial in range(9 + first + len(rest)):
-            if trial < 9:  # what the nodes around it lead to
+            if trial < 9:  # targets of the nodes around it
                 p, q = i + trial // 3 - 1, j + trial % 3 - 1
                 n = target[p, q] if 0 <= p < rows and 0 <= q < cols else -1
             else:

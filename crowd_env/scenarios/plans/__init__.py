@@ -1,1 +1,1 @@
-"""Floor plans that others drew, read into one form: `read_plan` tells the kinds of files apart."""
+"""Floor plans from other programs, read into one form: `read_plan` distinguishes the kinds of files."""

@@ -82,7 +82,7 @@ def _unit(document: "Document") -> tuple[str | None, float | None]:
 
 
 class _Layer(NamedTuple):
-    """What is drawn on a layer that has a role; a hatch is a list of curves."""
+    """The shapes on a layer with a role; a hatch is a list of curves."""
 
     layer: str  # as it is written first
     role: str
@@ -91,7 +91,7 @@ class _Layer(NamedTuple):
 
 
 def _layers_with_a_role(document: "Document", notes: list[str]) -> dict[str, _Layer]:
-    """Return name in small letters -> visible layer that has a role; what is left out is noted."""
+    """Return name in small letters -> visible layer with a role; layers left out are noted."""
     from ezdxf import path as paths
 
     hidden = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
@@ -130,8 +130,8 @@ def _layers_with_a_role(document: "Document", notes: list[str]) -> dict[str, _La
 class _Exploding:
     """The entities of a drawing with its blocks exploded.
 
-    Blocks that hold nothing of a layer with a role are not, nor those that are invisible or placed on a frozen layer: nothing
-    of them is seen, whatever layers it is on.
+    Blocks without content on a layer with a role are not exploded, nor are blocks that are invisible or on a frozen layer:
+    none of their content is visible, on any layer.
     """
 
     def __init__(self, document: "Document") -> None:
@@ -170,7 +170,7 @@ class _Exploding:
     def _layers_of(self, block: str, depth: int) -> frozenset[str]:
         """Return the layers of all that a block holds, blocks within it included."""
         if block not in self._layers:
-            self._layers[block] = frozenset()  # a block that holds itself adds nothing
+            self._layers[block] = frozenset()  # a block that holds itself adds no layer
             layers = set()
             for entity in self._document.blocks.get(block) or ():
                 layers.add(entity.dxf.get("layer", "0"))
@@ -181,7 +181,7 @@ class _Exploding:
 
 
 def _taken_for(drawing: Drawing, walkable: Sequence[Any], layers: Iterable[_Layer]) -> float:
-    """Return how many meters a unit will be taken for: gaps that are closed and how finely curves are drawn depend on it."""
+    """Return the likely length of a unit [m]: gaps that are closed and the fineness of curves depend on it."""
     from ezdxf.path import bbox
 
     box = bbox(_flat(walkable))
@@ -204,12 +204,12 @@ def _straight(curve: Any, meters: float) -> Floats:
 
 
 def _add_layer(drawing: Drawing, drawn: _Layer, meters: float) -> None:
-    """Add what is drawn on a layer.
+    """Add the shapes of a layer.
 
     Raises
     ------
     ValueError
-        If a walkable area is not closed, or something is not finite.
+        If a walkable area is not closed, or a coordinate is not finite.
     """
     layer, role, name, curves = drawn
     hatches = [[_straight(ring, meters) for ring in curve] for curve in curves if isinstance(curve, list)]
@@ -239,7 +239,7 @@ def _add_layer(drawing: Drawing, drawn: _Layer, meters: float) -> None:
 
 
 def _hatched(rings: Sequence[Floats]) -> BaseGeometry:
-    """Return the area of a hatch: what lies in an odd number of its rings."""
+    """Return the area of a hatch: the points within an odd number of its rings."""
     area: BaseGeometry = Polygon()
     for ring in rings:
         if len(ring) > 3:

@@ -1,4 +1,4 @@
-"""What a reader finds in a file of a floor plan, in the file's units, and what becomes of it: a plan in meters."""
+"""A floor plan as read from a file, in the file's units, and the plan in meters made from it."""
 
 import itertools
 from collections.abc import Iterable, Mapping
@@ -13,7 +13,7 @@ from crowd_env.geometry.parsing import Area
 
 @dataclass
 class Drawing:
-    """What is drawn in a file, in its own units and as it was found: nothing is checked, united or cut yet.
+    """The shapes of a file, in its own units and as found: nothing is checked, united or cut yet.
 
     Attributes
     ----------
@@ -22,10 +22,10 @@ class Drawing:
     exits : name -> lines on the edge of the walkable area, or areas that people walk into.
     regions : name -> area.
     starts : name of a region in which people start -> how many of them, None if the file does not say.
-    unit : that the file says it is in: a word for people, if it says one.
+    unit : the file's, as a word for messages, if it names one.
     meters : how many meters that unit is, if it is known.
-    levels : what is drawn on each level, by its name, if the file names levels; then the rest is empty if there are several.
-    notes : what the reader dropped or read in another way than it may be meant.
+    levels : the drawing of each level, by its name, if the file names levels; then the rest is empty if there are several.
+    notes : shapes that the reader dropped, or read in another way than may be meant.
     """
 
     walkable: list[BaseGeometry] = field(default_factory=list)
@@ -39,8 +39,8 @@ class Drawing:
     notes: list[str] = field(default_factory=list)
 
     def add(self, role: str, name: str, shape: BaseGeometry, people: int | None = None) -> None:
-        """Add a shape in a role of `crowd_env.scenarios.plans.roles`: of one name make one exit or region, others
-        are numbered.
+        """Add a shape in a role of `crowd_env.scenarios.plans.roles`: shapes of one name make one exit or region, shapes
+        without a name are numbered.
         """
         match role:
             case "walkable":
@@ -62,16 +62,16 @@ class Drawing:
 
 @dataclass(frozen=True, eq=False)
 class FloorPlan:
-    """A floor plan as it was understood; what is repaired when walls are made of it is another matter, see `Geometry`.
+    """A floor plan as it was understood; for the repair of its walls see `Geometry`.
 
     Attributes
     ----------
     path : of the file.
-    walkable : what people may walk on [m]; obstacles are cut out.
+    walkable : walkable area [m]; obstacles are cut out.
     exits : name -> line on the edge of the walkable area, or area that people walk into [m].
     regions : name -> area [m].
     starts : name of a region in which people start -> how many of them, None if the file does not say.
-    notes : a sentence each on what was dropped, or read in another way than it may be meant.
+    notes : a sentence on each shape that was dropped, or read in another way than may be meant.
     level : of the file, if one was chosen.
     """
 
@@ -85,12 +85,12 @@ class FloorPlan:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Name in tables."""
         return self.path.stem if self.level is None else f"{self.path.stem}-{self.level}"
 
     @property
     def title(self) -> str:
-        """A line for people."""
+        """A line for readers."""
         return f"floor plan {self.path.name}" + ("" if self.level is None else f", level {self.level}")
 
 

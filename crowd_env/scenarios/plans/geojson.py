@@ -1,4 +1,4 @@
-"""Floor plans in GeoJSON (RFC 7946): what each feature is and on which level, its properties or its name say."""
+"""Floor plans in GeoJSON (RFC 7946): properties or the name of a feature define its role and its level."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -26,7 +26,7 @@ def is_geojson(content: Any) -> bool:
 
 
 def read_geojson(content: Mapping[str, Any]) -> Drawing:
-    """Read features, level by level; polygons that say nothing of what they are may be walked on if no other does."""
+    """Read features, level by level; polygons without a role are walkable if no other is."""
     require_meters("it", str(content.get("crs", "")))
     features = list(enumerate(_features(content)))
     on = [_levels(_properties(feature)) for _, feature in features]
@@ -56,7 +56,7 @@ def _height(level: str) -> tuple[float, str]:
 
 
 def _levels(table: Mapping[str, Any]) -> list[str]:
-    """Return the names of the levels that a feature is on; none if it does not say, and is on all."""
+    """Return the names of the levels of a feature; none if it has no level, and is on all."""
     found: Any = next((table[key] for key in _LEVELS if table.get(key) not in (None, "")), [])
     names: list[str] = []
     for level in found if isinstance(found, list) else str(found).split(";"):
@@ -122,7 +122,7 @@ def _holds_text(thing: Any) -> bool:
 
 
 def _role(table: Mapping[str, Any]) -> tuple[str | None, str]:
-    """Return the role that properties say, and the name that a layer gives: jps-exits-north."""
+    """Return the role from the properties, and the name that a layer gives: jps-exits-north."""
     for key in _KEYS:
         for own, word in table.items():
             if own.lower() == key and isinstance(word, str):

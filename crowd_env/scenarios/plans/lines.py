@@ -1,4 +1,4 @@
-"""Areas from the lines of a drawing: closed ones, and ends that were meant to meet."""
+"""Areas from the lines of a drawing: closed ones, and ends that nearly meet."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,7 +16,7 @@ _PAST = 1e-4  # share of the gap by which an end is moved beyond the line that i
 
 
 class Outlines(NamedTuple):
-    """What lines enclose, and what is left of them."""
+    """The areas that lines enclose, and the lines left over."""
 
     areas: list[Polygon]
     open: list[LineString]

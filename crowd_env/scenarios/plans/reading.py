@@ -1,4 +1,4 @@
-"""One reader a kind of file, and what all plans go through: unit, slivers, obstacles."""
+"""One reader a kind of file, and the steps common to all plans: unit, slivers, obstacles."""
 
 import json
 import os
@@ -25,7 +25,7 @@ from crowd_env.scenarios.plans.wkt import read_jupedsim_sqlite, read_wkt
 Reader = Callable[[Path, float | None], Drawing]
 """Takes a file, and how many meters a unit of it is as the user gave it."""
 
-# What is asked of the content of a JSON file -> what reads it.
+# Test of the content of a JSON file -> its reader.
 _IN_JSON = ((is_vadere, read_vadere), (is_geojson, read_geojson))
 
 
@@ -47,7 +47,7 @@ def read_json_plan(path: Path, meters: float | None = None) -> Drawing:
     )
 
 
-# Suffix -> what reads such a file.
+# Suffix -> reader of the file.
 READERS: dict[str, Reader] = {
     ".wkt": read_wkt,
     ".geojson": read_json_plan,
@@ -56,7 +56,7 @@ READERS: dict[str, Reader] = {
     ".scenario": read_json_plan,
     ".json": read_json_plan,
 }
-# What a file of another suffix is -> what reads it.
+# Kind of content, in a file of another suffix -> its reader.
 _BY_CONTENT: dict[str | None, Reader] = {
     None: read_wkt,
     "JSON": read_json_plan,
@@ -70,7 +70,7 @@ PLANS = "WKT (.wkt), GeoJSON, DXF, JuPedSim (.sqlite) or Vadere (.scenario)"
 
 
 def is_plan(path: Path) -> bool:
-    """Return whether a path is that of a floor plan, or of what may be one: a file that is no scenario file of crowd_env."""
+    """Return whether a path is that of a possible floor plan: a file that is no scenario file of crowd_env."""
     path, _ = split_level(path)
     suffix = path.suffix.lower()
     return (
@@ -96,11 +96,11 @@ def read_plan(
     Parameters
     ----------
     path : .wkt, .geojson, .dxf, .sqlite (JuPedSim), .scenario (Vadere) or .json (Vadere, GeoJSON).
-    exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into; they take the place
-        of those in the file.
-    unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that cannot be and the file says
-        another.
-    level : of a file that names levels, such as GeoJSON, the one that is meant; ``house.geojson:1`` as a path says it too.
+    exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into; they replace the
+        exits of the file.
+    unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that is implausible and the file
+        names another.
+    level : one level of a file that names levels, such as GeoJSON; or a part of the path, ``house.geojson:1``.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def read_plan(
 
 
 def _at_level(drawing: Drawing, path: Path, level: str | None) -> Drawing:
-    """Return what is drawn on the level that is meant.
+    """Return the drawing of the chosen level.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def _at_level(drawing: Drawing, path: Path, level: str | None) -> Drawing:
 
 
 def _reader(path: Path) -> Reader:
-    """Return what reads a file: its suffix decides, else what it holds.
+    """Return the reader of a file: by its suffix, else by its content.
 
     Raises
     ------
@@ -194,7 +194,7 @@ def _is_json_plan(path: Path) -> bool:
 
 
 def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
-    """Return what is drawn as a plan in meters."""
+    """Return a drawing as a plan in meters."""
     notes = list(drawing.notes)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", UserWarning)
@@ -232,7 +232,7 @@ def _named(shapes: Mapping[str, BaseGeometry], meters: float) -> dict[str, BaseG
 
 
 def _collected(shapes: list[BaseGeometry], notes: list[str]) -> BaseGeometry:
-    """Return the walkable parts as one shape, without slivers if there is anything else."""
+    """Return the walkable parts as one shape, without slivers if there are other parts."""
     parts = tidied(shapes, "walkable area", notes)
     if _nested([part for part in parts if part.geom_type == "Polygon" and part.is_valid]):
         within = "an outline lies within another one, and is walkable too; draw as an obstacle what is a hole"

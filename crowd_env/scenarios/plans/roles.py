@@ -1,8 +1,8 @@
-"""What a layer of a drawing, or a word of a feature, says that a shape is."""
+"""The role of a shape, from the layer of a drawing or a word of a feature."""
 
 import re
 
-# The layers that JuPedSim reads, with or without "jps-", and with what follows a dash as a name: jps-exits-north.
+# The layers that JuPedSim reads, with or without "jps-"; the text after a dash is a name: jps-exits-north.
 _LAYER = re.compile(
     r"(?:.*[$|])?(?:jps[-_ ]?)?(walkable[-_ ]?areas?|obstacles?|exits?|distributions?)(?:[-_ ]+(.*))?", re.IGNORECASE
 )

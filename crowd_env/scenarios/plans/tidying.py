@@ -1,4 +1,4 @@
-"""What drawings have beside plans: slivers, corners drawn twice, obstacles and regions that lie elsewhere."""
+"""Repair of drawings: slivers, corners drawn twice, obstacles and regions that lie elsewhere."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,7 +15,7 @@ _THIN = 0.01  # m; narrower parts are not walkable
 _WALL = 0.02  # m; the thickness of an obstacle that is drawn as a line
 _NOTHING = 1e-6  # m^2; an obstacle smaller than this is none
 _SAME = 1e-9  # share of the area
-_MANY = 5_000  # corners; more of them are drawn finer than people can tell ...
+_MANY = 5_000  # corners; more of them are finer than people can see ...
 _AWAY = 0.005  # m; ... and corners nearer than this to the line of their neighbors are left out
 _MOST = 20_000  # corners; the ways out take seconds to find for every ten thousand, and more in large plans
 
@@ -25,8 +25,8 @@ def tidied(
 ) -> list[BaseGeometry]:
     """Return the parts of ``shapes`` [m] without slivers; outlines that only touch themselves are made valid.
 
-    So are those that cross themselves, if they may be ``crossing``: each loop is an area of its own.  What else is wrong with
-    them stays for those who read them.
+    So are outlines that cross themselves, if they may be ``crossing``: each loop is an area of its own.  Other faults are left
+    to the reader of the shapes.
     """
     parts = [one for shape in shapes for one in flat_parts(shape)]
     kept, slivers, mended = [], [], []
@@ -88,7 +88,7 @@ def without_obstacles(walkable: Area, obstacles: Sequence[BaseGeometry], notes: 
     Raises
     ------
     ValueError
-        If nothing is left to walk on.
+        If no walkable area is left.
     """
     parts = _walls(tidied(obstacles, "obstacles", notes, thinnest=0.0, crossing=True), notes)
     holes = [read_area(part, f"obstacle {k}") for k, part in enumerate(parts) if _is_area(part)]
@@ -122,7 +122,7 @@ def _walls(parts: Sequence[BaseGeometry], notes: list[str]) -> list[BaseGeometry
 
 
 def apart(exits: Mapping[str, BaseGeometry], notes: list[str]) -> dict[str, BaseGeometry]:
-    """Return the exits [m] such that no areas of them overlap: what two have in common is left to the one that comes first."""
+    """Return the exits [m] without overlaps of their areas: the common part of two belongs to the first."""
     found: dict[str, BaseGeometry] = {}
     for name, shape in exits.items():
         others = [other for other in found if _is_valid_area(found[other])] if _is_valid_area(shape) else []
@@ -178,7 +178,7 @@ def _is_area(part: BaseGeometry) -> bool:
 
 
 def _mended(part: Polygon, crossing: bool) -> list[Polygon]:
-    """Return a polygon whose outline touches or runs back along itself as valid ones; none if it may not cross itself."""
+    """Return a polygon with an outline that touches or retraces itself as valid ones; none if it may not cross itself."""
     valid = [one for one in flat_parts(shapely.make_valid(part)) if one.geom_type == "Polygon"]
     total = sum(one.area for one in valid)
     return valid if crossing or abs(total - part.area) <= _SAME * total else []

@@ -1,4 +1,4 @@
-"""The unit of the coordinates of a plan: the user's decides, the file's counts only if it is plausible."""
+"""The unit of the coordinates of a plan: the user's has priority, the file's counts only if it is plausible."""
 
 from crowd_env.core.checks import known
 
@@ -27,11 +27,11 @@ def unit_in_meters(unit: str | None) -> float:
 def judge_unit(
     bounds: tuple[float, float, float, float], widest: float, said: str | None = None, meters: float | None = None
 ) -> tuple[float, str]:
-    """Return how many meters a unit of a drawing is, where the user gave none, and a note about it ("" = none).
+    """Return how many meters a unit of a drawing is, without a unit of the user, and a note about it ("" = none).
 
-    It is the meter, if a building can be so large.  Drawings often name the unit of a template, and are drawn in another, so
-    what the file says counts only if it cannot be meters and can be that.  Feet, yards and decimeters are in no template: they
-    count unless the exits are as wide as doors in meters and not in them.
+    It is the meter, if a building can be so large.  Drawings often name the unit of a template, and are drawn in another.  So
+    the file's unit counts only if meters are implausible and that unit is not.  Feet, yards and decimeters are in no template:
+    they count unless the exits are as wide as doors in meters and not in them.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def judge_unit(
     Raises
     ------
     ValueError
-        If nothing so large or so small is a building.
+        If no building has such a size.
     """
     width, height = bounds[2] - bounds[0], bounds[3] - bounds[1]
     across = max(width, height)

@@ -1,4 +1,4 @@
-"""Scenarios of Vadere (JSON): what is within the bounds and no obstacle is walkable, targets are exits, sources are starts."""
+"""Scenarios of Vadere (JSON): the bounds without obstacles are walkable; targets are exits, sources are starts."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -10,7 +10,7 @@ from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, number
 from crowd_env.scenarios.plans.floor_plan import Drawing
 
 _BOX = ("x", "y", "width", "height")
-_LEFT_OUT = ("stairs", "targetChangers", "absorbingAreas", "teleporter")  # what changes how people walk, beside targets
+_LEFT_OUT = ("stairs", "targetChangers", "absorbingAreas", "teleporter")  # changes of the walk, beside targets
 
 
 def is_vadere(content: Any) -> bool:
@@ -49,7 +49,7 @@ def read_vadere(content: Mapping[str, Any]) -> Drawing:
 
 
 def _add_bounds(drawing: Drawing, attributes: Mapping[str, Any]) -> None:
-    """Add the bounds; the frame along them is a wall unless the scenario says otherwise."""
+    """Add the bounds; the frame along them is a wall unless the scenario excludes it."""
     left, low, width, height = _numbers("bounds", attributes["bounds"], *_BOX)
     frame = number("boundingBoxWidth", attributes.get("boundingBoxWidth", 0.5), NOT_NEGATIVE)
     frame = frame if attributes.get("bounded", True) else 0.0
@@ -60,7 +60,7 @@ def _add_bounds(drawing: Drawing, attributes: Mapping[str, Any]) -> None:
 
 
 def _plain(thing: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the attributes of a thing, which stand in it or in a table of their own."""
+    """Return the attributes of an element, which stand in it or in a table of their own."""
     return {"id": "?", **thing.get("attributes", {}), **thing}
 
 
@@ -91,7 +91,7 @@ def _absorbs(target: Mapping[str, Any]) -> bool:
 
 
 def _leave_by_all(source: Mapping[str, Any], targets: Iterable[Mapping[str, Any]]) -> bool:
-    """Return whether people of a source may walk to every target that people leave by, as far as the file says."""
+    """Return whether people of a source may walk to every target that people leave by, as far as the file shows."""
     chosen = source.get("targetIds")
     return not chosen or {target["id"] for target in targets if _absorbs(target)} <= set(chosen)
 
@@ -103,7 +103,7 @@ def _at_once(source: Mapping[str, Any]) -> bool:
 
 
 def _people(source: Mapping[str, Any]) -> int | None:
-    """Return how many people a source lets in, if the file says a number in all."""
+    """Return the number of people of a source, if the file has a total."""
     spawner, once = source.get("spawner", {}), _at_once(source)
     most = spawner.get("constraintsElementsMax", source.get("maxSpawnNumberTotal"))
     each = spawner.get("eventElementCount", source.get("spawnNumber"))

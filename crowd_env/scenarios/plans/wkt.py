@@ -17,7 +17,7 @@ _READ = (
     "a floor plan in this file must be well-known text (WKT), e.g. POLYGON ((0 0, 5 0, 5 5, 0 5, 0 0)); GeoJSON, DXF, "
     "SQLite and scenario files have suffixes of their own"
 )
-# What JuPedSim's converter of DXF files writes: a collection of one collection each.
+# Output of JuPedSim's converter of DXF files: a collection of one collection each.
 _COLLECTIONS = ("walkable", "exit", "start")
 
 

@@ -23,7 +23,7 @@ _WALKING = Normal(1.34, 0.26, 0.8, 1.9)  # m/s
 
 
 def _place(**bounds: Range) -> Callable[[Callable[..., Scenario]], Callable[..., Scenario]]:
-    """Return what checks the numbers of a place, and lets callers set what is `COMMON` to all."""
+    """Return a decorator that checks the numbers of a place, and adds the options `COMMON` to all."""
 
     def decorate(make: Callable[..., Scenario]) -> Callable[..., Scenario]:
         defaults, title = make.__kwdefaults__ or {}, make.__name__.replace("_", "-")
@@ -77,9 +77,9 @@ def room(*, side: float = 5.0, door_width: float = 0.82) -> Scenario:
 def lin_room(
     *, side: float = 15.0, door_width: float = 1.0, desired_speed: float = 1.0, exit_depth: float = 0.0
 ) -> Scenario:
-    """Return a square room [m] with an exit in a wall of thickness ``exit_depth``; all want ``desired_speed`` [m/s].
+    """Return a square room [m] with an exit in a wall of thickness ``exit_depth``; all have one ``desired_speed`` [m/s].
 
-    Lin, Ma, Lo, section 3: 15 x 15 m, one exit of 1 m, 100 to 300 people.  What they walk to the paper does not say.
+    Lin, Ma, Lo, section 3: 15 x 15 m, one exit of 1 m, 100 to 300 people.  The paper does not state their target.
     """
     low, high = _door("lin-room", side, door_width)
     out = side + exit_depth
@@ -101,7 +101,7 @@ def _door(name: str, side: float, width: float) -> tuple[float, float]:
 
 @_place(length=Range(6.0, 60.0), depth=Range(3.0, 60.0), door_width=Range(0.6, 3.0))
 def two_exit_hall(*, length: float = 20.0, depth: float = 12.0, door_width: float = 1.0) -> Scenario:
-    """Return a hall of ``length`` from exit to exit [m]; everyone starts in the western half."""
+    """Return a hall of ``length`` from exit to exit [m]; all people start in the western half."""
     low, high = (depth - door_width) / 2, (depth + door_width) / 2
     geometry = Geometry.from_polygon(
         _box(0.0, 0.0, length, depth),
@@ -318,7 +318,7 @@ def floor(*, door_width: float = 0.9, exit_width: float = 1.2) -> Scenario:
         radius=_SLIM,
         desired_speed=_WALKING,
     )
-    # When the western end is crowded, people who have not got there yet go east.
+    # When the western end is crowded, people elsewhere go east.
     rule = ControlRule("west-end", at_least=12, below=6, route="east", commits=True)
     title = "office floor: seven offices and a meeting room on a corridor with an exit at each end"
     drawn = f"drawn for this project: rooms of 5.8 x 5.8 m, corridor of 2 m, doors of {door_width:.10g} m"

@@ -1,14 +1,14 @@
 """A movie theatre in the manner of Pécol et al. 2011, section 4.3: 174 seats, 101 people, routes A and B, control rules.
 
-The plan is SYNTHETIC.  The paper draws its theatre in a figure that is in no printed text, and no other plan was found; what
-is known of it are the numbers of seats and people, two routes (A above, B below), three rectangles where people are counted,
-and the parameters of Table 6.  All else is assumed here, once and for all, from what is usual in cinemas; so results can be
-compared with those of the paper in their order of magnitude only.
+The plan is SYNTHETIC.  The paper draws its theatre in a figure that is in no printed text, and no other plan was found.
+Known are the numbers of seats and people, two routes (A above, B below), three rectangles where people are counted, and
+the parameters of Table 6.  All else is assumed here, from common cinemas; so results can be compared with the paper's in
+their order of magnitude only.
 
 Seen from above, the screen is at x = 0, on the left, and the floor rises to the right:
 
-* Seats: 15 rows of 12, every 1.05 m, seats 0.55 m wide.  A row is 0.45 m deep (backs, seats tipped up) and nobody climbs over
-  it; before it 0.60 m are free, where its people sit and walk.  In half of the last row two wheelchairs have their place, so
+* Seats: 15 rows of 12, every 1.05 m, seats 0.55 m wide.  A row is an obstacle, 0.45 m deep (backs, seats tipped up);
+  before it 0.60 m are free, where its people sit and walk.  In half of the last row two wheelchairs have their place, so
   that it has 6 seats: 174 in all.  4 m of level floor before the first row, 1.2 m behind the last: 9.0 by 20.95 m, 1.1 m2 a
   seat.
 * Stairs: the floor rises between the seats, so that the aisles on both sides (1.2 m wide, the least that German rules allow)
@@ -16,11 +16,11 @@ Seen from above, the screen is at x = 0, on the left, and the floor rises to the
 * Route A: the usual way in, a door of 1.2 m in the middle of the back wall; behind it a level corridor 1.8 m wide that turns
   round the corner of the hall and along it to the foyer; A is where the foyer begins.
 * Route B: the emergency exit, a door of 1.2 m beside the screen; behind it a landing and a straight flight of stairs 1.8 m
-  wide, 12 m long seen from above, down to the open; B is its foot.  In the exercise nobody came out at B before about 40 s
-  (inferred from the mean and the last time): that needs a path of 10 to 15 m on stairs behind the front rows.
-* People: the first four rows are empty, those behind are filled evenly: 101 of 126 seats, every fifth is free.
-* The corridor of A ends where it does, in whole meters, so that the shortest paths divide the audience about as Table 7 implies
-  (42 by A, 59 by B; here 44 and 57): that split is put in, not found.
+  wide, 12 m long seen from above, down to the open; B is its foot.  In the exercise the first person came out at B at about
+  40 s (inferred from the mean and the last time): that needs a path of 10 to 15 m on stairs behind the front rows.
+* People: the first four rows are empty, the rows behind are filled evenly: 101 of 126 seats, every fifth is free.
+* The corridor of A ends, in whole meters, where the shortest paths divide the audience about as Table 7 implies (42 by A,
+  59 by B; here 44 and 57): that split is put in, not found.
 * Rectangles: 1 and 2 are the ends of both aisles towards A, two rows long; 3 is the floor before the door to B, 3.0 by 2.5 m.
   Their thresholds 5, 5 and 15 are about 2 people per square meter in each.
 """
@@ -70,10 +70,10 @@ def theatre(
     ----------
     people : number of people, on seats that are always the same; ignored if a ``population`` is given.
     crowded : this many people in rectangle 1, 2 or 3 turn the others away: from A to B (1 and 2), or from B to A (3).
-    hold : s, a rule stays on for so long at least; 0 is the literal reading of the paper.
-    commits : people who have been turned away do not come back when the rule is off.  In an aisle they meet the others
+    hold : s, a rule stays on at least for this time; 0 is the literal reading of the paper.
+    commits : people that have been turned away do not come back when the rule is off.  In an aisle they meet the others
         head-on, and two may stop each other for good: people here do not step aside.
-    stair_speed : m/s, of everybody on stairs.
+    stair_speed : m/s, of all people on stairs.
     time_limit : s.
 
     Raises
@@ -97,7 +97,7 @@ def theatre(
 
 
 def seats() -> Floats:
-    """Return where one sits or stands before each seat (174, 2) [m], row by row from the screen."""
+    """Return the standing place before each seat (174, 2) [m], row by row from the screen."""
     row, number = np.divmod(np.arange((ROWS - 1) * SEATS_A_ROW + SEATS_IN_LAST), SEATS_A_ROW)
     return np.column_stack([_FRONT + row * _PITCH + 0.5 * (_PITCH - _DEPTH), _AISLE + (number + 0.5) * _SEAT])
 
