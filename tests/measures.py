@@ -137,7 +137,7 @@ def rooms() -> dict[str, set[str]]:
         package, *parts = module.split(".")
         return package if package != "crowd_env" or not parts else parts[0]
 
-    drawn = {pair for pair in late_imports() if room(pair[0]) in {"envs", "recording"} and room(pair[1]) == "rendering"}
+    drawn = {pair for pair in late_imports() if room(pair[0]) in {"envs"} and room(pair[1]) == "rendering"}
     found: dict[str, set[str]] = {"train": {"cli"}}
     for module, used in arrows().items():
         names = {room(other) for other in used if (module, other) not in drawn}

@@ -209,12 +209,6 @@ class Recording:
         writer.append(self)
         return writer.finish(self.facts)
 
-    def film(self, path: str | Path, **options: Any) -> Path:
-        """Write a film, .mp4 or .gif, or a picture, .png, and return its path; see `crowd_env.rendering.write_film`."""
-        from crowd_env.rendering import write_film
-
-        return write_film(path, self, **options)
-
     def _rows_of(self, frame: int) -> Ints:
         return np.arange(self.frame_start[frame], self.frame_start[frame + 1])
 
