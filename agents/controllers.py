@@ -1,19 +1,20 @@
 """Controllers for ``crowd_env/routing-v0`` that need no learning: what a learned one has to beat."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from crowd_env.envs.routing.batch import RoutingBatch
+
+from .plain import Plain
 
 
 class Controller(Protocol):
     """Says where people go, in every evacuation of a batch at once."""
 
     @property
-    def options(self) -> Mapping[str, Any]:
+    def options(self) -> Plain:
         """Options of `RoutingBatch`: when and where it decides, what it observes."""
 
     @property
@@ -28,7 +29,7 @@ class Controller(Protocol):
 class RandomController:
     """Draw every choice uniformly, every time."""
 
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Plain = field(default_factory=dict)
     name = "random"
 
     def act(self, observation: np.ndarray, batch: RoutingBatch, rng: np.random.Generator) -> np.ndarray:
@@ -40,7 +41,7 @@ class RandomController:
 class FixedSplit:
     """Send regions left of the middle of the plan to the leftmost exit, the others to the rightmost; doors open."""
 
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Plain = field(default_factory=dict)
     name = "split"
 
     def act(self, observation: np.ndarray, batch: RoutingBatch, rng: np.random.Generator) -> np.ndarray:

@@ -1,8 +1,7 @@
 """What drives a rollout beside the rules of the environment: a policy, or a controller that sends people to exits."""
 
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, is_dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from typing_extensions import Unpack
@@ -13,7 +12,8 @@ from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.envs.settings import EnvArguments, arguments_of
 
 from .controllers import Controller
-from .mixed import MixedEnv
+from .mixed import BatchArguments, MixedEnv
+from .plain import Plain
 from .policy import Policy
 from .rules import ShortestPath
 from .sight import Sight
@@ -131,7 +131,7 @@ class ControllerDriver(Driver):
     arguments : of `RoutingBatch`; the controller's own override them.
     """
 
-    def __init__(self, controller: Controller, scenario: Scenario, **arguments: Any) -> None:
+    def __init__(self, controller: Controller, scenario: Scenario, **arguments: Unpack[BatchArguments]) -> None:
         self.controller = controller
         interval, dt = controller.options.get("interval", INTERVAL), Physics.of(arguments["physics"]).dt
         sample_dt = SAMPLE if _divides(SAMPLE, interval) and _divides(dt or SAMPLE, SAMPLE) else interval
@@ -204,12 +204,12 @@ class DrivenCrowd:
         return Walking.of(self.env_arguments.get("walking"))
 
     @property
-    def env_arguments(self) -> dict[str, Any]:
+    def env_arguments(self) -> Plain:
         """Arguments of `CrowdEnv`, with those that the policy was made for."""
         return {**self.arguments, **(own_arguments(self.policy) if isinstance(self.policy, Policy) else {})}
 
     @property
-    def constants(self) -> dict[str, Any]:
+    def constants(self) -> dict[str, object]:
         """Constants of a policy that is made of them, ready for JSON."""
         made_of = isinstance(self.policy, Policy) and is_dataclass(self.policy)
         return asdict(self.policy) if made_of else {}  # type: ignore[call-overload]  # an instance, no class
@@ -223,23 +223,26 @@ class DrivenCrowd:
     def __call__(self, num_envs: int) -> Driver:
         """Return a batch of so many evacuations."""
         if not isinstance(self.policy, Policy):
-            routed = {name: one for name, one in self.arguments.items() if name not in ("routing", "decision_dt")}
-            return ControllerDriver(self.policy, self.scenario, num_envs=num_envs, **{"physics": "nsm2", **routed})
-        arguments = self.env_arguments
+            routed: BatchArguments = {"physics": "nsm2", **self.arguments, "num_envs": num_envs}
+            routed.pop("routing", None)
+            routed.pop("decision_dt", None)
+            return ControllerDriver(self.policy, self.scenario, **routed)
+        arguments = dict(self.env_arguments, num_envs=num_envs)
         if self.learned_share is None:
-            env = CrowdEnv(self.scenario, num_envs=num_envs, **arguments)
+            env = CrowdEnv(self.scenario, **arguments)
         else:
             if self.others is not None:  # the larger observation holds the smaller one
                 layouts = [own_arguments(one).get("observation") for one in (self.policy, self.others)]
                 arguments["observation"] = max((one for one in layouts if one is not None), key=lambda one: one.size)
-            env = MixedEnv(self.scenario, share=self.learned_share, others=self.others, num_envs=num_envs, **arguments)
-        how: dict[str, Any] = {"hindrance": self.hindrance, "passes_rest": self.passes_rest}
-        return PolicyDriver(self.policy, env, others=self.others, **how)
+            env = MixedEnv(self.scenario, share=self.learned_share, others=self.others, **arguments)
+        return PolicyDriver(
+            self.policy, env, others=self.others, hindrance=self.hindrance, passes_rest=self.passes_rest
+        )
 
 
-def own_arguments(policy: Policy) -> dict[str, Any]:
+def own_arguments(policy: Policy) -> Plain:
     """Return the arguments of `CrowdEnv` that a policy was made for; a strategy by its name alone leaves signs off."""
-    own: Mapping[str, Any] = policy.env_options
+    own = policy.env_options
     return arguments_of({"rules": False, **own} if "strategy" in own else own)
 
 

@@ -2,15 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from typing_extensions import Unpack
 
-from crowd_env import CrowdEnv
+from crowd_env import CrowdEnv, Step
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.envs.action import make_action, to_command
-from crowd_env.envs.settings import arguments_of
+from crowd_env.envs.arguments import Place
+from crowd_env.envs.settings import EnvArguments, arguments_of
 from crowd_env.physics.settings import Walking
 
 from .policy import Policy
@@ -31,6 +32,13 @@ def _drawn(rng: np.random.Generator, people: int, share: float) -> Bools:
     found = np.zeros(people, dtype=np.bool_)
     found[rng.permutation(people)[: max(1, round(share * people))]] = True
     return found
+
+
+class BatchArguments(EnvArguments, total=False):
+    """The arguments of a batch of environments of pedestrians: those of one, and how the batch is stepped."""
+
+    num_envs: int
+    autoreset: bool
 
 
 class MixedEnv(CrowdEnv):
@@ -57,9 +65,16 @@ class MixedEnv(CrowdEnv):
 
     learned: Bools
 
-    def __init__(self, scenario: Any, *, share: float, others: Policy | None = None, **arguments: Any) -> None:
-        walking = replace(Walking.of(arguments.pop("walking", None)), acts_on="scripted")
-        super().__init__(scenario, walking=walking, **arguments)
+    def __init__(
+        self,
+        scenario: Place | Sequence[Place],
+        *,
+        share: float,
+        others: Policy | None = None,
+        **arguments: Unpack[BatchArguments],
+    ) -> None:
+        arguments["walking"] = replace(Walking.of(arguments.get("walking")), acts_on="scripted")
+        super().__init__(scenario, **arguments)
         self.share, self.others, self.learned = share, others, np.ones(self.num_people, dtype=np.bool_)
         self._rng = np.random.default_rng(0)  # of others that draw their actions
         if others is not None:
@@ -69,14 +84,14 @@ class MixedEnv(CrowdEnv):
 
     def reset(
         self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+    ) -> tuple[np.ndarray, dict[str, object]]:
         """Start new episodes, as `CrowdEnv.reset` does, and draw whom actions move."""
         self._seeds = seed if isinstance(seed, Sequence) else None
         self._seen, info = super().reset(seed, mask)
         self._seeds = None
         return self._seen, info
 
-    def step(self, action: ArrayLike | None = None, scripted: ArrayLike | None = None) -> Any:
+    def step(self, action: ArrayLike | None = None, scripted: ArrayLike | None = None) -> Step:
         """Advance by one decision step, as `CrowdEnv.step` does."""
         step = super().step(action, scripted)
         self._seen = step.observation

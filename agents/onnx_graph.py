@@ -5,8 +5,9 @@ and returns ``action``, as acting here does, in single precision: of choices als
 """
 
 import json
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import gymnasium
 import numpy as np
@@ -16,7 +17,11 @@ from crowd_env.core.libraries import needed_for
 from crowd_env.envs.action import make_action
 
 from .networks import MLP, BetweenMLP, Network
+from .plain import Plain
 from .trained import LearnedController, LearnedPolicy
+
+if TYPE_CHECKING:
+    from onnx import ModelProto, NodeProto, TensorProto
 
 # ONNX Runtime reads these since version 1.15, and every other runtime that is kept up.
 _OPSET, _IR_VERSION = 17, 8
@@ -30,17 +35,17 @@ class Graph:
     nodes, constants : as `onnx.helper.make_graph` takes them.
     """
 
-    def __init__(self, onnx: Any) -> None:
+    def __init__(self, onnx: ModuleType) -> None:
         self.onnx = onnx
-        self.nodes: list[Any] = []
-        self.constants: list[Any] = []
+        self.nodes: list[NodeProto] = []
+        self.constants: list[TensorProto] = []
 
     def constant(self, name: str, values: np.ndarray) -> str:
         """Add an array, and return its name."""
         self.constants.append(self.onnx.numpy_helper.from_array(np.array(values, order="C"), name))
         return name
 
-    def node(self, kind: str, inputs: list[str], output: str, **attributes: Any) -> str:
+    def node(self, kind: str, inputs: list[str], output: str, **attributes: int) -> str:
         """Add a node, and return the name of its output."""
         self.nodes.append(self.onnx.helper.make_node(kind, inputs, [output], name=output, **attributes))
         return output
@@ -95,7 +100,7 @@ def _between(graph: Graph, network: Network, output: str) -> None:
 GRAPHS: dict[str, Callable[[Graph, Network, str], None]] = {MLP.kind: _mlp, BetweenMLP.kind: _between}
 
 
-def to_onnx(found: LearnedPolicy | LearnedController) -> Any:
+def to_onnx(found: LearnedPolicy | LearnedController) -> "ModelProto":
     """Return the ``onnx.ModelProto`` of a policy or controller; its metadata says what goes in and what comes out.
 
     Raises
@@ -146,23 +151,23 @@ def to_onnx(found: LearnedPolicy | LearnedController) -> Any:
     return model
 
 
-def metadata_of(found: LearnedPolicy | LearnedController) -> Mapping[str, Any]:
+def metadata_of(found: LearnedPolicy | LearnedController) -> Plain:
     """Return the facts of the network's own file, the columns of each observation term, and what each choice does."""
     facts = found.facts()
     if isinstance(found, LearnedController):
         return facts
     layout = found.env_options["observation"]
     columns = {name: [layout[name].start, layout[name].stop] for name in facts["observation"]["terms"]}
-    more: dict[str, Any] = {"columns": columns}
+    more: dict[str, object] = {"columns": columns}
     if isinstance(found.space, gymnasium.spaces.Discrete):
         commands, ways = make_action(found.env_options["action"]).decoded(np.arange(found.space.n))
         more["commands"] = commands.tolist()
         if ways is not None:
             more["ways"] = ways.tolist()
-    return facts | more
+    return {**facts, **more}
 
 
-def _onnx() -> Any:
+def _onnx() -> ModuleType:
     with needed_for("export to ONNX", "onnx"):
         import onnx
         import onnx.checker

@@ -1,10 +1,12 @@
 """The door by which every policy enters, rule or network."""
 
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from crowd_env import ObservationLayout
+
+from .plain import Plain
 
 
 @runtime_checkable
@@ -23,7 +25,7 @@ class Policy(Protocol):
         """What tables call it."""
 
     @property
-    def env_options(self) -> dict[str, Any]:
+    def env_options(self) -> Plain:
         """Options of `CrowdEnv` the policy was made for."""
 
     def reset(self, env_mask: np.ndarray) -> None:

@@ -1,10 +1,10 @@
 """Policies that need no learning: what a learned one has to beat."""
 
-from typing import Any
-
 import numpy as np
 
 from crowd_env import ObservationLayout, Routing
+
+from .plain import Plain
 
 
 class ShortestPath:
@@ -14,7 +14,7 @@ class ShortestPath:
     steady = True  # a crowd at rest is asked for the same again and again
 
     def __init__(self) -> None:
-        self.env_options: dict[str, Any] = {}
+        self.env_options: Plain = {}
 
     def reset(self, env_mask: np.ndarray) -> None:
         """Nothing to forget."""

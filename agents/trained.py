@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar, cast
+from typing import ClassVar, TypeVar, cast
 
 import gymnasium
 import numpy as np
@@ -17,6 +17,7 @@ from crowd_env.envs.action import FRAMES, make_action, plain_action
 from crowd_env.envs.routing.batch import RoutingBatch
 
 from .networks import Network, read_network, write_network
+from .plain import Plain
 
 NUMBERS = ".safetensors"
 # Options of `RoutingBatch` that belong to a controller; the others say where it was trained.
@@ -32,7 +33,7 @@ class _Learned:
     what: ClassVar[str]
     network: Network
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Plain:
         """Return what the network was made for, as its file holds it."""
         raise NotImplementedError
 
@@ -75,8 +76,8 @@ class LearnedPolicy(_Learned):
     def __init__(
         self,
         network: Network,
-        env_options: dict[str, Any],
-        trained: dict[str, Any] | None = None,
+        env_options: Plain,
+        trained: Plain | None = None,
         spread: Sequence[float] | None = None,
     ) -> None:
         self.network, self.env_options, self.trained = network, env_options, trained or {}
@@ -142,7 +143,7 @@ class LearnedPolicy(_Learned):
             out = out + rng.normal(size=out.shape) * np.array(self.spread)
         return np.clip(out.reshape(-1, *box.shape), box.low, box.high)
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Plain:
         options = self.env_options
         kind = plain_action(replace(make_action(options["action"]), frame="path"))
         spread = {} if self.spread is None else {"spread": list(self.spread)}
@@ -169,9 +170,7 @@ class LearnedController(_Learned):
 
     what = "controller that sends people to exits"
 
-    def __init__(
-        self, network: Network, choices: np.ndarray, options: dict[str, Any], trained: dict[str, Any] | None = None
-    ) -> None:
+    def __init__(self, network: Network, choices: np.ndarray, options: Plain, trained: Plain | None = None) -> None:
         self.network, self.trained = network, trained or {}
         self.options = {name: options[name] for name in _OF_CONTROLLER if name in options}
         self.choices = np.asarray(choices, dtype=np.int64)
@@ -183,7 +182,7 @@ class LearnedController(_Learned):
         logits = np.split(self.network(observation), np.cumsum(self.choices)[:-1], axis=1)
         return np.column_stack([part.argmax(axis=1) for part in logits])
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> Plain:
         facts = {"choices": self.choices.tolist(), "options": self.options, "trained": self.trained}
         return {"kind": "controller", **facts}
 
@@ -202,7 +201,7 @@ def load_trained(path: str | Path) -> LearnedPolicy | LearnedController:
     return made_from(path, *read_network(path))
 
 
-def made_from(path: Path, network: Network, facts: dict[str, Any]) -> LearnedPolicy | LearnedController:
+def made_from(path: Path, network: Network, facts: Plain) -> LearnedPolicy | LearnedController:
     """Return the policy or controller that a file describes.
 
     Raises

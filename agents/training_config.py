@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias, cast
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 
@@ -37,6 +37,7 @@ from . import POLICIES, make_policy
 from .evaluation.entries import RULE
 from .evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
 from .mixed import MixedEnv
+from .plain import Plain
 from .runs import versions
 from .tasks import Task, make_preset, make_task
 from .tasks.presets import ALL_PLACES, GENERALIST, training_place
@@ -66,8 +67,6 @@ _MOST_CELLS = 10_000  # of a grid: nobody decides about more, and their names al
 LEAST_DT = Range(1e-5)  # s  a decision of 0.1 s is ten thousand steps of these
 RUNS = Range(1, HELD_OUT_SEED - 1)  # held-out draws of an evaluation
 SEEDS = Range(0, HELD_OUT_SEED - 1).because("larger ones are kept for evaluation")
-
-Table: TypeAlias = Mapping[str, Any]  # plain data, as JSON and TOML hold it
 
 
 @dataclass(frozen=True)
@@ -180,9 +179,9 @@ class TrainingConfig:
     backend: str
     task: str | None
     scenario: str
-    options: Table
+    options: Plain
     people: int
-    routing: Table | None
+    routing: Plain | None
     places: GeneratedPlaces | None
     strategy: str
     scheme: str
@@ -192,24 +191,24 @@ class TrainingConfig:
     minutes: Positive
     dt: Annotated[float, LEAST_DT]
     decision_dt: Positive
-    manner: str | Table
-    outline: str | Table
+    manner: str | Plain
+    outline: str | Plain
     frame: str
-    action: str | Table
-    observation: Table
-    reward: Table
+    action: str | Plain
+    observation: Plain
+    reward: Plain
     start: str
     ppo: PPOSettings
     eval_every: int
     eval_runs: int
     validation_seed: Natural
     held_out_seed: Natural
-    versions: Table
+    versions: Plain
 
     def __post_init__(self) -> None:
         check_fields("", self)
 
-    def as_table(self) -> dict[str, Any]:
+    def as_table(self) -> dict[str, object]:
         """Return plain data, as ``config.json`` holds it."""
         table = {field.name: getattr(self, field.name) for field in fields(self)}
         return table | {"ppo": asdict(self.ppo), "places": self.places and asdict(self.places)}
@@ -226,8 +225,8 @@ def default_config(
     manner: str | None = None,
     outline: str | None = None,
     people: int | None = None,
-    options: Table | None = None,
-    routing: Table | None = None,
+    options: Plain | None = None,
+    routing: Plain | None = None,
     start: str = RULE,
 ) -> TrainingConfig:
     """Return every parameter of a run in a scenario that is no task.
@@ -379,12 +378,12 @@ def judged_place(config: TrainingConfig) -> Scenario:
     return replace(place, manner=config.manner, outline=config.outline)
 
 
-def physics_of(config: TrainingConfig) -> dict[str, Any]:
+def physics_of(config: TrainingConfig) -> Plain:
     """Return the options of `evaluate` under which a run is validated: those it was trained with."""
     return {"scheme": law_of(config)} | {name: getattr(config, name) for name in _PHYSICS}
 
 
-def facts_of(config: TrainingConfig) -> dict[str, Any]:
+def facts_of(config: TrainingConfig) -> Plain:
     """Return what the file of a network holds about its training."""
     task = None if config.task is None else task_of(config).identity()
     task = task if config.places is None else dict(ALL_PLACES)
@@ -467,7 +466,7 @@ def read_config(path: Path) -> TrainingConfig:
     return config
 
 
-def resumed(config: TrainingConfig, given: Table, curve: Sequence[Mapping[str, float]], name: str) -> TrainingConfig:
+def resumed(config: TrainingConfig, given: Plain, curve: Sequence[Mapping[str, float]], name: str) -> TrainingConfig:
     """Return the parameters of a run that is resumed under options from the command line.
 
     Parameters

@@ -17,7 +17,7 @@ import json
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -62,7 +62,7 @@ class RunArrays(NamedTuple):
     truncated: np.ndarray
 
 
-def runs_of(policy: Policy, task: Task, runs: int, seed: int = 0) -> Iterator[tuple[dict[str, Any], RunArrays]]:
+def runs_of(policy: Policy, task: Task, runs: int, seed: int = 0) -> Iterator[tuple[dict[str, object], RunArrays]]:
     """Yield the facts and the arrays of one run after the other; run ``k`` is the draw ``seed + k``, none of which is held out.
 
     Rewards are those of the task's preset, if there is one.
@@ -113,7 +113,7 @@ def write_runs(path: str | Path, policy: Policy, task: Task, runs: int, seed: in
         If the name does not end in .npz, or as `runs_of`.
     """
     path = check_suffix(path, (".npz",))
-    facts: dict[str, Any] = {}
+    facts: dict[str, object] = {}
     stopped: KeyboardInterrupt | None = None
     with written(path) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
         done = 0

@@ -6,7 +6,7 @@ share of the own desired speed along the shortest path, never more than all of i
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fi
 from crowd_env.envs.observation.neighbors import DENSITY_RADIUS, DENSITY_SCALE
 from crowd_env.envs.observation.view import SPEED_SCALE, TIME_SCALE
 
+from .plain import Plain
 from .surroundings import LEADER, PREDECESSOR, read_leader
 
 WEIGHT = Range(-100.0, 100.0)  # of weights that a search may set
@@ -33,7 +34,7 @@ class WalkingRule(ABC):
     steady: ClassVar[bool] = True  # see `Policy`
 
     @property
-    def env_options(self) -> dict[str, Any]:
+    def env_options(self) -> Plain:
         """Options of `CrowdEnv`: the terms that the rule sees, and the axes in which it acts."""
         return {"observation": ObservationLayout(terms=self.terms), "action": "continuous"}
 
@@ -156,7 +157,7 @@ class HeadwayRule(WalkingRule):
         Headway.of(self.manner)
 
     @property
-    def env_options(self) -> dict[str, Any]:
+    def env_options(self) -> Plain:
         """Options of `CrowdEnv`, the manner among them: without it people would walk on at full speed."""
         return {**super().env_options, "walking": Walking(self.manner)}
 

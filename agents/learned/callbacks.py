@@ -5,11 +5,11 @@ stable-baselines3, the evolution search, and RLlib each call `EvaluationCallback
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from types import FrameType
-from typing import Any, Generic, Self, TypeVar, cast
+from typing import Generic, Self, TypeVar, cast
 
 import numpy as np
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -20,6 +20,7 @@ from crowd_env.envs.settings import arguments_of
 from ..evaluation.evaluation import VALIDATION_SEED, evaluate
 from ..evaluation.plans import judge_plan
 from ..networks import NETWORK
+from ..plain import Plain
 from ..policy import Policy
 from ..trained import LearnedController, LearnedPolicy
 from ..training_config import TrainingConfig, judged_place, physics_of, task_of
@@ -223,9 +224,9 @@ class ComparisonCallback(EvaluationCallback[Policy]):
     best : the policy of the best row, and its number.
     """
 
-    def __init__(self, seconds: float, judge: Callable[[Policy], Mapping[str, Any]], checkpoints: int) -> None:
+    def __init__(self, seconds: float, judge: Callable[[Policy], Plain], checkpoints: int) -> None:
         self.seconds, self.checkpoints = seconds, checkpoints
-        self.curve: list[dict[str, Any]] = []
+        self.curve: list[Plain] = []
         self.best: tuple[Policy, int] | None = None
         self._judge = judge
         self._begun = time.process_time()

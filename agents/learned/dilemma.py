@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 from stable_baselines3 import PPO
 
@@ -18,6 +18,7 @@ from .. import make_policy
 from ..evaluation.dilemma import SHARES, deterrent, follow, gain, payoffs, price_of_anarchy
 from ..evaluation.entries import RULE
 from ..mixed import MixedEnv
+from ..plain import Plain
 from ..policy import Policy
 from ..rules import StrategyPolicy
 from ..runs import versions
@@ -37,7 +38,7 @@ _FREE = {"name": "speeds-directions", "speeds": [0.0, 0.5, 1.0], "headings": [k 
 _SHARE, _ROOMS, _LIMIT, _STEPS = 0.05, 16, 15.0, 6_000_000
 # How a crowd is trained -> task, start, and what of its reward is another.
 _PRICES = {"progress": 0.5, "time": 1.0, "contact": 1.0, "head": 5.0}
-_TRAINED: Mapping[str, tuple[str, str, Mapping[str, Any]]] = {
+_TRAINED: Mapping[str, tuple[str, str, Plain]] = {
     "PPO, own time": (_DOOR, "evolution", {}),
     "PPO, own time, from full speed": (_DOOR, RULE, {}),
     "PPO, own time, 20 % push": (_MIXED, "evolution", {}),
@@ -94,8 +95,8 @@ def measure(out: Path) -> None:
     for name, how in _TRAINED.items():
         say(f"training a crowd: {name} ...")
         crowds[name] = train_crowd(*how)
-    rows: list[dict[str, Any]] = []
-    shares: list[dict[str, Any]] = []
+    rows: list[Plain] = []
+    shares: list[Plain] = []
     all_push = follow(push, task, runs=_RUNS)
     for name, crowd in crowds.items():
         say(f"looking for who gains by deviating: {name} ...")
@@ -105,8 +106,8 @@ def measure(out: Path) -> None:
         price = price_of_anarchy(all_push, all_follow)
         rows.append({"crowd": name, **payoffs(all_follow), "price": price, "gain": gains})
         for share in SHARES if name == _QUEUES else ():
-            told: dict[str, Any] = {"runs": _RUNS, "deviator": push, "share": share}
-            some_push, price_of = follow(crowd, task, **told), deterrent(crowd, task, **told)
+            some_push = follow(crowd, task, runs=_RUNS, deviator=push, share=share)
+            price_of = deterrent(crowd, task, runs=_RUNS, deviator=push, share=share)
             shares.append({"pushers": share, **payoffs(some_push), "deterrent": json_number(price_of)})
     found = {"task": task.identity(), "rows": rows, "shares": shares, "versions": versions()}
     write_json(out / "results.json", found)
@@ -114,11 +115,18 @@ def measure(out: Path) -> None:
     draw(out / "dilemma.png", shares, {name: row["mean_exit"]["mean"] for name, row in all_alike})
 
 
-def draw(path: Path, shares: list[dict[str, Any]], reference: dict[str, float]) -> None:
+def draw(path: Path, shares: list[Plain], reference: dict[str, float]) -> None:
     """Draw Schelling's diagram: when who pushes and who follows is out, by the share of those who push."""
     kinds = {"who follows": "mean_exit_others", "all": "mean_exit", "who pushes": "mean_exit_deviators"}
     series = {name: [row[kind]["mean"] for row in shares] for name, kind in kinds.items()}
     errors = {name: [row[kind]["mean"] - row[kind]["ci95"][0] for row in shares] for name, kind in kinds.items()}
-    told: dict[str, Any] = {"xlabel": "share of the people who push [%]", "ylabel": "mean exit time [s]"}
-    told |= {"title": f"{_DOOR}: runs that cleared, 95 % intervals", "errors": errors}
-    learning_curve(path, [100.0 * row["pushers"] for row in shares], series, reference=reference, **told)
+    learning_curve(
+        path,
+        [100.0 * row["pushers"] for row in shares],
+        series,
+        reference=reference,
+        errors=errors,
+        title=f"{_DOOR}: runs that cleared, 95 % intervals",
+        xlabel="share of the people who push [%]",
+        ylabel="mean exit time [s]",
+    )

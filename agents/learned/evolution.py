@@ -5,10 +5,10 @@ tries what pays only where everyone does it, such as a gap that all keep.  The n
 pedestrian alone, and averages to nothing over the half second in which a body follows.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.settings import arguments_of
 
 from ..evaluation.evaluation import HELD_OUT_SEED
+from ..plain import Plain
 from ..walking import WEIGHT, Evolved, inputs
 from .callbacks import EvaluationCallback
 
@@ -52,7 +53,7 @@ class EvolutionSettings:
 
 def evolve(
     place: Scenario,
-    options: Mapping[str, Any],
+    options: Plain,
     seed: int,
     callback: EvaluationCallback[Evolved],
     settings: EvolutionSettings | None = None,
@@ -138,7 +139,7 @@ def stalled(course: Sequence[float]) -> bool:
     return bool(np.mean(course[-_WINDOW:]) > _BETTER * np.mean(course[-2 * _WINDOW : -_WINDOW]))
 
 
-def _rooms(place: Scenario, options: Mapping[str, Any], people: int, rooms: int) -> CrowdEnv:
+def _rooms(place: Scenario, options: Plain, people: int, rooms: int) -> CrowdEnv:
     """Return a batch of a place with so many of its people, who are given up early."""
     crowd = place.population.changed(people=people)
     short = replace(place, population=crowd, time_limit=_SECONDS * people, blocked_after=_PATIENCE)

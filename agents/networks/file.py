@@ -7,7 +7,6 @@ as one JSON text: weights and what they mean cannot get apart, and one atomic wr
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from safetensors import safe_open
@@ -16,6 +15,7 @@ from safetensors.numpy import save
 from crowd_env.core.checks import known
 from crowd_env.core.files.atomic import written
 
+from ..plain import Plain
 from .network import MLP, BetaMLP, BetweenMLP, Network
 
 NETWORK = "best.safetensors"  # file in the folder of a training
@@ -26,7 +26,7 @@ _FACTS = "crowd_env"  # key of the metadata
 _MOST_BYTES = 2**28  # of a file: a hundred times the networks made here
 
 
-def write_network(path: Path, network: Network, facts: dict[str, Any]) -> None:
+def write_network(path: Path, network: Network, facts: Plain) -> None:
     """Write a network and what there is to know of it, whole or not at all."""
     made_of = {"kind": network.kind, **network.settings()}
     header = {"format": FORMAT, "version": VERSION, **facts, "network": made_of}
@@ -37,7 +37,7 @@ def write_network(path: Path, network: Network, facts: dict[str, Any]) -> None:
         part.write_bytes(content)
 
 
-def read_network(path: Path) -> tuple[Network, dict[str, Any]]:
+def read_network(path: Path) -> tuple[Network, Plain]:
     """Read what `write_network` wrote; nothing in the file is executed, whatever it holds.
 
     Raises

@@ -4,13 +4,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import known
 from crowd_env.envs.action import SpeedTable
+
+from ..plain import Plain
 
 # Multiplications at once, of the largest layer: larger products are shared out to threads, which costs more than it saves, ten
 # times as much on busy cores.
@@ -50,12 +52,12 @@ class Network(ABC):
         """Return its arrays by name; files hold them in single precision."""
 
     @abstractmethod
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         """Return what the tensors do not say, as JSON can hold it."""
 
     @classmethod
     @abstractmethod
-    def of(cls, tensors: Mapping[str, np.ndarray], settings: Mapping[str, Any]) -> "Network":
+    def of(cls, tensors: Mapping[str, np.ndarray], settings: Plain) -> "Network":
         """Return the network of these tensors and settings, which may come from any file.
 
         Raises
@@ -133,12 +135,12 @@ class MLP(Network):
             found |= {f"weight{k}": weight, f"bias{k}": bias}
         return found
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         """Return the activation."""
         return {"activation": self.activation}
 
     @classmethod
-    def of(cls, tensors: Mapping[str, np.ndarray], settings: Mapping[str, Any]) -> "MLP":
+    def of(cls, tensors: Mapping[str, np.ndarray], settings: Plain) -> "MLP":
         """Return the network of these tensors; see `Network.of`."""
         if set(settings) != {"activation"}:
             raise ValueError(
@@ -243,12 +245,12 @@ class BetweenMLP(MLP):
         found = np.where(speed < 0, self._choices, speed * len(headings) + headings)
         return np.asarray(found.reshape(2, -1), dtype=np.int64)
 
-    def settings(self) -> dict[str, Any]:
+    def settings(self) -> dict[str, object]:
         """Return the activation, the speeds and the headings."""
         return {**super().settings(), "speeds": list(self.table.speeds), "headings": list(self.table.headings)}
 
     @classmethod
-    def of(cls, tensors: Mapping[str, np.ndarray], settings: Mapping[str, Any]) -> "BetweenMLP":
+    def of(cls, tensors: Mapping[str, np.ndarray], settings: Plain) -> "BetweenMLP":
         """Return the network of these tensors; see `Network.of`."""
         own = {name: settings[name] for name in ("speeds", "headings") if name in settings}
         layers = MLP.of(tensors, {name: value for name, value in settings.items() if name not in own})
