@@ -37,14 +37,14 @@ class Hindrance(NamedTuple):
         0.0  # standard deviation of what is added to every number seen that is not 0; the sum stays in [-1, 1]
     )
     delay: float = 0.0  # s, after which a decision takes effect; until the first does, people follow the rule
-    unseen: float = 0.0  # share of the others whom a pedestrian does not see, drawn for every decision, see `Sight`
+    unseen: float = 0.0  # share of the others that a pedestrian does not see, drawn for every decision, see `Sight`
 
 
 UNHINDERED = Hindrance()
 
 
 class PolicyDriver(Driver):
-    """A batch of evacuations whose people a `Policy` moves.
+    """A batch of evacuations in which a `Policy` moves the pedestrians.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class PolicyDriver(Driver):
         self._moved = np.zeros(len(seeds))  # s  when someone was last faster than `REST`
 
     def step(self) -> Step:
-        """Let the policy act on the people whom it moves."""
+        """Let the policy act on the pedestrians that it moves."""
         self._decided.append(self.policy.act(self._seen(), self.env.layout, self._rng))
         step = self.env.step(self._decided.pop(0))
         self._observation = step.observation
@@ -122,7 +122,7 @@ def rests_for_good(env: CrowdEnv, *policies: Policy | None) -> bool:
 
 
 class ControllerDriver(Driver):
-    """A batch of evacuations whose people a controller of ``crowd_env/routing-v0`` sends to exits.
+    """A batch of evacuations in which a controller of ``crowd_env/routing-v0`` sends pedestrians to exits.
 
     A step may be shorter than the interval between two decisions, so that crowds are measured in between.
 
@@ -166,7 +166,7 @@ def _divides(part: float, whole: float) -> bool:
 
 @dataclass(frozen=True)
 class DrivenCrowd:
-    """A scenario whose people a policy or a controller drives: makes the batches of a rollout.
+    """A scenario with what drives its pedestrians, a policy or a controller: makes the batches of a rollout.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ class DrivenCrowd:
         return replace(self, policy=RuleAtShare(best_share(self)))
 
     def __call__(self, num_envs: int) -> Driver:
-        """Return a batch of so many evacuations."""
+        """Return a batch of ``num_envs`` evacuations."""
         if not isinstance(self.policy, Policy):
             routed: BatchArguments = {"physics": "nsm2", **self.arguments, "num_envs": num_envs}
             routed.pop("routing", None)
@@ -254,10 +254,10 @@ def drive(policy: Policy | Controller, scenario: Scenario, **arguments: Unpack[E
 def best_share(crowd: DrivenCrowd) -> float:
     """Return the share of the desired speed at which the rule "walk the shortest path" empties a scenario soonest.
 
-    Every share in `SHARES` is tried, from full speed downwards, on the same `SEARCH_RUNS` draws, which are neither those that
-    policies are judged on nor those of training.  What counts is how many people are left inside in all of them, and only then
-    the mean time of the last person, over the runs that cleared: no time limit stands for a time.  The search ends at the
-    first share under which everyone gets out, but later than under the best: whoever walks slower still takes longer still.
+    Every share in `SHARES` is tried, from full speed downwards, on the same `SEARCH_RUNS` draws.  Neither judging nor training
+    uses these draws.  The number of pedestrians left inside in all of them counts first, then the mean time of the last one,
+    over the runs that cleared: no time limit stands for a time.  The search ends at the first share under which everyone gets
+    out, but later than under the best: slower walking takes longer still.
     """
     found, best = 1.0, (np.inf, np.inf)
     for share in SHARES:

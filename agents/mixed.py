@@ -16,14 +16,13 @@ from crowd_env.physics.settings import Walking
 
 from .policy import Policy
 
-_MIXED = 7  # beside its seed: what draws who has learned in a run
+_MIXED = 7  # beside its seed: draws which pedestrians have learned in a run
 
 
 def learned_people(seeds: Sequence[int], people: int, share: float) -> Bools:
-    """Return who has learned (R, N) in runs of these seeds: ``share`` of the people of each, at least one of them.
+    """Return which pedestrians have learned (R, N) in runs of these seeds: ``share`` of each, at least one pedestrian.
 
-    A run's seed alone draws them: they are the same people under every policy and scheme, and those of a small share are among
-    those of a larger one.
+    A run's seed alone draws them: the same pedestrians under every policy and scheme.  A larger share holds a smaller one.
     """
     return np.array([_drawn(np.random.default_rng((seed, _MIXED)), people, share) for seed in seeds])
 
@@ -44,18 +43,18 @@ class BatchArguments(EnvArguments, total=False):
 class MixedEnv(CrowdEnv):
     """A batch of evacuations in which actions move some of the people, others in every episode.
 
-    Nobody is told who they are.  A reset by a list of seeds draws them as `learned_people` does.  A manner is that of the
-    others alone.
+    No observation shows which they are.  A reset by a list of seeds draws them as `learned_people` does.  A manner is that of
+    the others alone.
 
     Parameters
     ----------
     scenario, arguments : as `CrowdEnv` takes them.
-    share : of the people of each environment whom actions move, at least one.
+    share : of the pedestrians of each environment that actions move, at least one.
     others : moves the others, by what this environment lets people observe; None = they walk at full speed along their route.
 
     Attributes
     ----------
-    learned : (P,) whom actions move.
+    learned : (P,) pedestrians that actions move.
 
     Raises
     ------
@@ -85,7 +84,7 @@ class MixedEnv(CrowdEnv):
     def reset(
         self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None
     ) -> tuple[np.ndarray, dict[str, object]]:
-        """Start new episodes, as `CrowdEnv.reset` does, and draw whom actions move."""
+        """Start new episodes, as `CrowdEnv.reset` does, and draw the pedestrians that actions move."""
         self._seeds = seed if isinstance(seed, Sequence) else None
         self._seen, info = super().reset(seed, mask)
         self._seeds = None
@@ -110,7 +109,7 @@ class MixedEnv(CrowdEnv):
         others = ~self.learned if scripted is None else ~self.learned | np.asarray(scripted)
         if self.others is None:
             return super()._command(action, others)
-        if action is None:  # those whom actions move walk at full speed
+        if action is None:  # learned pedestrians walk at full speed
             neutral = np.asarray(self.action_kind.neutral)
             action = np.broadcast_to(neutral, (self.num_people, *neutral.shape))
         command, in_world, gives_way = super()._command(action, others)

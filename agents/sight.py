@@ -1,4 +1,4 @@
-"""People who see only a part of the others: somebody stands in between, or they look elsewhere."""
+"""Pedestrians that see only a part of the others: another stands in between, or they look elsewhere."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,14 @@ _HIDDEN = 9  # beside its seed: what hides people in a run
 class Sight:
     """What people observe while each of the others is unseen by them with a fixed probability.
 
-    In every decision the people of an environment fall into n groups at random.  Those of one group do not see those of the
-    next, as if they were not there: of every pair the one misses the other in one decision of n.  This holds for all that is
-    seen of others: density, nearest neighbors, who is ahead, queues.  What is felt, and what is known of walls and ways, stays.
+    In every decision the pedestrians of an environment fall into n groups at random.  A group does not see the next one, as if
+    it were not there: of every pair the one misses the other in one decision of n.  This holds for all that is seen of others:
+    density, nearest neighbors, pedestrians ahead, queues.  What is felt, and what is known of walls and ways, stays.
 
     Parameters
     ----------
-    env : whose people observe.
-    share : of the others whom one does not see, 1 / n.
+    env : of the pedestrians that observe.
+    share : of the others that a pedestrian does not see, 1 / n.
 
     Raises
     ------
@@ -35,15 +35,15 @@ class Sight:
         self.env = env
         ways = env.observer.view.fields.ways
         in_world = env.action_kind.frame == "world"
-        # Of all pairs: cells of the physics would show everyone who is inside.
+        # Of all pairs: cells of the physics would show everyone inside.
         self._observer = Observer(env.simulation, env.layout, ways, in_world=in_world, all_pairs=env.num_people)
 
     def reset(self, seeds: list[int]) -> None:
-        """Begin anew; the seed of an environment alone decides who is unseen there."""
+        """Start again; the seed of an environment alone decides which pedestrians are unseen there."""
         self._rngs = [np.random.default_rng((seed, _HIDDEN)) for seed in seeds]
 
     def observe(self) -> NDArray[np.float32]:
-        """Return the observation (P, D) of a decision; zero for those who are out."""
+        """Return the observation (P, D) of a decision; zero for pedestrians that are out."""
         people = np.diff(self.env.env_start).tolist()
         group = np.concatenate([rng.integers(self.groups, size=n) for rng, n in zip(self._rngs, people, strict=True)])
         found = np.zeros((self.env.num_people, self.env.layout.size), dtype=np.float32)

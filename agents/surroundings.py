@@ -1,7 +1,8 @@
-"""What rules of walking know of the people ahead: observation terms beside those that come with the environment.
+"""What rules of walking know of the pedestrians ahead: observation terms beside those that come with the environment.
 
-The standard term ``neighbors`` says where people are and how they move.  It does not say who is nearer to the exit: rules that
-let one another pass need that.  `LEADER` is local (3 m, as far as the standard terms see), `PREDECESSOR` is full state: it
+The standard term ``neighbors`` holds where pedestrians are and how they move.  It does not hold which of them are nearer to
+the exit: rules that let one another pass need that.
+`LEADER` is local (3 m, as far as the standard terms see), `PREDECESSOR` is full state: it
 compares everyone in the room.  Both look through walls.
 """
 
@@ -17,7 +18,7 @@ _SPEED_SCALE = 4.0  # m/s
 
 
 class Leader(NamedTuple):
-    """Whoever is next nearer to the exit on the same route."""
+    """The pedestrian that is next nearer to the exit on the same route."""
 
     there: np.ndarray  # (P,)
     lead: Floats  # (P,)  m, by which the rest of that way is shorter, at most 3 m
@@ -59,7 +60,7 @@ def read_leader(observation: np.ndarray, layout: ObservationLayout, term: Observ
 
 
 def _pairs(view: View) -> list[tuple[Ints, Floats, Floats]]:
-    """Return for each environment who is inside (n,), and the offsets (n, n) [m] from each to all of them."""
+    """Return for each environment the slots inside (n,), and the offsets (n, n) [m] from each to all of them."""
     found, start = [], view.bodies.env_start
     inside = view.seen & view.state.active
     for e in range(len(start) - 1):
@@ -71,7 +72,7 @@ def _pairs(view: View) -> list[tuple[Ints, Floats, Floats]]:
 
 
 def _write_leader(view: View, rows: Ints, leader: Ints, way: Floats, out: np.ndarray) -> None:
-    """Write the three columns of `Leader`, of people ``rows`` who follow ``leader``; -1 = nobody."""
+    """Write the three columns of `Leader`, of pedestrians ``rows`` that follow ``leader``; -1 = none."""
     rows, leader = rows[leader >= 0], leader[leader >= 0]
     speed = (view.state.velocity[leader] * view.direction[leader]).sum(axis=1)
     out[rows] = np.column_stack([np.ones(len(rows)), (way[rows] - way[leader]) / SIGHT, speed / _SPEED_SCALE])

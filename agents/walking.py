@@ -1,7 +1,7 @@
 """Rules of walking that keep bodies apart: what a learned crowd has to beat beside the stampede.
 
 Each is a policy of constants that acts through the same actions as a learned one, every decision step (0.1 s), and returns a
-share of the own desired speed along the shortest path, never more than all of it.
+share of each desired speed along the shortest path, never more than all of it.
 """
 
 from abc import ABC, abstractmethod
@@ -66,7 +66,7 @@ class WalkingRule(ABC):
 
 @dataclass(frozen=True)
 class RuleAtShare(WalkingRule):
-    """Walk the shortest path at a fixed share of the own desired speed.
+    """Walk the shortest path at a fixed share of the desired speed.
 
     Lin, Ma, Qin, Dong (2016) find that a crowd may clear sooner when it hurries less.  The share is given, or None: then
     whatever evaluates the policy looks for the best in that scenario under that scheme, see
@@ -136,7 +136,7 @@ class HeadwayRule(WalkingRule):
     ``CrowdEnv(walking=...)`` as a policy.
 
     It wants the shortest path at full speed, in an environment that it asks to be made with its manner: how fast and on which
-    side of that path people walk, the compiled rule decides.  It sees those in front within 2 m whom no wall hides.
+    side of that path people walk, the compiled rule decides.  It sees pedestrians in front within 2 m that no wall hides.
 
     Parameters
     ----------
@@ -168,13 +168,13 @@ class HeadwayRule(WalkingRule):
 
 @dataclass(frozen=True)
 class Follow(WalkingRule):
-    """Keep a distance along the way to whoever is next nearer to the exit, of those in front within 3 m.
+    """Keep a distance along the way to the pedestrian next nearer to the exit, of all in front within 3 m.
 
         V = clip(u + (s_i - s_j - d) / T, -b v_0, v_0)
 
-    with the rest s of the way to the exit and the speed u of the leader j along the leader's way; full speed with nobody in
+    with the rest s of the way to the exit and the speed u of the leader j along the leader's way; full speed with none in
     front.  Linear car following with relative speed (Helly 1959, with the rest of the way for the position in the lane), which
-    merges streams: people who come from different sides follow one another as in one lane.  Sees ``desired_speed`` (known up
+    merges streams: pedestrians from different sides follow one another as in one lane.  Sees ``desired_speed`` (known up
     to 2 m/s) and the term `LEADER`.  The constants are found by a search in Lin's room, see docs/training.md.
 
     Parameters
@@ -200,7 +200,7 @@ class Follow(WalkingRule):
         check_fields(self.name, self, spacing=NOT_NEGATIVE, time=POSITIVE, back=SHARE)
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
-        """Return the speed that keeps the distance to the leader, full speed where there is nobody to follow."""
+        """Return the speed that keeps the distance to the leader, full speed without a leader."""
         leader = read_leader(observation, layout, self.leader)
         velocity = leader.speed + (leader.lead - self.spacing) / self.time
         return along(np.where(leader.there, velocity, np.inf), desired_speed(observation, layout), self.back)
@@ -208,7 +208,7 @@ class Follow(WalkingRule):
 
 @dataclass(frozen=True)
 class Zipper(Follow):
-    """Follow, in the order of distance to the exit, whoever is next nearer, wherever in the room that is.
+    """Follow, in the order of distance to the exit, the pedestrian next nearer, wherever in the room that is.
 
     `Follow` with one order of everyone on the same route instead of the people within 3 m: one after the other through the
     door, as zips close.  That order is full state, which no pedestrian sees: the term `PREDECESSOR`.  A bound to aim at, and
@@ -226,11 +226,11 @@ class Zipper(Follow):
 
 @dataclass(frozen=True)
 class Evolved(WalkingRule):
-    """A weighted sum of what is seen: nobody has written down a gap to keep, or whom to follow.
+    """A weighted sum of what is seen: no gap to keep and no leader to follow is written down.
 
         V = v_0 clip(1 + w . x, -1, 1)
 
-    along the way, v_0 the own desired speed.  x is what learned policies see too, people within 3 m of those on the same way,
+    along the way, with the desired speed v_0.  x is what learned policies see too, people within 3 m of those on the same way,
     through compiled terms of the observation, as they are scaled there.  With all weights 0 it is full speed, where a search
     begins (`crowd_env.agents.learned.evolution`).  The weights were found for ``competitive-door``, from nothing: they come
     close to the linear car following of Helly (1959), which `Follow` was given.
@@ -242,7 +242,7 @@ class Evolved(WalkingRule):
     density : of the term ``density``.
     close : of the closeness of the next person nearer to the exit, 0 if there is none.
     match : of the speed of that person along the way, as a share of v_0, at most 3.
-    crowd : of the number of those nearer to the exit, as the term ``ahead`` has it.
+    crowd : of the number of pedestrians nearer to the exit, as the term ``ahead`` has it.
     always : added in any case.
 
     Raises
@@ -273,10 +273,10 @@ class Evolved(WalkingRule):
 
 @dataclass(frozen=True)
 class YieldWhenStuck(Evolved):
-    """Full speed for those who get on, `Evolved` for those who have not got on for ``patience``.
+    """Full speed for pedestrians that get on, `Evolved` for all that have not got on for ``patience``.
 
-    Streams that press against each other, or people who arch in front of a door, stand for good at full speed: who is stuck
-    goes on pushing.  `Evolved` steps back from the next one ahead, which loosens them.  It sees the term ``stood`` too.
+    Streams that press against each other, or pedestrians that arch in front of a door, stand for good at full speed: all that
+    are stuck go on pushing.  `Evolved` steps back from the next one ahead, which loosens them.  It sees the term ``stood`` too.
 
     Parameters
     ----------
@@ -314,7 +314,7 @@ def inputs(observation: np.ndarray, layout: ObservationLayout) -> Floats:
 
 
 def desired_speed(observation: np.ndarray, layout: ObservationLayout) -> Floats:
-    """Return the desired speed (P,) [m/s] that is observed, up to 2 m/s; rows of those who are out hold a tiny number."""
+    """Return the desired speed (P,) [m/s] as observed, up to 2 m/s; a tiny number for pedestrians that are out."""
     return np.maximum(SPEED_SCALE * observation[:, layout["desired_speed"]][:, 0].astype(np.float64), 1e-9)
 
 

@@ -1,4 +1,4 @@
-"""Networks as plain numbers: used, written and read with numpy alone, so that opening one runs nobody's code."""
+"""Networks as plain numbers: used, written and read with numpy alone, so that opening one runs no foreign code."""
 
 from .file import NETWORK, NETWORKS, network_digest, read_network, write_network
 from .network import MLP, BetaMLP, BetweenMLP, Network
