@@ -7,8 +7,11 @@ import subprocess
 import tomllib
 from pathlib import Path
 
+import typer
 from packaging.requirements import Requirement
 from repository import ROOT
+
+from crowd_env.cli.main import app
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 EXTRAS = PROJECT["project"]["optional-dependencies"]
@@ -43,6 +46,9 @@ def check_make(words: list[str]) -> None:
     options = {"check": True, "capture_output": True, "text": True, "cwd": ROOT}
     called = subprocess.run(["make", "-n", *words[1:]], **options).stdout
     programs = re.findall(r"/bin/python (?:-m ([\w.]+)|([\w./]+\.py))", called)
-    assert programs
+    commands = re.findall(r"/bin/crowd-env (\w+)", called)
+    assert programs or commands
+    group = typer.main.get_command(app)
+    assert {*commands} <= {*group.list_commands(typer.Context(group))}
     for module, script in programs:
         assert importlib.util.find_spec(module) if module else (ROOT / script).exists(), module or script

@@ -8,7 +8,7 @@ import pytest
 from cases import looped
 from typer.testing import CliRunner
 
-from crowd_env import OUTLINES, Simulation
+from crowd_env import OUTLINES, Physics, Simulation
 from crowd_env.core.behaviors.outline import Outline, room_of
 from validation.cases import CASES, Case, Setting, doors, gate
 from validation.cases.case import row
@@ -44,8 +44,8 @@ def begun(monkeypatch):
     """Return the outlines of all simulations, none of which goes on."""
     outlines = []
 
-    def begin(self, *args, outline=None, **options):
-        outlines.append(Outline.of(outline))
+    def begin(self, *args, physics="nsm2", **options):
+        outlines.append(Outline.of(Physics.of(physics).outline))
         raise Begun
 
     monkeypatch.setattr(Simulation, "__init__", begin)

@@ -167,7 +167,7 @@ NAN_IN_A_JAM = """
 geometry = Geometry.from_polygon(box(0, 0, 6, 6))
 people = Population(90, radius=Uniform(0.2, 0.2))
 bodies, position = people.draw(np.random.default_rng(0), geometry)
-simulation = Simulation(geometry, bodies, make_state(position), scheme=SCHEMES["nsm1-inertial"])
+simulation = Simulation(geometry, bodies, make_state(position), physics=SCHEMES["nsm1-inertial"])
 east = dict(command=np.tile([1.0, 0.0], (90, 1)), relative=np.zeros(90, bool))
 simulation.advance(n_substeps=300, **east)
 assert len(simulation.contacts().gap) > 150, "enough contacts for the accelerated solver"
@@ -181,7 +181,7 @@ rng = np.random.default_rng(0)
 bodies = make_bodies(np.full(30, 0.2), 80.0)
 state = make_state(rng.uniform(10, 20, (30, 2)), rng.normal(0, 2e7, (30, 2)))
 plan = Geometry.from_polygon(box(0, 0, 3, 3))
-simulation = Simulation(plan, bodies, state, scheme=SCHEMES["dem"], driving=False)
+simulation = Simulation(plan, bodies, state, physics=SCHEMES["dem"], driving=False)
 for _ in range(100):
     simulation.advance(n_substeps=1000)
 """
