@@ -52,6 +52,11 @@ class Settings:
                 number(what, value, one.metadata["allowed"])
 
     @property
+    def seeds(self) -> range:
+        """The seed of each draw."""
+        return range(self.seed, self.seed + self.runs)
+
+    @property
     def draws_are(self) -> str:
         """The beginning of a sentence: "Draws 0 to 9 are"."""
         last = self.seed + self.runs - 1
@@ -80,6 +85,12 @@ class Settings:
 
 AnySettings = TypeVar("AnySettings", bound=Settings)
 
+
+def every(settings: type[Settings], *but: str) -> frozenset[str]:
+    """Return the names of all options of a paper ``but`` some."""
+    return frozenset(one.name for one in fields(settings)).difference(but)
+
+
 DRAWS = frozenset({"runs", "seed"})  # options of a figure that depends on nothing else
 OF_KEPT_RUNS = frozenset({"workers", "fresh", "ray"})  # options of the computing, where evacuations are kept
 
@@ -89,12 +100,16 @@ class Figure(Generic[AnySettings]):
     """How one table or figure is redone."""
 
     title: str
-    # Makes the figure of its settings and of the runs of every case, by the names of the cases.
-    reproduce: Callable[[AnySettings, Any], Result]
+    # Makes the figure of its settings and, if it has cases, of the runs of every case, by the names of the cases.
+    reproduce: Callable[..., Result]
     cases: Callable[[AnySettings], Mapping[Any, Case]] | None = None  # None = it simulates something small by itself
     options: frozenset[str] = DRAWS  # names of the settings that matter to it
     defaults: Mapping[str, object] = field(default_factory=dict)  # settings that are other by default than the paper's
     cpu_time: float = 1.0  # s, with the defaults, once the kernels are compiled; as if no other figure shared its runs
+
+    def redo(self, settings: AnySettings, runs: Mapping[Any, Any]) -> Result:
+        """Return the figure of its settings and of the runs of its cases."""
+        return self.reproduce(settings) if self.cases is None else self.reproduce(settings, runs)
 
     def takes(self, option: str) -> bool:
         """Return whether an option of the command line matters to the figure."""

@@ -1,10 +1,11 @@
 """One number beside the paper's, and all that one table or figure amounts to."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, astuple, dataclass, field
+from dataclasses import asdict, astuple, dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.json_file import write_json
 
@@ -83,6 +84,17 @@ class Row:
         told = {_COLUMNS.get(name, name): value for name, value in asdict(self).items() if name != "closes"}
         paper, ci95 = (self.paper and float(self.paper)), (self.ci95 and list(self.ci95))
         return {**told, "paper": paper, "ci95": ci95}
+
+
+def mean_row(quantity: str, values: Floats, unit: str, reading: str, paper: str | None = None) -> Row:
+    """Return the mean of ``values`` (R,) over runs, with their standard deviation if there are several."""
+    sd = float(values.std(ddof=1)) if len(values) > 1 else None
+    return Row(quantity, paper, float(values.mean()), unit, len(values), reading, sd=sd)
+
+
+def section(rows: Sequence[Row]) -> list[Row]:
+    """Return ``rows`` as one section of a table: a line follows the last row."""
+    return [*rows[:-1], replace(rows[-1], closes=True)]
 
 
 def _percent(value: float, other: float, decimals: int = 2) -> str:

@@ -11,7 +11,7 @@ pytestmark = pytest.mark.more
 
 def test_the_more_walk_together_the_slower_they_are_in_a_v_and_a_u():
     settings = MoussaidSettings(runs=12, scheme="dem")
-    result = companies.reproduce(settings, {})
+    result = companies.reproduce(settings)
     rows = {row.quantity: row for row in result.rows}
     speeds = [rows[f"speed, {n} together"].here for n in companies.SIZES]
     assert speeds[0] > speeds[2] > speeds[4] and rows["speed by size"].here < -0.03

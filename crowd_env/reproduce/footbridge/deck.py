@@ -1,8 +1,7 @@
 """One crowd on the swaying deck: time traces, and a film."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,15 +10,12 @@ from crowd_env.envs.footbridge.crossing import Footbridge
 from crowd_env.envs.footbridge.walkers import DECK, WIDTH, crowd
 from crowd_env.rendering.canvas import draw_bodies, hex_of, new_figure, quiet_axes, series
 from crowd_env.rendering.encoding import write_gif
+from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import INK, QUIET
 from crowd_env.reproduce.footbridge.onset import THRESHOLD
 from crowd_env.reproduce.footbridge.runs import Trace, walk
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TITLE = "Footbridge: one crowd on the deck, traces and film"
 
@@ -35,7 +31,7 @@ class Frame(NamedTuple):
     sway: float  # m, at mid-span
 
 
-def reproduce(settings: FootbridgeSettings, runs: Mapping[str, object]) -> Result:
+def reproduce(settings: FootbridgeSettings) -> Result:
     """Return the figure."""
     simulation = crowd(settings.people, settings.scheme, settings.dt, settings.seed)
     frames: list[Frame] = []
@@ -78,7 +74,7 @@ def reproduce(settings: FootbridgeSettings, runs: Mapping[str, object]) -> Resul
     )
 
 
-def draw(trace: Trace, last: Frame, radius: Floats) -> "Figure":
+def draw(trace: Trace, last: Frame, radius: Floats) -> Figure:
     """Return a drawing of the traces, above the deck at the last moment."""
     figure = new_figure((9.0, 5.0))
     above, middle, below = figure.subplots(3, 1, height_ratios=[1.6, 1.2, 1.0])
@@ -91,7 +87,7 @@ def draw(trace: Trace, last: Frame, radius: Floats) -> "Figure":
     return figure
 
 
-def _draw_deck(axes: "Axes", frame: Frame, radius: Floats, times: float) -> None:
+def _draw_deck(axes: Axes, frame: Frame, radius: Floats, times: float) -> None:
     """Draw people on a deck that bends to the side, in the colors of their strides."""
     from matplotlib import colormaps
 

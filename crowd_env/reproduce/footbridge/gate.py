@@ -1,18 +1,15 @@
 """A gatekeeper of the footbridge: what rules of ``crowd_env/footbridge-gate-v0`` earn that hold people back at the entrance."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.footbridge.env import FootbridgeEnv
 from crowd_env.rendering.canvas import new_figure, quiet_axes, series
+from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
-from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from crowd_env.reproduce.result import RawTable, Result, mean_row, section
 
 TITLE = "Footbridge: rules that hold people back at the entrance"
 PEOPLE = 700
@@ -38,14 +35,14 @@ def keep(rule: Rule, env: FootbridgeEnv, seed: int) -> Floats:
     return np.array(moments)
 
 
-def reproduce(settings: FootbridgeSettings, runs: Mapping[str, object]) -> Result:
+def reproduce(settings: FootbridgeSettings) -> Result:
     """Return what each rule earns."""
     env = FootbridgeEnv(settings.people, scheme=settings.scheme, dt=settings.dt, time_limit=settings.duration)
-    seeds = range(settings.seed, settings.seed + settings.runs)
+    seeds = settings.seeds
     found = {name: np.array([keep(rule, env, seed) for seed in seeds]) for name, rule in RULES.items()}
     rows = []
     for name, moments in found.items():
-        minutes, n, late = moments.shape[1] / 60.0, len(seeds), moments[:, -max(moments.shape[1] // 4, 1) :]
+        minutes, late = moments.shape[1] / 60.0, moments[:, -max(moments.shape[1] // 4, 1) :]
         per_minute = moments[..., :3].sum(axis=1) / minutes
         sway, most = 1000.0 * late[..., 3].mean(axis=1), 1000.0 * moments[..., 3].max(axis=1)
         figures = {
@@ -56,10 +53,7 @@ def reproduce(settings: FootbridgeSettings, runs: Mapping[str, object]) -> Resul
             "largest amplitude": (most, "mm", "of each run, mean of runs"),
             "people on the deck": (late[..., 4].mean(axis=1), "people", "last quarter"),
         }
-        for what, (values, unit, reading) in figures.items():
-            sd = float(values.std(ddof=1)) if n > 1 else None
-            rows.append(Row(f"{name}: {what}", None, float(values.mean()), unit, n, reading, sd=sd))
-        rows[-1] = Row(**{**vars(rows[-1]), "closes": True})
+        rows += section([mean_row(f"{name}: {what}", *of_runs) for what, of_runs in figures.items()])
     table = RawTable(
         ("rule", "seed", "decision", "across", "discomfort_s", "reward", "amplitude_m", "on_deck"),
         [
@@ -77,7 +71,7 @@ def reproduce(settings: FootbridgeSettings, runs: Mapping[str, object]) -> Resul
     return Result("bridge-gate", TITLE, rows, {"decisions": table}, lambda: draw(found), remarks, settings.changed())
 
 
-def draw(found: Mapping[str, Floats]) -> "Figure":
+def draw(found: Mapping[str, Floats]) -> Figure:
     """Return a drawing of the first run under each rule: amplitude above, people on the deck below."""
     figure = new_figure((9.0, 5.0))
     above, below = figure.subplots(2, 1, sharex=True)

@@ -1,7 +1,7 @@
 """How far the deck sways, and how many walk in step, against the number of walkers."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,13 +9,11 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.footbridge.synchrony import SPREAD, Synchrony, normal_density
 from crowd_env.envs.footbridge.walkers import DECK, crowd
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, series
+from crowd_env.rendering.libraries import Figure
 from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.footbridge.runs import Trace, half_sine, onset, stay, walk
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
-from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from crowd_env.reproduce.result import RawTable, Result, Row, mean_row
 
 TITLE = "Footbridge: amplitude and order of steps against the number of walkers"
 LARGE = 0.015  # m, a motion that is no longer that of steps by chance, and where the onset is read
@@ -69,9 +67,9 @@ def walking(settings: FootbridgeSettings, seeds: Sequence[int], people: Sequence
     return Sweep(f"walking crowd, {settings.scheme}", 2.0 * THRESHOLD, people, late[..., 0], late[..., 1])
 
 
-def reproduce(settings: FootbridgeSettings, runs: Mapping[str, object]) -> Result:
+def reproduce(settings: FootbridgeSettings) -> Result:
     """Return the figure."""
-    seeds = range(settings.seed, settings.seed + settings.runs)
+    seeds = settings.seeds
     sweeps = [
         at_mid_span(seeds, settings.duration),
         on_filled_deck(seeds, settings.duration),
@@ -94,9 +92,7 @@ def reproduce(settings: FootbridgeSettings, runs: Mapping[str, object]) -> Resul
         for n in (100, 250, 300, 500):
             if n in sweep.people:
                 values = 1000.0 * sweep.amplitude[sweep.people.index(n)]
-                sd = float(values.std(ddof=1)) if len(values) > 1 else None
-                here = float(values.mean())
-                rows.append(Row(f"A, {n} people, {sweep.name}", None, here, "mm", len(values), "last quarter", sd=sd))
+                rows.append(mean_row(f"A, {n} people, {sweep.name}", values, "mm", "last quarter"))
     remarks = [
         f"Threshold: sum of psi squared = (4 zeta / pi) K / (G C P(omega_0)) = {THRESHOLD:.1f}, after Strogatz et al. 2005.",
         "Walkers at mid-span and on the evenly filled deck walk on the spot and touch nobody. The crowd walks, keeps a "
@@ -122,7 +118,7 @@ def reproduce(settings: FootbridgeSettings, runs: Mapping[str, object]) -> Resul
     return Result("bridge-onset", TITLE, rows, {"draws": table}, lambda: draw(sweeps), remarks, settings.changed())
 
 
-def draw(sweeps: Sequence[Sweep]) -> "Figure":
+def draw(sweeps: Sequence[Sweep]) -> Figure:
     """Return a drawing of the sweeps, a column each: amplitude above, order below."""
     figure = new_figure((3.4 * len(sweeps), 5.0))
     panels = figure.subplots(2, len(sweeps), sharex=True, sharey="row", squeeze=False)

@@ -1,12 +1,10 @@
 """What can be made of the crowd on a footbridge."""
 
-from dataclasses import fields
-
 from crowd_env.reproduce.footbridge import deck, gate, onset, rival
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
-from crowd_env.reproduce.paper import Figure, Paper
+from crowd_env.reproduce.paper import Figure, Paper, every
 
-_ALL = frozenset(one.name for one in fields(FootbridgeSettings))
+_ALL = every(FootbridgeSettings)
 
 PAPER = Paper(
     title="the footbridge, Strogatz et al. 2005 and Belykh et al. 2021",

@@ -1,7 +1,6 @@
 """Which of the two starts the sway: steps that fall into time, or bodies that keep their balance."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,14 +9,12 @@ from crowd_env.envs.footbridge.pendulum import Pendulum
 from crowd_env.envs.footbridge.synchrony import Synchrony
 from crowd_env.envs.footbridge.walkers import DECK
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, series
+from crowd_env.rendering.libraries import Figure
 from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.footbridge.onset import LARGE, THRESHOLD
 from crowd_env.reproduce.footbridge.runs import Trace, step_up
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 TITLE = "Footbridge: which starts the sway, steps in time (synchrony) or balance (pendulum)"
 
@@ -26,7 +23,7 @@ _NUMBERS = {"synchrony": range(50, 251, 20), "pendulum": range(10, 151, 10)}
 _COUPLINGS: dict[str, Synchrony | Pendulum] = {"synchrony": Synchrony(), "pendulum": Pendulum()}
 
 
-def reproduce(settings: FootbridgeSettings, runs: Mapping[str, object]) -> Result:
+def reproduce(settings: FootbridgeSettings) -> Result:
     """Return the figure; each number of walkers stays for an eighth of the duration."""
     hold, pendulum = settings.duration / 8.0, Pendulum()
     critical = {"synchrony": THRESHOLD, "pendulum": pendulum.critical_number(DECK)}
@@ -74,7 +71,7 @@ def first_large(trace: Trace) -> int | None:
     return 0 if over.all() else int(np.flatnonzero(~over)[-1]) + 1
 
 
-def draw(traces: Mapping[str, Trace], critical: Mapping[str, float]) -> "Figure":
+def draw(traces: Mapping[str, Trace], critical: Mapping[str, float]) -> Figure:
     """Return a drawing: a column a coupling; amplitude, number of walkers, and R sqrt(N), over time."""
     figure = new_figure((9.0, 5.6))
     panels = figure.subplots(3, len(traces), sharex="col", height_ratios=[2, 1, 1.4])

@@ -10,7 +10,7 @@ restitution e: the last ball leaves at v ((1 + e) / 2)^(n - 1).  Where they touc
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from crowd_env.rendering.canvas import draw_bodies, name_panel, new_figure
 from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.granular.grains import DIAMETER, MASS, RADIUS, passive
 from crowd_env.reproduce.granular.settings import GranularSettings
-from crowd_env.reproduce.result import RawTable, Result, Row
+from crowd_env.reproduce.result import RawTable, Result, Row, section
 
 TITLE = "Newton's cradle under every scheme"
 
@@ -85,21 +85,22 @@ def after(law: Law, balls: int, gap: float) -> tuple[Floats, Floats]:
     return simulation.state.position[:, 0].copy(), simulation.state.velocity[:, 0].copy()
 
 
-def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
+def reproduce(settings: GranularSettings) -> Result:
     """Return the cradle under every law, with its balls touching and apart."""
     n = settings.balls
     found = {(law.name, how): after(law, n, gap) for law in LAWS for how, gap in GAPS.items()}
     rows = []
     for law in LAWS:
+        of_law = []
         for how in GAPS:
             what, u, expected = f"{law.name}, {how}", found[law.name, how][1] / SPEED, law.last(n, how)
             kept = 1.0 if law.e == 1.0 else expected if law.e == 0.0 else None
-            rows += [
+            of_law += [
                 Row(f"{what}: last ball", None, u[-1], "1", n, "velocity over v", expected=expected),
                 Row(f"{what}: first", None, u[0], "1", n, "velocity over v"),
                 Row(f"{what}: energy", None, float(u @ u), "1", n, "share kept", expected=kept),
             ]
-        rows[-1] = replace(rows[-1], closes=True)
+        rows += section(of_law)
     lines = [(*key, k, x, u) for key, (xs, us) in found.items() for k, (x, u) in enumerate(zip(xs, us, strict=True))]
     table = RawTable(("law", "balls_are", "ball", "x_m", "u_m_s"), lines)
     remarks = [

@@ -20,9 +20,9 @@ _GRAINS, _WIDTH, _SLOPE = 100, 12.0, 1.0  # width over d; floors at 45 degrees
 DRAWS = 4
 
 
-def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
+def reproduce(settings: GranularSettings) -> Result:
     """Return the share of fillings that jam before the hopper is empty."""
-    seeds, rows, lines = range(settings.seed, settings.seed + settings.runs), [], []
+    seeds, rows, lines = settings.seeds, [], []
     shares: dict[str, list[float]] = {}
     arch: tuple[Simulation, int, str] | None = None
     for friction in (settings.friction, 0.0):

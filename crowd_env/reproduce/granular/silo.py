@@ -31,7 +31,7 @@ from crowd_env.reproduce.granular.grains import (
     weight,
 )
 from crowd_env.reproduce.granular.settings import GranularSettings
-from crowd_env.reproduce.result import RawTable, Result, Row
+from crowd_env.reproduce.result import RawTable, Result, Row, section
 
 TITLE = "Discharge of a silo against the width of its outlet"
 
@@ -132,9 +132,9 @@ def beverloo(width: Floats, flow: Floats) -> Fit:
     return Fit(float(powers[profile.argmin()]), ci95, float(-start / slope), float(slope**1.5), float(at_one))
 
 
-def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
+def reproduce(settings: GranularSettings) -> Result:
     """Return flows against outlets, with Beverloo's law through them."""
-    seeds = range(settings.seed, settings.seed + settings.runs)
+    seeds = settings.seeds
     first, last = (round(share * settings.grains) for share in (_SKIP, _SKIP + _COUNT))
     middle, unit = (first + last) // 2, np.sqrt(settings.gravity / DIAMETER)
     fillings = len(WIDTHS) * len(seeds)
@@ -154,14 +154,15 @@ def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
         points[name] = wide, flow
         fit, n, late = beverloo(wide, flow), len(found), float(np.nanmean(ratios))
         reading = "least squares of logarithms, k free"
-        rows += [
+        of_model = [
             Row(f"{name}: exponent", None, fit.exponent, "1", n, reading, expected=1.5, ci95=fit.ci95),
             Row(f"{name}: exponent, k = 1", None, fit.at_one, "1", n, "k = 1: what lets one grain pass", expected=1.5),
             Row(f"{name}: k", None, fit.offset, "1", n, "with the exponent 3/2"),
             Row(f"{name}: C", None, fit.factor, "1", n, "with the exponent 3/2, grains in sqrt(g/d)"),
             Row(f"{name}: late over early", None, late, "1", n, "flow of two halves", expected=1.0),
-            Row(f"{name}: jams", None, jams, "runs", fillings, f"{JAMMED:g} s without a grain", closes=True),
+            Row(f"{name}: jams", None, jams, "runs", fillings, f"{JAMMED:g} s without a grain"),
         ]
+        rows += section(of_model)
     table = RawTable(("grains", "outlet_over_d", "seed", "flow_over_sqrt_g_d", "jammed"), lines)
     remarks = [
         f"{settings.draws_are} fillings of {settings.grains} grains, {_SILO:g} d wide; the flow is that of the exits {first} "

@@ -6,7 +6,6 @@ the wall beside a disc takes the sum of the thrusts N sin(theta) of its two neig
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +17,7 @@ from crowd_env.rendering.canvas import draw_bodies, draw_geometry, name_panel, n
 from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.granular.grains import DIAMETER, MASS, RADIUS, passive, sand, weight
 from crowd_env.reproduce.granular.settings import GranularSettings
-from crowd_env.reproduce.result import RawTable, Result, Row
+from crowd_env.reproduce.result import RawTable, Result, Row, section
 
 TITLE = "A stack of discs at rest in a shaft"
 
@@ -89,10 +88,11 @@ def rest(scheme: ContactScheme, dt: float, n: int, width: float, gravity: float,
     return Stack(state.position.copy(), vertical / (steps - late), wall / (steps - late), drift, speed, change)
 
 
-def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
+def reproduce(settings: GranularSettings) -> Result:
     """Return the stack under every scheme in both shafts."""
     n, found, rows = 2 * settings.balls, {}, []
     for name, (scheme, dt) in SCHEMES.items():
+        of_scheme = []
         for how, width in SHAFTS.items():
             stack = found[name, how] = rest(scheme, dt, n, width * DIAMETER, settings.gravity)
             above, beside = closed_form(n, width * DIAMETER, settings.gravity)
@@ -107,8 +107,8 @@ def reproduce(settings: GranularSettings, runs: Mapping[str, object]) -> Result:
                 Row(f"{what}: speed at the end", None, stack.speed, "m/s", 1, f"after {_DURATION:g} s"),
                 Row(f"{what}: energy", None, stack.energy, "1", steps, "largest change, share"),
             ]
-            rows += [row for row in every if row.here is not None]
-        rows[-1] = replace(rows[-1], closes=True)
+            of_scheme += [row for row in every if row.here is not None]
+        rows += section(of_scheme)
     lines = [
         (*key, k, *stack.position[k], stack.vertical[k], stack.wall[k])
         for key, stack in found.items()

@@ -1,17 +1,16 @@
 """What can be redone of Lin, Ma, Lo 2016: figures made of evacuations that they share."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
 from typing import Any
 
 from crowd_env.envs.rollout import Episode
 from crowd_env.reproduce.lin2016 import clearance, flow, room
 from crowd_env.reproduce.lin2016.sample import TITLES, Sample, Samples
 from crowd_env.reproduce.lin2016.settings import LinSettings
-from crowd_env.reproduce.paper import Figure, Paper
+from crowd_env.reproduce.paper import Figure, Paper, every
 from crowd_env.reproduce.result import Result
 
-_ALL = frozenset(one.name for one in fields(LinSettings))
+_ALL = every(LinSettings)
 _STRENGTH, _ROTATION, _FEW, _MANY = clearance.FIGURES
 
 # Number of a figure -> its cases, what makes it of their samples, cpu time [s], and more of `Figure`.

@@ -76,10 +76,9 @@ class LinSettings(Settings):
             "lin-room-v0", people=people, desired_speed=speed, exit_depth=self.exit_depth, target=self.target,
             time_limit=1000.0, blocked_after=120.0,
         )  # fmt: skip
-        seeds = range(self.seed, self.seed + self.runs)
         facts = {"people": people, "desired_speed_mps": speed, "strength_N": strength, "rotation": scheme.rotation}
         label = f"{people}-people-{speed:g}-mps"
-        return Case(label, place, scheme, seeds, self.dt, facts=facts)
+        return Case(label, place, scheme, self.seeds, self.dt, facts=facts)
 
     def readings(self) -> str:
         """Return in one line what the runs rest on, for the foot of a figure."""

@@ -18,7 +18,7 @@ from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.rendering.canvas import new_figure, quiet_axes, series
 from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.paper import Settings, option
-from crowd_env.reproduce.result import RawTable, Result, Row
+from crowd_env.reproduce.result import RawTable, Result, Row, mean_row, section
 from crowd_env.scenarios.distributions import Uniform
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
@@ -64,7 +64,7 @@ def corridor(size: int, settings: MoussaidSettings) -> Scenario:
 def walk(size: int, settings: MoussaidSettings) -> Walk:
     """Return how companies of this size walk."""
     env = CrowdEnv(corridor(size, settings), num_envs=settings.runs, physics=settings.scheme)
-    env.reset(seed=[settings.seed + k for k in range(settings.runs)])
+    env.reset(seed=list(settings.seeds))
     state, places = env.simulation.state, []
     while state.active.all() and state.time[0] < 100.0:
         env.step(None)
@@ -89,23 +89,23 @@ def lag(shape: Floats) -> Floats:
     return np.asarray(shape[:, [0, -1], 0].mean(axis=1) - shape[:, 1:-1, 0].mean(axis=1))
 
 
-def reproduce(settings: MoussaidSettings, runs: Mapping[str, object]) -> Result:
+def reproduce(settings: MoussaidSettings) -> Result:
     """Return speed, spacing and shape by size."""
     walks = {size: walk(size, settings) for size in SIZES}
     start, slope = LINES["low density"]
     rows = [
-        _row(f"speed, {n} together", one.speed, "m/s", "line of Figure 2, low density", f"{start + slope * n:.2f}")
+        mean_row(f"speed, {n} together", one.speed, "m/s", "line of Figure 2, low density", f"{start + slope * n:.2f}")
         for n, one in walks.items()
     ]
     fitted = float(np.polyfit(SIZES, [one.speed.mean() for one in walks.values()], 1)[0])
     reading = "least squares over the sizes; moderate density: -0.08"
-    rows.append(Row("speed by size", f"{slope:.2f}", fitted, "m/s", len(SIZES), reading, closes=True))
+    rows = section([*rows, Row("speed by size", f"{slope:.2f}", fitted, "m/s", len(SIZES), reading)])
     for n, one in walks.items():
         if n > 1:
-            rows.append(_row(f"spacing, {n} together", one.spacing, "m", "of neighbors from left to right"))
+            rows.append(mean_row(f"spacing, {n} together", one.spacing, "m", "of neighbors from left to right"))
     for n, one in walks.items():
         if n > 2:
-            rows.append(_row(f"lag of the middle, {n} together", lag(one.shape), "m", "> 0: a V, or a U"))
+            rows.append(mean_row(f"lag of the middle, {n} together", lag(one.shape), "m", "> 0: a V, or a U"))
     remarks = [
         f"{settings.draws_are} of people of the package, 1.34 ± 0.26 m/s; under {settings.scheme}, {settings.manner}.",
         "The lines of Figure 2 are as its caption prints them; the distances of Table 1 are unchecked, and left out.",
@@ -119,11 +119,6 @@ def reproduce(settings: MoussaidSettings, runs: Mapping[str, object]) -> Result:
     ]
     table = RawTable(("size", "draw", "speed_m_s", "spacing_m", "from_right", "ahead_m", "left_m"), raw)
     return Result("companies", TITLE, rows, {"places": table}, lambda: _draw(walks), remarks, settings.changed())
-
-
-def _row(quantity: str, values: Floats, unit: str, reading: str, paper: str | None = None) -> Row:
-    sd = float(values.std(ddof=1)) if len(values) > 1 else None
-    return Row(quantity, paper, float(values.mean()), unit, len(values), reading, sd=sd)
 
 
 def _draw(walks: Mapping[int, Walk]) -> Figure:

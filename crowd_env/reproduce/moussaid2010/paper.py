@@ -1,10 +1,8 @@
 """What can be redone of Moussaïd et al. 2010: how companions walk, and what they look like from above."""
 
-from dataclasses import fields
-
 from crowd_env.reproduce.moussaid2010 import companies
 from crowd_env.reproduce.moussaid2010.companies import MoussaidSettings
-from crowd_env.reproduce.paper import Figure, Paper
+from crowd_env.reproduce.paper import Figure, Paper, every
 
 PAPER = Paper(
     title="Moussaïd et al. 2010",
@@ -13,7 +11,7 @@ PAPER = Paper(
         "companies": Figure(
             companies.TITLE,
             companies.reproduce,
-            options=frozenset(one.name for one in fields(MoussaidSettings)) - {"dt"},
+            options=every(MoussaidSettings, "dt"),
             cpu_time=15,
         )
     },

@@ -1,6 +1,6 @@
 """Figure 1: two identical pedestrians run into each other, for several relaxation times."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import chain
 from typing import NamedTuple
 
@@ -77,7 +77,7 @@ def recoil(meeting: Meeting) -> tuple[float, float]:
     return float(x[0] - x[turn]), -float(meeting.velocity[last, 0, 0])
 
 
-def reproduce(settings: PecolSettings, runs: Mapping[str, object]) -> Result:
+def reproduce(settings: PecolSettings) -> Result:
     """Return Figure 1."""
     head_on = [_head_on(tau) for tau in TAUS]
     drawn = [meet(_ELASTIC, tau, offset=OFFSET, dt=_DRAWN_STEP, duration=2.0 + 4.0 * tau) for tau in TAUS]

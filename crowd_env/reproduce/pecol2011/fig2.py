@@ -1,6 +1,6 @@
 """Figure 2: a particle against a rigid wall under the three schemes."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -80,7 +80,7 @@ CASES = (
 )
 
 
-def reproduce(settings: PecolSettings, runs: Mapping[str, object]) -> Result:
+def reproduce(settings: PecolSettings) -> Result:
     """Return the four panels."""
     traces, rows = [], []
     for case in CASES:

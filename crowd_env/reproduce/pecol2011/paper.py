@@ -4,14 +4,13 @@ Of section 4.3 (the theatre: Table 7, Figures 4 to 6) the plan is not given, so 
 on a synthetic one.
 """
 
-from dataclasses import fields
 from typing import Any
 
-from crowd_env.reproduce.paper import DRAWS, Figure, Paper
+from crowd_env.reproduce.paper import Figure, Paper, every
 from crowd_env.reproduce.pecol2011 import fig1, fig2, room, table3, table7, theatre
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 
-_ROOM = DRAWS | {one.name for one in fields(PecolSettings)} - {"scheme"}
+_ROOM = every(PecolSettings, "scheme")
 _THEATRE: dict[str, Any] = {"defaults": {"runs": theatre.RUNS}}
 
 PAPER = Paper(

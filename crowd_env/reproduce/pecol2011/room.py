@@ -1,7 +1,6 @@
 """The room of section 4.2: Figure 3 and Table 5, from the same draws for every scheme."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +14,7 @@ from crowd_env.rendering.libraries import Figure
 from crowd_env.rendering.palette import INK, QUIET
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, Estimate, pooled_line, run_slopes
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
-from crowd_env.reproduce.result import RawTable, Result, Row
+from crowd_env.reproduce.result import RawTable, Result, Row, section
 
 # How the paper's values are marked.
 PAPER_MARK: dict[str, Any] = {"marker": "D", "ls": "", "mfc": "white", "mec": "black", "mew": 1.5, "ms": 7}
@@ -164,7 +163,7 @@ def table5(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Re
         share, n = order_share(done, order)
         reading = "slopes of the same draw compared"
         rows.append(Row(f"draws with {' > '.join(order)}", None, share, "share", n, reading))
-    rows[-1] = replace(rows[-1], closes=True)
+    rows = section(rows)
     quoted = "Helbing et al. 2005, quoted; not simulated"
     rows.append(Row("flow, experiment imitating panic", EXPERIMENT, None, "1/s", 0, quoted))
     remarks = [

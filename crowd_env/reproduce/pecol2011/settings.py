@@ -68,5 +68,5 @@ class PecolSettings(Settings):
         for name, owner in _SCHEME_OF_OPTION.items():
             if name in self.changed() and owner not in schemes:
                 raise ValueError(f"{flag(name)} belongs to {owner}; it changes nothing for {', '.join(schemes)}")
-        room, seeds = self.room(), range(self.seed, self.seed + self.runs)
-        return {name: Case(f"room-{name}", room, self.contact(name), seeds, self.dt) for name in schemes}
+        room = self.room()
+        return {name: Case(f"room-{name}", room, self.contact(name), self.seeds, self.dt) for name in schemes}

@@ -1,7 +1,5 @@
 """Table 3: the velocity of a particle after a contact with DEM, as a function of the time step."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
@@ -30,7 +28,7 @@ _AFTER = 0.4  # s, the contact is over
 _SWEEP = np.geomspace(4e-5, 3e-2, 160)  # steps between the printed ones, for the figure
 
 
-def reproduce(settings: PecolSettings, runs: Mapping[str, object]) -> Result:
+def reproduce(settings: PecolSettings) -> Result:
     """Return Table 3."""
     after = np.array([_after_contact(h) for h in PRINTED])
     sweep = np.array([_after_contact(float(h))[0] for h in _SWEEP])

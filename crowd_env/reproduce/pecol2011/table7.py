@@ -1,7 +1,6 @@
 """Table 7 and Figure 6: a movie theatre is evacuated by two routes, on a synthetic plan, with and without control rules."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ from crowd_env.reproduce.pecol2011.flow import mean_of_runs
 from crowd_env.reproduce.pecol2011.room import PAPER_MARK
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pecol2011.theatre import IMPLIED, PRINTED, ROUTES, Egress, mean_row
-from crowd_env.reproduce.result import Result
+from crowd_env.reproduce.result import Result, section
 from crowd_env.routing.fields.grid import nearest_nodes
 from crowd_env.scenarios.scenario import Scenario
 
@@ -60,8 +59,7 @@ def table7(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Re
         changes.append(mean_row(f"{name}: rules change it by", apart, unit, "paired by draw"))
     rows.append(theatre.unfinished_row("left inside, no rules", free))
     sent = (ruled.route != free.route).sum(axis=1).astype(np.float64)
-    rows += [*changes, mean_row("other route than without rules", sent, "people", "in the same draw")]
-    rows[-1] = replace(rows[-1], closes=True)
+    rows += section([*changes, mean_row("other route than without rules", sent, "people", "in the same draw")])
     reading = "at any moment; most come back when the rule is off"
     rows.append(mean_row("turned away for a while", ruled.turned, "people", reading))
     rows += [mean_row(f"rule {k + 1} is on", ruled.ruled[:, k], "s", _RULES[k]) for k in range(3)]

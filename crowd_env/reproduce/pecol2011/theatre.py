@@ -53,9 +53,8 @@ def theatre() -> Scenario:
 
 def case(settings: PecolSettings, rules: bool) -> Case:
     """Return the draws with or without the control rules."""
-    seeds = range(settings.seed, settings.seed + settings.runs)
     label, recorder = ("theatre-rules", _Ruled()) if rules else ("theatre-no-rules", None)
-    return Case(label, theatre(), SCHEME, seeds, 0.01, rules, recorder)
+    return Case(label, theatre(), SCHEME, settings.seeds, 0.01, rules, recorder)
 
 
 class _Ruled:
