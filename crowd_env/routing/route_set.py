@@ -39,7 +39,7 @@ class RouteField(NamedTuple):
     congestion: CongestionField | None  # makes the field again from a crowd; None = it never changes
     exits: tuple[str, ...]  # that it may lead to in the end; () = all
     to_exit: NavigationField | None = None  # of a route via a region: travel time to the exit, second half included
-    walls: Floats | None = None  # (W, 2, 2) m, the standing ones; None = people do not spread on this route
+    walls: Floats | None = None  # (W, 2, 2) m, the standing ones; None = no spread of people that keep a distance
 
     @property
     def potential(self) -> NavigationField:

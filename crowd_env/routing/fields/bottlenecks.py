@@ -25,7 +25,7 @@ if TYPE_CHECKING:  # no part of what kernels are made of
     from crowd_env.routing.fields.field import NavigationField
 
 WIDEST = 5.0  # m
-_SPACING, _NODES = 0.1, 40_000  # m between nodes, more in large places, which need at most this number of nodes
+_SPACING, _NODES = 0.1, 40_000  # m between nodes, more in large places, which need about this number of nodes
 _ANGLES = np.linspace(-0.25 * np.pi, 0.25 * np.pi, 5)  # rad  of the lines from wall to wall, to the normal
 _ROOM = 0.5  # m2
 _TURN = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])

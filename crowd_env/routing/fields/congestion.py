@@ -154,7 +154,7 @@ class CongestionField:
         if people is not None and people.keeps_distance:
             (shortest, cell, sure), least = self._spread, _ABREAST
         alike = sure & ((direction * shortest).sum(axis=-1) > least)
-        if self._ahead is not None:  # a slope between two nodes is wrong there: the march cuts corners
+        if self._ahead is not None:  # slopes between nodes mislead: the march cuts corners that bodies touch
             alike |= sure & self._leads_on(time, speed, self._ahead)
         keeps = (keeps_on & known) | alike | (self._inside & ~self._free)
         if people is not None and people.keeps_distance:

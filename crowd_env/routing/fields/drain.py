@@ -21,7 +21,7 @@ from crowd_env.routing.fields.fronts import parts_of_bands
 from crowd_env.routing.fields.grid import RIGHT, UP
 from crowd_env.routing.fields.lookup import BLEND
 
-_SPACING = 0.1  # m; more in large places, which need at most this number of nodes:
+_SPACING = 0.1  # m; more in large places, which need about this number of nodes:
 _NODES = 40_000
 _WIDE = 1.0  # m that the middle of a body has of an opening over which people spread
 _PARTING = 0.3  # ways part where the unit vectors of two nodes differ by more, along the line from one to the other

@@ -23,7 +23,7 @@ def node_points(origin: Floats, spacing: float, shape: tuple[int, ...]) -> Float
 
 
 def nearest_nodes(position: Floats, origin: Floats, spacing: float, shape: tuple[int, ...]) -> tuple[Ints, Ints]:
-    """Return rows and columns (...) of the nodes nearest to ``position`` (..., 2) [m], inside or outside of the grid."""
+    """Return rows and columns (...) of the nodes nearest to ``position`` (..., 2) [m]; beside the grid, of its edge nodes."""
     rows, cols = shape
     nearest = np.rint((position - origin) / spacing).astype(np.int64)
     return np.clip(nearest[..., 1], 0, rows - 1), np.clip(nearest[..., 0], 0, cols - 1)
