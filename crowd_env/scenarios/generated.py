@@ -1,11 +1,11 @@
-"""Places without end: a seed draws a plan, the people in it, and how they meet, always the same.
+"""Places without end: a seed draws a plan, its people, and their physics and manner, always the same.
 
 Nine kinds of places: a room with one to four doors, a room behind a corridor, a corner, a room with pillars, rooms behind
-rooms, rooms on a corridor, streams that merge, cross, and meet.  Doors of 0.6 to 2.4 m, 10 to 400 people who want 0.8 to
-2.5 m/s, bodies of 0.15 to 0.3 m, who respond at once or late.  Every place is turned by any angle, and half of them are
-mirrored.  A place is as large as its people need: they start at 0.2 to 2 /m2.  `conditions_of` says how they touch and walk.
+rooms, rooms on a corridor, streams that merge, cross, and meet.  Doors are 0.6 to 2.4 m wide.  10 to 400 people have desired
+speeds of 0.8 to 2.5 m/s and radii of 0.15 to 0.3 m, and respond at once or late.  Places are turned by any angle, half of them
+mirrored.  A place is as large as its people need: they start at 0.2 to 2 /m2.  `conditions_of` returns contact law and manner.
 
-`VERSION` goes up where a seed draws another place: what is learned and judged in them names it.
+`VERSION` goes up where a seed draws another place: results of training and evaluation in these places name it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -33,11 +33,11 @@ _NARROWEST = 0.6  # m
 _COVER = 0.3  # share of the floor that bodies cover at the start, at most
 _WALL = 0.2  # m, between two rooms
 _SPARSEST, _LONGEST = 0.6, 30.0  # 1/m2 and m of a stream at the start: thinner ones never meet
-_LEAST_FLOW = 0.25  # people a second and meter of exits: who is slower than this is not waited for
+_LEAST_FLOW = 0.25  # people a second and meter of exits: the time limit covers no slower crowd
 
 
 class Conditions(NamedTuple):
-    """What goes with a place beside the plan and the people: how they touch, how they walk, and what they can tell."""
+    """Conditions of a place beside the plan and the people: contact law, manner, and observation noise."""
 
     law: str  #: of contacts, one of `LAWS`
     manner: str  #: one of `MANNERS`
@@ -45,7 +45,7 @@ class Conditions(NamedTuple):
 
 
 class _People(NamedTuple):
-    """Who is there, before it is known where."""
+    """The people, before their positions are drawn."""
 
     number: int
     density: float  # 1/m2, at the start
@@ -55,18 +55,18 @@ class _People(NamedTuple):
 
     @property
     def area(self) -> float:
-        """Floor that they need at the start [m2]."""
+        """Floor that the people need at the start [m2]."""
         return self.number / self.density
 
 
 class _Plan(NamedTuple):
-    """What is drawn of a place, in its own axes: shapes are rows of corners (K, 2) [m]."""
+    """The drawing of a place, in its own axes: shapes are rows of corners (K, 2) [m]."""
 
     about: str
     walkable: Sequence[Floats]
     exits: Mapping[str, Floats]
     starts: Mapping[str, Floats]  # name of the region -> its corners
-    routes: Mapping[str, str] = {}  # region -> exit that those who start there walk to
+    routes: Mapping[str, str] = {}  # region -> exit of the people that start there
     obstacles: Sequence[Floats] = ()
 
 
@@ -94,7 +94,7 @@ def draw_place(
     crowd = _draw_people(rng)
     plan = KINDS[drawn](rng, crowd)
     turn = _turn(rng)
-    # In whole millimeters, and before it is turned: what touches then still does.
+    # In whole millimeters, and before the turn, so that touching shapes still touch.
     floor = shapely.union_all(shapely.polygons([np.round(shape, 3) for shape in plan.walkable]))
     geometry = Geometry.from_polygon(
         shapely.transform(floor, turn),
@@ -131,14 +131,14 @@ def kind_of(seed: int) -> str:
 
 
 def conditions_of(seed: int) -> Conditions:
-    """Return what goes with the place of a seed: each law as often, one crowd in five that keeps a distance, noise in four."""
+    """Return the conditions of the place of a seed: each law as often, one crowd in five keeps a distance, noise in four."""
     rng = np.random.default_rng((VERSION, seed, 1))
     law, manner = LAWS[int(rng.integers(len(LAWS)))], MANNERS[int(rng.random() < 0.2)]
     return Conditions(law, manner, float(rng.uniform(0.0, 0.1) * (rng.random() < 0.25)))
 
 
 def _draw_people(rng: np.random.Generator) -> _People:
-    """Draw who is there: adults of one size or several, all in one hurry or each in their own."""
+    """Draw the people: adults of one size or several, with one desired speed or one each."""
     people = round(_FEWEST * (_MOST / _FEWEST) ** rng.random())
     radius = rng.uniform(0.15, 0.25)
     bodies = Uniform(radius, radius + rng.choice([0.0, 0.05]))
@@ -155,7 +155,7 @@ def _draw_people(rng: np.random.Generator) -> _People:
 
 
 def _turn(rng: np.random.Generator) -> Callable[[Floats], Floats]:
-    """Return what turns shapes by any angle, mirrors half of all places, and moves them."""
+    """Return a function that turns shapes by any angle, mirrors half of all places, and moves them."""
     angle, mirror, shift = rng.uniform(0.0, 2.0 * np.pi), rng.choice([-1.0, 1.0]), rng.uniform(-20.0, 20.0, 2)
     turn = turning(angle, mirror < 0.0)
     return lambda shape: turn(np.round(shape, 3)) + shift
