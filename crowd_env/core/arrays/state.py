@@ -1,7 +1,7 @@
 """The arrays that hold a batch of crowds: what is fixed within an episode, and what moves.
 
 All people of all environments lie one behind the other (``P`` people, ``E`` environments); environment ``e`` owns the
-slice ``env_start[e]:env_start[e + 1]``.  Slots never move: someone who has left is ``active = False`` in place.
+slice ``env_start[e]:env_start[e + 1]``.  Slots never move: a pedestrian that has left is ``active = False`` in place.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 Indices = NDArray[np.uint32]  # unsigned, because numba checks every signed index for being negative
 
-# m/s; nobody is faster, whoever pushes: the fastest that anyone is known to have run is 12.4 (Bolt, 100 m, Berlin 2009).
+# m/s; an upper bound under any push: the fastest recorded run is 12.4 (Bolt, 100 m, Berlin 2009).
 MAX_SPEED = 12.5
 
 # How people press on, and which values are allowed; nan = as in the manner of the run.
@@ -35,7 +35,7 @@ class Bodies(NamedTuple):
     response_time: Floats  #: (P,) s, stands still until then
     time_gap: Floats  #: (P,) s, of the headway that is kept; nan = that of the manner of the run
     push: Floats  #: (P,) share of the desired speed at which one presses on; nan = that of the manner
-    company: Ints  #: (P,) who of an environment have one number walk together; -1 = alone
+    company: Ints  #: (P,) pedestrians of an environment with one number walk together; -1 = alone
     env_start: Ints  #: (E+1,) first slot of each environment
 
 
@@ -242,7 +242,7 @@ def _short(values: np.ndarray) -> str:
 
 
 def _require(name: str, values: Floats, allowed: Bools, must: str) -> None:
-    """Raise ValueError, naming the first pedestrian of whom a value is not ``allowed`` (N,)."""
+    """Raise ValueError, naming the first pedestrian with a value that is not ``allowed`` (N,)."""
     if not allowed.all():
         bad = int(np.argmin(allowed))
         raise ValueError(f"{name} of pedestrian {bad} is {values[bad]:g}; it must be {must}")

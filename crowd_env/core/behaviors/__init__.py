@@ -1,4 +1,4 @@
-"""Optional behaviors of pedestrians, each declared in a file of its own, and the one table of them."""
+"""Optional behaviors of pedestrians, each declared in its own file, and their table."""
 
 from crowd_env.core.behaviors.balance import Balance
 from crowd_env.core.behaviors.behavior import Behavior, Words
@@ -7,7 +7,7 @@ from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.behaviors.pulls import Pulls
 
-# Name, of a field of scenarios and settings -> behavior.
+# Name of a field of scenarios and settings -> behavior.
 BEHAVIORS: dict[str, type[Behavior]] = {one.NAME: one for one in (Headway, Outline, DriveLimit, Balance, Pulls)}
-# Of those that are spoken of: what titles, tables and reports write.
+# Name -> words of titles, tables and reports, for the behaviors that have any.
 IN_WORDS: dict[str, Words] = {name: one.WORDS for name, one in BEHAVIORS.items() if one.WORDS is not None}

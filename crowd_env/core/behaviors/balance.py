@@ -1,20 +1,19 @@
-"""Balance: the body of someone who stands leans over the feet, which follow by stepping; available to every scheme.
+"""Balance: a standing body leans over its feet, which follow by stepping; available to every scheme.
 
     x'' = (g / h) (x - p) + F / m          linear inverted pendulum: h height of the center of mass, F contact and other forces
     c = x + v sqrt(h / g)                  capture point: above a foot placed there the body comes to rest
     p = q + (1 + k) (c - q)                center of pressure, q the middle of the feet, brought back into the support
 
-The support is all within b of the line from foot to foot: an ankle cannot do more than m g b / h.  Inside of it c obeys
-c' = -k sqrt(g / h) (c - q), so the body comes upright over the middle of its feet.  Where c leaves the support for the reaction
-time, the foot that is further from it is lifted; until it lands, a swing later, the other one alone carries.  It lands at c,
-at most a step away from the other.  Then the feet are apart, and bear more in that direction.
+The support is all within b of the line from foot to foot: an ankle exerts m g b / h at most.  Inside of it c obeys
+c' = -k sqrt(g / h) (c - q), so the body comes upright over the middle of its feet.  If c leaves the support for the reaction
+time, the foot further from c is lifted; until it lands, a swing later, the other foot alone carries.  It lands at c, at most a
+step away from the other.  Then the feet are apart, and bear more in that direction.
 
 Pendulum and capture point: Hof, Gazendam, Sinke 2005 (J Biomech 38:1), Koolen et al. 2012 (Int J Robotics Research 31:1094),
 both unchecked.  Two feet, with the body upright over their middle after a step, are ours; so is one radius b in all directions.
 
-Who wants to walk is not balanced by this: feet of walkers follow at every step, and the drive of the papers is the sum of it.
-Nobody falls; feet mind neither walls nor each other.  The numbers are fitted on one recorded push, under `nsm2`
-(docs/validation.md).
+Walking pedestrians use the driving force instead, since their feet follow at every step.  No pedestrian falls; feet ignore
+walls and each other.  The numbers are fitted on one recorded push, under `nsm2` (docs/validation.md).
 """
 
 from collections.abc import Mapping
@@ -31,7 +30,7 @@ GRAVITY = 9.81  # m/s2
 
 
 class Feet(NamedTuple):
-    """Those who stand: both feet, the first of which carries while the other is in the air, and when that lands."""
+    """Standing pedestrians: both feet, and the landing time of the second; the first carries meanwhile."""
 
     feet: Annotated[Floats, "P 4"]  # m
     lands_at: Annotated[Floats, "P"]  # s    infinite = both are on the ground, and none is to be lifted
@@ -40,7 +39,7 @@ class Feet(NamedTuple):
 
 @dataclass(frozen=True)
 class Balance(Behavior):
-    """How someone who stands keeps upright.
+    """How a standing pedestrian keeps upright.
 
     Raises
     ------
@@ -66,7 +65,7 @@ class Balance(Behavior):
     head: Positive = 1.7
     """times as far as the center of mass a leaning body moves its head: 1.7 m over 1 m."""
     walks_from: NotNegative = 0.1
-    """m/s: who wants to be faster than this walks, and does not stand."""
+    """m/s: a pedestrian with a larger desired speed walks, and does not stand."""
 
     NAME = "balance"
     ABOUT = "how those who stand keep upright, unless the run says otherwise"
@@ -80,12 +79,12 @@ class Balance(Behavior):
 
     @classmethod
     def rows(cls, simulation: Any) -> dict[str, Floats]:
-        """Return the places of both feet of everyone (P, 4) [m]."""
+        """Return the places of both feet of all people (P, 4) [m]."""
         return {"feet": places_of_feet(simulation).reshape(-1, 4)}
 
 
 Balancing: TypeAlias = str | Mapping[str, Any] | Balance
-"""How callers say how people keep upright: a name in `BALANCES`, a table of the parameters of a `Balance`, or one."""
+"""A balance as callers give it: a name in `BALANCES`, a table of the parameters of a `Balance`, or one."""
 
 BALANCES: dict[str, Balance | None] = {
     "none": None,  # as in the papers: a disc that stands is braked by its drive
@@ -95,7 +94,7 @@ Balance.PRESETS = BALANCES
 
 
 def places_of_feet(simulation: Any) -> Floats:
-    """Return where both feet of everyone are (P, 2, 2) [m], one in the air on its way too; under the body of who walks.
+    """Return the places of both feet of all people (P, 2, 2) [m], in the air too; under the body while walking.
 
     Raises
     ------
@@ -116,7 +115,7 @@ def places_of_feet(simulation: Any) -> Floats:
 
 
 def places_of_heads(simulation: Any) -> Floats:
-    """Return where everyone's head is (P, 2) [m]: further from the middle of the feet than the body that leans."""
+    """Return the places of all heads (P, 2) [m]: further from the middle of the feet than the leaning body."""
     body, params = simulation.state.position, simulation.behaviors[Balance.NAME]
     return (
         body.copy() if params is None else body + (params.head - 1.0) * (body - places_of_feet(simulation).mean(axis=1))

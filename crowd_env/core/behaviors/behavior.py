@@ -1,7 +1,7 @@
-"""What an optional behavior of pedestrians is: its parameters, and all that others have to know of it.
+"""The base of optional behaviors of pedestrians: parameters, and all facts that other modules need.
 
 A behavior declares itself in one class.  Scenarios, settings, the schema of files, checkpoints, recordings, reports and kernels
-go through `BEHAVIORS`, or through what `Walking.others` adds, and name no behavior themselves.
+iterate over `BEHAVIORS` and `Walking.others`, and name no behavior themselves.
 """
 
 from collections import namedtuple
@@ -15,15 +15,15 @@ from crowd_env.core.checks import from_choice, plain_choice
 
 
 class Words(NamedTuple):
-    """What titles, tables and reports write of a behavior; its plain form is the name of a preset, or a table of parameters."""
+    """Words about a behavior in titles, tables and reports; its plain form is a name of a preset, or a table of parameters."""
 
     label: str  # of its row in a report
     usual: str  # preset that the title of a run leaves out
     unsaid: frozenset[str] = frozenset()  # presets that the title of a recording leaves out
     brief: Callable[[Any], str] = str  # a table of parameters in a few words
     judged: bool = False  # whether the validation map has rows for each preset
-    limits: Mapping[str, str] = {}  # preset -> what a report has to say of validity
-    limit: str = ""  # and of all other forms
+    limits: Mapping[str, str] = {}  # preset -> note on validity in a report
+    limit: str = ""  # note on validity of all other forms
 
 
 @dataclass(frozen=True)
@@ -32,18 +32,18 @@ class Behavior:
 
     Attributes
     ----------
-    NAME : of the field of a `Scenario`, `Physics` or `Walking`, and of the parameters and the memory as kernels read them.
-    ABOUT : a line that says what it is, for files and documentation.
+    NAME : of the field of a `Scenario`, `Physics` or `Walking`, and of the parameters and the memory in kernels.
+    ABOUT : one line of description, for files and documentation.
     PRESETS : name -> behavior; None stands for its absence.
-    NEEDS : fact of a contact scheme without which it cannot be: "drives" or "turns_bodies".
-    LACKS : what a message says of a scheme without it.
+    NEEDS : property that a contact scheme must have: "drives" or "turns_bodies".
+    LACKS : text of the error for a scheme without it.
     MEMORY : NamedTuple of the arrays that the next step depends on, each annotated with its shape (see
         `crowd_env.physics.allocation`); they begin at zero, and a checkpoint holds them.
     USES : scratch arrays that it needs, by the last word of their annotation.
-    RECORDED : what recordings hold, of the arrays of the memory with one row a pedestrian; see `rows`.
+    RECORDED : arrays of the memory in recordings, with one row a pedestrian; see `rows`.
     PER_PLACE : whether each place of a batch may have its own.
-    WORDS : what titles, tables and reports write of it; None = nothing.
-    YIELDS : whether the one of a scenario is left out, without a word, under a scheme that cannot have it.
+    WORDS : words of titles, tables and reports; None = none.
+    YIELDS : whether a scenario's behavior is dropped silently under a scheme that cannot have it.
     """
 
     NAME: ClassVar[str]
@@ -57,23 +57,23 @@ class Behavior:
     PER_PLACE: ClassVar[bool] = False
     WORDS: ClassVar[Words | None] = None
     YIELDS: ClassVar[bool] = False
-    # Kernel that changes what people want: (i, time [s], vx, vy [m/s], batch) -> (vx, vy); see `Walking.others`.
+    # Kernel that changes the desired velocity: (i, time [s], vx, vy [m/s], batch) -> (vx, vy); see `Walking.others`.
     desire: ClassVar[Any] = None
 
     @classmethod
     def of(cls, given: Any) -> Self | None:
-        """Return the behavior that is given: as such, by the name of a preset, as a table of its parameters, or None.
+        """Return a behavior, given as such, by the name of a preset, as a table of its parameters, or as None.
 
         Raises
         ------
         ValueError
-            If it is something else, or a name is unknown; the message lists the known ones.
+            If the type is another, or a name is unknown; the message lists the known ones.
         """
         return from_choice(cls.NAME, cls, given, cls.PRESETS)
 
     @classmethod
     def stored(cls, given: Any) -> Any:
-        """Return what is given as a scenario keeps it: a name as it is, a table as the behavior that it describes.
+        """Return the form that a scenario keeps: a name as it is, a table as the behavior that it describes.
 
         Raises
         ------
@@ -85,29 +85,29 @@ class Behavior:
 
     @classmethod
     def plain_of(cls, chosen: Any) -> Any:
-        """Return the name of a behavior, or if it has none the table of its parameters: ready for JSON, and for `of`."""
+        """Return the name of a behavior, or without one the table of its parameters: for JSON, and for `of`."""
         return plain_choice(chosen, cls.PRESETS)
 
     @classmethod
     def params_of(cls, chosen: Any) -> Any:
-        """Return the parameters as kernels read them, those of a default where it is absent; of places if `PER_PLACE`."""
+        """Return the parameters for kernels, default ones where it is absent; of all places if `PER_PLACE`."""
         values = vars(chosen or cls())
         return record(**{name: float(value) for name, value in values.items()})
 
     @classmethod
     def acts(cls, chosen: Any, bodies: Bodies) -> bool:
-        """Whether anything is to be done for these people."""
+        """Whether the behavior acts on these people."""
         return chosen is not None
 
     @classmethod
     def rows(cls, simulation: Any) -> dict[str, Floats]:
-        """Return what a recording holds of everyone at this moment, by name (P, ...)."""
+        """Return the arrays (P, ...) of a recording at this moment, by name."""
         memory = getattr(simulation.history.memory, cls.NAME)
         return {name: simulation.in_slots(getattr(memory, name)) for name in cls.RECORDED}
 
 
 def record(**values: Any) -> Any:
-    """Return a NamedTuple of these values, which kernels can read and which can be pickled."""
+    """Return a NamedTuple of these values, which kernels can read and pickle can store."""
     return _record(tuple(values), tuple(values.values()))
 
 

@@ -1,4 +1,4 @@
-"""Drive limit: the largest force with which a pedestrian drives forwards; available to every scheme with a driving force.
+"""Drive limit: the largest driving force of a pedestrian; available to every scheme with a driving force.
 
 The drive of the papers, m v_d / tau, reaches 2 kN.  With a limit F it keeps its direction and is no larger than F.
 """
@@ -44,7 +44,7 @@ class DriveLimit(Behavior):
         Raises
         ------
         ValueError
-            If it is something else, or not positive.
+            If it is no number, or not positive.
         """
         if given is None or isinstance(given, DriveLimit):
             return given

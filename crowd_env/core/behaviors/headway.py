@@ -7,31 +7,30 @@
     R_j = max(gap_j - t_a (u_i - u_j) . n_j, 0)                         the gap to j that is foreseen, t_a ahead
     V_k = max(V_k as above, d_k / (c_k T_y), k max(u_k . e, 0))         for k beside: T_y beside, k keep_up
 
-``e_0`` is the way, ``n_0`` its normal, ``u`` a velocity.  Those count for the speed who are in front and whose bodies overlap
-the strip of the own body along the direction of motion.  People who follow each other at one speed V are ``s + T V`` apart, as
-in the collision-free speed model (Tordeux, Chraibi, Seyfried 2016, doi 10.1007/978-3-319-33482-0_29); since they foresee each
-other's motion, those in a queue set out as soon as the one in front does.  Whoever is seen in front makes people step aside by
-``s_j`` = 1 or -1, away from where the other will be, to the right if that is straight ahead, and more so if the other comes
-towards them (anticipation velocity model: Xu, Chraibi, Seyfried 2021, doi 10.1016/j.trc.2021.103464; that people prefer one
-side: Moussaïd et al. 2009, doi 10.1098/rspb.2009.0405).  ``c`` is the side on which someone slower is overtaken, the one of a
-few that gets on fastest, as in the heuristics of Moussaïd, Helbing, Theraulaz 2011 (doi 10.1073/pnas.1016507108); people in a
-queue overtake nobody.  Contact laws take over when bodies meet, as where paper 1's own school has put behavioral rules on
-Frémond's law (Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
+``e_0`` is the way, ``n_0`` its normal, ``u`` a velocity.  People in front limit the speed if their bodies overlap the strip of
+the body along its direction of motion.  Followers at one speed V are ``s + T V`` apart, as in the collision-free speed model
+(Tordeux, Chraibi, Seyfried 2016, doi 10.1007/978-3-319-33482-0_29).  Since they foresee motion, people in a queue set out
+together with the pedestrian in front.  Each pedestrian seen in front causes a side step ``s_j`` = 1 or -1, away from its
+foreseen place, to the right if that is straight ahead, and larger if it is oncoming (anticipation velocity model: Xu, Chraibi,
+Seyfried 2021, doi 10.1016/j.trc.2021.103464; preference of one side: Moussaïd et al. 2009, doi 10.1098/rspb.2009.0405).
+``c`` is the side of overtaking, the fastest of a few, as in the heuristics of Moussaïd, Helbing, Theraulaz 2011
+(doi 10.1073/pnas.1016507108); people in a queue do not overtake.  Contact laws take over when bodies meet, as in the work of
+paper 1's own school with behavioral rules on Frémond's law (Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
 
-Three things are ours.  Of two who have each other in front and do not walk against each other, the one who is further ahead
-goes first.  The push grows while someone has to stand still, so that arches of people who wait for each other
-dissolve, up to a fifth: who presses on harder no longer steps aside, and streams that cross lock.  It grows 1 + w times as fast
-while the one who holds them up comes towards them, or streams that meet in a corridor lock; if it grew so at once for everyone,
-people would wedge in front of doors.  People whom a wall hides are not seen.
+Three things are ours.  Of two people in front of each other that do not walk in opposite directions, the one further ahead goes
+first.  The push of a pedestrian grows while it has to stand still, up to a fifth, so that arches of mutually waiting people
+dissolve; with more push people no longer step aside, and crossing streams lock.  It grows 1 + w times as fast while the
+obstructing pedestrian is oncoming, else streams that meet in a corridor lock; the same growth at once for all people would
+wedge them in front of doors.  Walls hide people from each other.
 
-Those ``k`` count too who are ahead but not in the strip: ``d_k`` is how far the strip misses their bodies.  Without them files
-of people walk side by side as if each were alone, twice as fast at 2 /m2 as anyone was recorded.
+People ``k`` ahead but beside the strip count too: ``d_k`` is the gap between the strip and their bodies.  Without them, files
+of people walk side by side as if alone, twice as fast at 2 /m2 as recorded crowds.
 
-With p = 1 nobody gives way and nobody steps aside: that is the desired velocity of the papers.
+With p = 1 no pedestrian gives way or steps aside: that is the desired velocity of the papers.
 
 The numbers are fitted: times, widths and side steps were chosen under ``dem`` on the gate, the doors, the open corridor, the
 ring, the ovals and the streams of ``python -m validation``, one set for all but the time gap (and the standing gap of
-``eager``).  docs/walking.md says how.
+``eager``): see docs/walking.md.
 """
 
 from collections.abc import Mapping
@@ -44,7 +43,7 @@ from crowd_env.core.checks import NotNegative, Positive, Range, Share, check_fie
 
 
 class Patience(NamedTuple):
-    """What a decision depends on besides the moment."""
+    """The memory of decisions."""
 
     waited: Annotated[Floats, "P"]  # s  stood still
 
@@ -60,29 +59,29 @@ class Headway(Behavior):
     """
 
     time_gap: Positive = 0.5
-    """s, ``T``: who follows someone at speed V leaves a gap of s + V T."""
+    """s, ``T``: a follower at speed V leaves a gap of s + V T."""
     push: Share = 0.0
-    """``p``, share of the own desired speed at which one presses on with no gap in front: 0 = never, 1 = always at full speed,
-    as in the papers."""
+    """``p``, share of the desired speed that is kept with no gap in front: 0 = none, 1 = always full speed, as in the
+    papers."""
     standing: NotNegative = 0.15
-    """m, ``s``: the gap that people leave to those who stand in front of them on the same way."""
+    """m, ``s``: the gap that people leave to standing people in front on the same way."""
     width: Annotated[float, Range(0.0, 2.0, above=True)] = 0.8
-    """of the strip in front that has to be free, as a share of the own and the other's width."""
+    """of the strip in front that has to be free, as a share of the widths of both bodies."""
     strength: NotNegative = 0.12
-    """``a``: how far one steps aside for someone ahead, as a share of the way itself."""
+    """``a``: the side step for a pedestrian ahead, as a share of the way itself."""
     length: Positive = 0.2
     """m, ``D``: the foreseen gap over which that falls to 1/e."""
     oncoming: NotNegative = 8.0
-    """``w``: someone who comes straight towards one counts 1 + w times as much, for stepping aside and for patience."""
+    """``w``: a straight oncoming pedestrian counts 1 + w times as much, for side steps and for patience."""
     keep_right: Annotated[float, Range(-1.0, 1.0)] = 0.2
-    """m: someone who comes towards one is passed on the right, if not this far or further on that side already; negative = on
-    the left."""
+    """m: an oncoming pedestrian is passed on the right, unless it is this far or further on that side; negative = on the
+    left."""
     anticipation: NotNegative = 0.4
     """s, ``t_a``: how far ahead people foresee each other's motion."""
     overtaking: Annotated[float, Range(0.0, infinite=True)] = 0.4
-    """m/s: who is slower than this is queued behind and not overtaken; infinite = nobody is."""
+    """m/s: slower people form a queue and are not overtaken; infinite = no overtaking."""
     gain: NotNegative = 0.1
-    """of speed that overtaking has to bring, as a share of the desired speed."""
+    """of speed that overtaking has to bring, over the desired speed."""
     berth: Positive = 1.3
     """width of the strip that has to be free to overtake, as ``width``."""
     patience: NotNegative = 5.0
@@ -91,16 +90,16 @@ class Headway(Behavior):
     """1/s, by which the push grows from then on, up to a fifth; it falls back at the same rate when they walk again, at a
     quarter of the desired speed or faster."""
     beside: NotNegative = 0.12
-    """s, ``T_y``: who walks the same way ahead, but so far beside the strip, lets one walk at that distance over T_y; 0 = those
-    beside are not minded."""
+    """s, ``T_y``: a pedestrian ahead on the same way, but beside the strip, allows the speed of its distance from the strip
+    over T_y; 0 = people beside do not matter."""
     keep_up: Share = 0.8
-    """share of the speed of someone beside at which one walks on in any case."""
+    """share of the speed of a pedestrian beside that is allowed in any case."""
     off_walls: NotNegative = 0.1
-    """m: nearer to a wall than this people bend their way off it; 0 = they do not mind walls."""
+    """m: nearer to a wall than this people bend their way off it; 0 = they ignore walls."""
     shyness: NotNegative = 0.1
-    """how far they do at the wall itself, as a share of the way."""
+    """the bend at the wall itself, as a share of the way."""
     sight: Positive = 2.0
-    """m, gap beyond which nobody is noticed."""
+    """m, gap beyond which people do not notice each other."""
     interval: Positive = 0.05
     """s, between two decisions; in between the desired velocity stays as it is."""
 
@@ -124,18 +123,18 @@ class Headway(Behavior):
 
     @classmethod
     def params_of(cls, chosen: Any) -> Any:
-        """Return the rule as kernels read it; people who keep no distance decide anew at every step."""
+        """Return the parameters for kernels; people without a headway decide at every step."""
         params = super().params_of(chosen)
         return params if chosen is not None else params._replace(interval=0.0)
 
 
 Manner: TypeAlias = str | Mapping[str, Any] | Headway
-"""How callers say how people walk: a name in `MANNERS`, a table of the parameters of a `Headway`, or one."""
+"""A manner as callers give it: a name in `MANNERS`, a table of the parameters of a `Headway`, or one."""
 
-# Name -> how people walk, by description: who behaves so is said before any comparison, and one set of numbers serves all.
+# Name -> manner, chosen by description of the crowd before any comparison; one set of numbers serves all.
 MANNERS: dict[str, Headway | None] = {
     "competitive": None,  # an emergency: full speed whatever is in front, as in the papers
-    "eager": Headway(time_gap=0.2, standing=0.1),  # a gate that everyone wants to be through first
+    "eager": Headway(time_gap=0.2, standing=0.1),  # a gate where all want to be first
     "hurried": Headway(time_gap=0.3),  # gate, concert entrance, lecture hall
     "calm": Headway(),  # museum, corridor
 }

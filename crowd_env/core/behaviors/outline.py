@@ -1,14 +1,14 @@
-"""Outline: the shape of bodies that are no discs, as several discs with one mass, and what turns them into their way.
+"""Outline: the shape of bodies as several discs with one mass, and the torque that turns them into their way.
 
     M = I (wrap(way - angle) / t^2 - 2 spin / t),   |M| <= M_max            t turning time: critically damped
 
-The outline is that of everybody, scaled: `Bodies.radius` stays the radius of the disc of the same area, so that density,
-headway, social force and observations mean what they mean for discs.  The center of mass lies in the centroid, and the moment
-of inertia is that of a plate of even weight.  The angle is 0 where a body faces along +x; its left is then along +y.
+All bodies have the same outline, scaled: `Bodies.radius` stays the radius of the disc of the same area, so density, headway,
+social force and observations keep their meaning.  The center of mass lies in the centroid, and the moment of inertia is that of
+a plate of even weight.  The angle is 0 where a body faces along +x; its left is then along +y.
 
 "torso" has the five discs, from shoulder to shoulder, of a person of 81 kg in an example of LEMONS (Dufour, Stapelle, Nicolas,
-SciPost Phys. Codebases 67, 2026; repository Crowd-Mechanics/LEMONS, push_Feldmann, Agents.xml), who made them from the torso of
-the Visible Human and the measures of ANSUR II: bideltoid breadth 0.471 m, chest depth 0.246 m.  Its moment of inertia there is
+SciPost Phys. Codebases 67, 2026; repository Crowd-Mechanics/LEMONS, push_Feldmann, Agents.xml), made from the torso of the
+Visible Human and the measures of ANSUR II: bideltoid breadth 0.471 m, chest depth 0.246 m.  Its moment of inertia there is
 1.48 kg m^2.  A turning time of 0.45 s damps spin at 2 / t = 4.4 /s, LEMONS does so at 4.5 /s.  The largest torque is assumed.
 """
 
@@ -48,7 +48,7 @@ class UnitShape(NamedTuple):
 
 
 class OutlineParams(NamedTuple):
-    """An outline as kernels read it; no discs where bodies are discs."""
+    """Parameters of an outline for kernels; no discs where bodies are discs."""
 
     x: Floats  # (K,)  see `UnitShape`
     y: Floats
@@ -59,7 +59,7 @@ class OutlineParams(NamedTuple):
 
 
 def _rows(discs: Any) -> Any:
-    """Return what is given as rows; what is none is left to be refused."""
+    """Return discs as rows; other input is returned unchanged, for a later check to refuse."""
     return discs if isinstance(discs, str | Mapping) or not isinstance(discs, Iterable) else list(discs)
 
 
@@ -83,7 +83,7 @@ def _moments(x: Floats, y: Floats, r: Floats) -> tuple[float, float, float, floa
 
 
 def _free_arcs(k: int, x: Floats, y: Floats, r: Floats) -> list[tuple[float, float]]:
-    """Return from where to where [rad] the border of disc ``k`` lies in no other disc; of equal discs the first counts."""
+    """Return the arcs [rad] of the border of disc ``k`` that lie in no other disc; of equal discs the first counts."""
     edges = np.linspace(0.0, 2.0 * np.pi, 5).tolist()  # no arc is longer than a quarter of a turn
     for other in range(len(r)):
         dx, dy = x[other] - x[k], y[other] - y[k]
@@ -159,7 +159,7 @@ class Outline(Behavior):
         """The stable step as a share of that of discs of the same area.
 
         Stiffness is at most that of all discs pressed at once, each at the longest lever: omega^2 grows by K (1 + b^2 / J)
-        times the root of the largest disc, whose contact radius is that much smaller.
+        times the root of the largest disc, since its contact radius is that much smaller.
         """
         x, y, radius, _, inertia = self.shape
         lever = float((x * x + y * y).max())
@@ -178,13 +178,13 @@ class Outline(Behavior):
 
     @classmethod
     def plain_of(cls, chosen: Any) -> Any:
-        """Return the name of an outline, or if it has none the table of its parameters."""
+        """Return the name of an outline, or without one the table of its parameters."""
         plain = plain_choice(chosen, cls.PRESETS)
         return plain if isinstance(plain, str) else plain | {"discs": [list(disc) for disc in plain["discs"]]}
 
     @classmethod
     def params_of(cls, chosen: Any) -> OutlineParams:
-        """Return the outline as kernels read it; no discs where bodies are discs."""
+        """Return the outline for kernels; no discs where bodies are discs."""
         if chosen is None:
             return OutlineParams(np.zeros(0), np.zeros(0), np.zeros(0), 1.0, np.inf, np.inf)
         x, y, radius, reach, _ = chosen.shape
@@ -200,9 +200,9 @@ _TORSO = (
 )
 
 BodyShape: TypeAlias = str | Mapping[str, Any] | Outline
-"""How callers say what shape bodies have: a name in `OUTLINES`, a table of the parameters of an `Outline`, or one."""
+"""A shape as callers give it: a name in `OUTLINES`, a table of the parameters of an `Outline`, or one."""
 
-# Name -> shape of everybody.
+# Name -> shape of all bodies.
 OUTLINES: dict[str, Outline | None] = {
     "disc": None,  # as in the papers
     "torso": Outline(_TORSO),

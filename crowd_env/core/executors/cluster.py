@@ -1,6 +1,6 @@
 """Pieces of work on the nodes of a Ray cluster; the only file of the simulator that knows Ray, which it loads on first use.
 
-Ray starts a process for each core of each node, hands it pieces, and does a piece again elsewhere whose process or node
+Ray starts a process for each core of each node, hands it pieces, and repeats a piece elsewhere if its process or node
 has died.  A node needs the same code at hand: each piece carries a stamp of it, which the node compares with its own.
 """
 
@@ -21,7 +21,7 @@ from crowd_env.core.executors.executor import Done, Outcome, Piece, Work, Worker
 from crowd_env.core.kernels.jit import source_stamp
 from crowd_env.core.libraries import needed_for
 
-RETRIES = 3  # of a piece whose process or node has died; a piece that kills every process is given up
+RETRIES = 3  # of a piece after its process or node has died; a piece that kills every process is given up
 _LOOK = 0.5  # s  between two looks for Ctrl-C
 _REACHED = 10.0  # s  within which a cluster has to answer
 
@@ -36,7 +36,7 @@ class RayCluster:
     Raises
     ------
     ValueError
-        If the cluster cannot be reached, or no node of it has so many cores.
+        If the cluster cannot be reached, or no node of it has ``cores`` cores.
     ModuleNotFoundError
         If Ray is not installed; the message says how to install it.
     """
@@ -53,7 +53,7 @@ class RayCluster:
         self.workers = sum(size // cores for size in sizes)
 
     def run(self, work: Work[Piece, Outcome], pieces: Sequence[Piece], done: Done[Outcome]) -> None:
-        """Do the pieces; Ctrl-C, or a piece that fails, ends those under way at once.
+        """Do the pieces; Ctrl-C, or a piece that fails, ends all pieces under way at once.
 
         Raises
         ------

@@ -33,7 +33,7 @@ class Store:
     identity : what decides all pieces, ready for JSON; None = each piece says so itself, as its ``made_by``.
     about : name of the file that holds the identity.
     free : entries of the identity in which two commands may differ and still go on with each other's pieces.
-    owned : patterns of names that a folder without an identity must not hold: they are somebody else's.
+    owned : patterns of names that a folder without an identity must not hold: another program wrote them.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Memory that is asked for before it is needed: it comes while other work goes on.
+"""Prefetch: memory is requested before it is needed, and arrives during other work.
 
-A table that does not fit into the caches costs a hundred nanoseconds a look where a look is a few of work.  The processor does
-not guess where the next one will be; who knows says so.  No result depends on it.
+A look-up in a table beyond the caches waits a hundred nanoseconds for a few of work.  The processor cannot guess the place of
+the next look-up, so the kernel names it.  No result depends on it.
 """
 
 from typing import Any

@@ -6,11 +6,11 @@ every file that holds kernels or that such a file imports.  Any edit there opens
 removed.  Since the stamp says what a kernel is, equal sources share kernels, wherever they lie; and kernels that were compiled
 elsewhere, for processors of a kind, can be installed: the package crowd_env_kernels (`make kernels-wheel`).
 
-numba unpickles what lies in the folder, so everyone who can write there can run code here: a folder is used only if
-nobody else can.  What is installed is trusted as all installed code is, and only read.
+numba unpickles the files of the folder, so any user with write access could run code here: a folder is used only if no other
+user has it.  Installed kernels are trusted as all installed code is, and only read.
 
 With ``NUMBA_DISABLE_JIT=1`` in the environment nothing is compiled: every kernel is the plain Python function that is written
-here, in which a debugger stops and whose lines a coverage report counts.
+here, so debuggers stop in it and coverage reports count its lines.
 """
 
 import hashlib
@@ -68,7 +68,7 @@ def kernel_stamp(package: Path = Path(__file__).parents[2]) -> str:
 
 
 def kernel_sources(package: Path) -> list[Path]:
-    """Return the files of a package that hold kernels and those that they import, directly or not; sorted."""
+    """Return the files of a package that hold kernels and the files that they import, directly or not; sorted."""
     texts = {path: path.read_text(encoding="utf-8") for path in package.rglob("*.py")}
     found: set[Path] = set()
     new = {path for path, text in texts.items() if _HOLDS_KERNELS.search(text)}
@@ -93,7 +93,7 @@ def _hash_of(package: Path, files: list[Path]) -> str:
 def cache_folder(stamp: str) -> Path | None:
     """Return the stamped cache folder: in $NUMBA_CACHE_DIR, else in the user's cache.
 
-    None if that cannot be used: kernels are then compiled anew, in memory, in every process.
+    None if that cannot be used: every process then compiles kernels in memory.
     """
     root = _root()
     if root is None:
@@ -139,7 +139,7 @@ def _open(folder: Path) -> str | None:
 
 
 def _shared(folder: Path, others: tuple[int, ...] = ()) -> str | None:
-    """Return why somebody else could put files into a folder, None if nobody could.
+    """Return why another user could put files into a folder, None if no other could.
 
     It has to belong to this user, or to one of ``others``: then entries of it are still safe if only their owners may replace
     them (the sticky bit, as in /tmp).

@@ -1,4 +1,4 @@
-"""Threads that work side by side, and end together: whatever happens, nobody is left at work behind the caller's back."""
+"""Threads that work side by side, and end together: no thread outlives the call, whatever happens."""
 
 import os
 import threading
@@ -66,7 +66,7 @@ class Workers:
                 raise error
 
     def _ready(self, threads: int) -> ThreadPoolExecutor:
-        """Return a pool in which so many threads run: those that wait for each other must not wait for one to start."""
+        """Return a pool with ``threads`` running threads: parts that wait for each other must not wait for one to start."""
         if self._pool is None or self._threads < threads or self._process != os.getpid():
             pool, all_here = ThreadPoolExecutor(threads), threading.Barrier(threads + 1)
             try:
