@@ -5,6 +5,7 @@ Each part is a frozen dataclass.  A function that takes one also takes its first
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from keyword import iskeyword
 from typing import Any, Literal, Self, TypeAlias
 
 from crowd_env.core.behaviors import BEHAVIORS
@@ -17,6 +18,8 @@ from crowd_env.core.checks import POSITIVE, Range, check_fields, flag, from_tabl
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 
 _THREADS = Range(1, 1024)
+_NEEDS = ("drives", "turns_bodies")  # facts of a scheme that a behavior may need
+_OR_NEEDS = " or ".join(map(repr, _NEEDS))
 
 
 class Part:
@@ -113,12 +116,43 @@ class Walking(Part):
     def __post_init__(self) -> None:
         Headway.of(self.manner)
         check_fields("walking", self)
-        for one in self.others:
-            if (
-                getattr(one, "NAME", None) in (None, *BEHAVIORS)
-                or [other.NAME for other in self.others].count(one.NAME) > 1
-            ):
-                refuse("walking: others", one, f"a behavior of a name of its own; known: {', '.join(BEHAVIORS)}")
+        check_others(self.others)
+
+
+def check_others(others: Sequence[Behavior]) -> None:
+    """Raise ValueError unless behaviors that are not in ``BEHAVIORS`` declare themselves without a clash.
+
+    Raises
+    ------
+    ValueError
+        If a name is none, or is taken; if a need is unknown, or what a scheme lacks is not said; or if recordings cannot hold
+        what one records.
+    """
+    names, recorded = list(BEHAVIORS), [name for kind in BEHAVIORS.values() for name in kind.RECORDED]
+    for one in others:
+        name = getattr(one, "NAME", None)
+        where = f"walking: behavior {shown(name)}"
+        if not isinstance(one, Behavior) or not str(name).isidentifier() or iskeyword(str(name)):
+            refuse(
+                "walking: others",
+                one,
+                "objects of classes derived from Behavior, each with a NAME that is an identifier",
+            )
+        if name in names:
+            raise ValueError(f"{where}: the name is taken; taken are {', '.join(names)}")
+        if one.NEEDS is not None and (one.NEEDS not in _NEEDS or not one.LACKS):
+            raise ValueError(
+                f"{where}: NEEDS is {shown(one.NEEDS)}; it must be None, or {_OR_NEEDS}, with a text in LACKS"
+            )
+        kept = getattr(one.MEMORY, "_fields", ())
+        for array in one.RECORDED if isinstance(one.RECORDED, tuple) else [one.RECORDED]:
+            if array not in kept or array in recorded:
+                why = (
+                    "is recorded already" if array in recorded else f"is not in its memory: {', '.join(kept) or 'none'}"
+                )
+                raise ValueError(f"{where}: RECORDED names {shown(array)}, which {why}")
+            recorded.append(array)
+        names.append(str(name))
 
 
 AsPhysics: TypeAlias = Physics | str | Mapping[str, Any] | ContactScheme

@@ -26,7 +26,7 @@ _NOBODY: Ints = np.zeros(0, dtype=np.int64)
 def facts_of(env: CrowdEnv, e: int, *, every: int, contacts: bool, seed: int | None, run: int) -> dict[str, Any]:
     """Return the facts of the evacuation in environment ``e`` for a recording; a frame is ``every`` decisions."""
     scenario, simulation, people = env.scenario_of_env[e], env.simulation, env.people(e)
-    return {
+    facts = {
         "scenario": scenario.name,
         "title": scenario.title,
         "people": people.stop - people.start,
@@ -40,9 +40,10 @@ def facts_of(env: CrowdEnv, e: int, *, every: int, contacts: bool, seed: int | N
         **{name: BEHAVIORS[name].plain_of(simulation.behaviors[name]) for name in _ALWAYS},
         "time_limit": float(env.time_limit[e]),
         "versions": versions_of(),
-        **{name: kind.plain_of(simulation.behaviors[name]) for name, kind in _of_memory(simulation).items()},
         **({"contact_force": "mean since the frame before"} if contacts else {}),
     }
+    recorded = {name: kind.plain_of(simulation.behaviors[name]) for name, kind in _of_memory(simulation).items()}
+    return recorded | facts  # a behavior called as a fact does not replace it
 
 
 def _of_memory(simulation: Simulation) -> dict[str, type[Behavior]]:
@@ -160,6 +161,6 @@ class FrameSampler:
             velocity=velocity[rows],
             pressure=pressure[rows],
             angle=None if outline is None else angle[rows],
-            memory={name: values[rows] for name, values in kept.items()},
+            memory={name: np.asarray(values[rows], dtype=np.float64) for name, values in kept.items()},
             contacts=None if self._contacts is None else self._contacts.take(time - self._seen_at, ~self._gone),
         )

@@ -4,6 +4,7 @@ Pedestrians tire: the speed that they want falls by exp(-t / T) since they began
 tau then walks at v_0 exp(-t / T) / (1 - tau / T) once the start is forgotten, or without a drive at v_0 exp(-t / T).
 """
 
+import re
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
@@ -108,10 +109,28 @@ def test_a_recording_holds_it(tmp_path, suffix):
         assert found.facts["fatigue"] == {"lasts": LASTS}
 
 
-def test_a_name_that_is_taken_is_refused():
-    class Again(Fatigue):
-        NAME = "balance"
+WRONG = {
+    "taken": ({"NAME": "balance"}, "behavior 'balance': the name is taken; taken are manner, "),
+    "no identifier": ({"NAME": "my limp"}, "a NAME that is an identifier"),
+    "unknown need": ({"NAME": "limp", "NEEDS": "drivess"}, "NEEDS is 'drivess'; it must be None, or 'drives' or"),
+    "a need without words": ({"NAME": "limp", "NEEDS": "drives"}, "with a text in LACKS"),
+    "not in memory": (
+        {"NAME": "limp", "RECORDED": ("tim",)},
+        "RECORDED names 'tim', which is not in its memory: time, walks",
+    ),
+    "feet": ({"NAME": "limp", "RECORDED": ("feet",)}, "RECORDED names 'feet', which is"),
+}
 
-    for others in [(Again(),), (Fatigue(), Fatigue(2.0)), (1,)]:
-        with pytest.raises(ValueError, match="others"):
-            Walking(others=others)
+
+@looped("case", WRONG)
+def test_what_a_behavior_declares_wrongly_is_refused_in_one_sentence(case):
+    declares, words = WRONG[case]
+    with pytest.raises(ValueError, match=re.escape(words)):
+        Walking(others=(type("Limp", (Fatigue,), declares)(),))
+
+
+def test_two_behaviors_of_one_name_are_refused():
+    with pytest.raises(ValueError, match="'fatigue': the name is taken"):
+        Walking(others=(Fatigue(), Fatigue(2.0)))
+    with pytest.raises(ValueError, match="Behavior"):
+        Walking(others=(1,))
