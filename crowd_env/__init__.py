@@ -13,7 +13,7 @@ from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_st
 from crowd_env.core.behaviors.balance import BALANCES, Balance
 from crowd_env.core.behaviors.headway import MANNERS, Headway
 from crowd_env.core.behaviors.outline import OUTLINES, Disc, Outline
-from crowd_env.core.behaviors.pulls import Attraction, Companionship, Pulls
+from crowd_env.core.behaviors.pulls import Attraction, GroupCohesion, Pulls
 from crowd_env.core.version import __version__ as __version__
 from crowd_env.envs.action import ActionKind
 from crowd_env.envs.crowd import CrowdEnv, Step
@@ -36,7 +36,7 @@ from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios import SCENARIOS, make_scenario
-from crowd_env.scenarios.groups import Groups
+from crowd_env.scenarios.cohorts import Cohorts
 from crowd_env.scenarios.population import TABLE_4, LogNormal, Normal, Population, Uniform
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 from crowd_env.scenarios.starts import read_starts
@@ -66,8 +66,8 @@ __all__ = [
     "Attraction",
     "Balance",
     "Bodies",
+    "Cohorts",
     "Comfort",
-    "Companionship",
     "ControlRule",
     "CrowdEnv",
     "CrowdGymEnv",
@@ -79,7 +79,7 @@ __all__ = [
     "EpisodeMetrics",
     "GeneratedCrowds",
     "Geometry",
-    "Groups",
+    "GroupCohesion",
     "Headway",
     "Hertz",
     "LogNormal",

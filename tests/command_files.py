@@ -96,8 +96,8 @@ BAD = {
     "broken.toml": "[geometry\n",
     "broken.json": "{,}",
     "plan.toml": ROOM,
-    "groups.toml": scenario(people="radius = 0.2").replace("[population]\nradius = 0.2", "")
-    + "[[groups]]\npeople = 3\n[[groups]]\npeople = 4\n",
+    "cohorts.toml": scenario(people="radius = 0.2").replace("[population]\nradius = 0.2", "")
+    + "[[cohorts]]\npeople = 3\n[[cohorts]]\npeople = 4\n",
     "start.toml": scenario("regions = { far = { box = [20, 20, 22, 22] } }", people='people = 5\nstart_region = "far"'),
     "cut.toml": scenario(
         "regions = { cell = { box = [7, 0, 9, 5] } }",

@@ -30,7 +30,7 @@ PLANS = {
 }
 
 
-def recording(end=4.0, people=20, *, finish=True, geometry=ROOM, pressure=None, groups=("",), times=None):
+def recording(end=4.0, people=20, *, finish=True, geometry=ROOM, pressure=None, cohorts=("",), times=None):
     """People who cross the room to the door one after the other; times as they are called, not as they walk."""
     time = np.arange(0.0, end + 1e-9, 0.1)
     rng = np.random.default_rng(3)
@@ -45,12 +45,12 @@ def recording(end=4.0, people=20, *, finish=True, geometry=ROOM, pressure=None, 
         thin_walls=np.zeros((0, 2, 2)),
         doors=(),
         exits=tuple(zip(geometry.exit_names, geometry.exits, strict=True)),
-        groups=groups,
+        cohorts=cohorts,
         times=time if times is None else times,
         frame_start=np.concatenate([[0], np.cumsum(np.bincount(frame, minlength=len(time)))]),
         radius=np.full(people, 0.22),
         desired_speed=np.full(people, 1.3),
-        group=np.arange(people) % len(groups),
+        cohort=np.arange(people) % len(cohorts),
         exit_time=np.where(np.isfinite(leaves), leaves, np.nan),
         exit_index=np.where(np.isfinite(leaves), 0, -1),
         person=person,

@@ -25,7 +25,7 @@ _NO_CODE = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, to
 # of a floor plan or of an obstacle, a line around what is drawn, to draw back.
 BEHAVIOURS = {
     "manner": (r"manners?|headways?", None),
-    "pulls": (r"pulls?|companions?|companionship", r"pulls? (?:at|back|on|out)\b"),
+    "pulls": (r"pulls?|cohesion|group_size", r"pulls? (?:at|back|on|out)\b"),
     "outline": (
         r"outlines?",
         r"(?:an|its|whose) outline (?:and|lies|touches)|outlines? (?:lies|of the floor|that)|away from its outline"

@@ -91,7 +91,7 @@ def before_a_door(
     density: float = 3.0,
     environments: int = 1,
     waited: float = 0.0,
-    company: np.ndarray | int = -1,
+    group: np.ndarray | int = -1,
     **options,
 ) -> Simulation:
     """Return people on a jittered lattice in a square room with a door, slots in random order; the same in each environment.
@@ -111,7 +111,7 @@ def before_a_door(
         desired_speed=np.tile(speed, environments),
         response_time=np.tile(response, environments),
         push=np.tile(push, environments),
-        company=company,
+        group=group,
         env_start=count * np.arange(environments + 1),
     )
     state = make_state(np.tile(position, (environments, 1)), environments=environments)

@@ -1,7 +1,7 @@
 """Where people mean to go: a policy whose people leave by the way that they came from has not led them out.
 
-Physics lets out whoever crosses an exit line.  Two groups that meet in a corridor could therefore step back, each through the
-exit behind it.  Whoever has a route of the own group, and leaves by an exit that it does not lead to, counts as left inside.
+Physics lets out whoever crosses an exit line.  Two streams that meet in a corridor could therefore step back, each through the
+exit behind it.  Whoever has a route of its cohort, and leaves by an exit that it does not lead to, counts as left inside.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from crowd_env.envs.rollout import Episode
 
 
 def strayed(exit_index: Ints, place: Scenario) -> Bools:
-    """Return who of the people of a place (..., N) left by an exit that the route of the own group does not lead to.
+    """Return who of the people of a place (..., N) left by an exit that the route of its cohort does not lead to.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ def capacity_time(place: Scenario) -> float:
 def free_walk_time(task: Task, one: Variation = AS_IT_STANDS) -> float:
     """Return when the last person [s] of a task, varied, would be out if nobody stood in the way: the mean over crowds.
 
-    People walk alone (of crowds of several groups, one of each) as the rule says, from places and with bodies that are drawn
+    People walk alone (of crowds of several cohorts, one of each) as the rule says, from places and with bodies that are drawn
     anew in each of 100 runs; of as many of these as the task has people, the last one is out after
 
         E[max] = sum_k t_(k) [(k / n)^N - ((k - 1) / n)^N]

@@ -144,6 +144,10 @@ def place_digest(place: Scenario) -> str:
     return fingerprint(plain_place(place), _plain(place.behavior(Headway)))
 
 
+# Names of today -> the older ones in digests, which do not change with words.
+_OLDER = {"Cohorts": "Groups", "GroupCohesion": "Companionship", "group_size": "companions", "groups": "companions"}
+
+
 def _plain(value: Any) -> Any:
     """Return numbers to nine digits, texts, lists and tables: the same wherever classes stand and however numbers are kept."""
     if isinstance(value, np.ndarray | np.generic):
@@ -159,8 +163,10 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(one) for one in value]
     names = [one.name for one in fields(value)] if is_dataclass(value) else list(vars(value))
-    names = [name for name in names if name != "companions" or value.companions is not None]  # as if it had none
-    return {"": type(value).__name__} | {name: _plain(getattr(value, name)) for name in names}
+    names = [name for name in names if name != "group_size" or value.group_size is not None]  # as if it had none
+    kind = type(value).__name__
+    known = {"": _OLDER.get(kind, kind)}
+    return known | {_OLDER.get(name, name): _plain(getattr(value, name)) for name in names}
 
 
 FILE = Path(__file__).with_name("tasks.toml")

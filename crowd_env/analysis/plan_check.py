@@ -15,7 +15,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import closed_off, stuck_bodies
 from crowd_env.geometry.placement import lattice
 from crowd_env.routing.fields.grid import nearest_nodes
-from crowd_env.scenarios.groups import People
+from crowd_env.scenarios.cohorts import People
 from crowd_env.scenarios.scenario import Scenario
 
 # Beyond these a plan is rarely what it is meant to be.
@@ -40,7 +40,7 @@ class PlanCheck:
         (P, 2) m, one draw of where they start; empty if they do not fit.
     radius
         (P,) m, of their bodies.
-    group
+    cohort
         (P,) to which part of ``people`` they belong.
     terrain
         The distance to the walls.
@@ -66,7 +66,7 @@ class PlanCheck:
     people: People
     position: Floats
     radius: Floats
-    group: Ints
+    cohort: Ints
     terrain: Terrain
     widths: dict[str, float]
     passages: dict[str, Passage | None]
@@ -110,7 +110,7 @@ def check_plan(
     except ValueError as error:
         radius, position = np.empty(0), np.empty((0, 2))
         remarks.append(f"people cannot be placed: {error}")
-    group = np.repeat(np.arange(len(people.parts)), [part.people for part in people.parts])
+    cohort = np.repeat(np.arange(len(people.parts)), [part.people for part in people.parts])
     regions = tuple(dict.fromkeys(part.start_region for part in people.parts if part.starts is None))
     start_area = geometry.area if None in regions or not regions else sum(geometry.area_of(r) for r in regions)
     widths = geometry.exit_widths
@@ -125,7 +125,7 @@ def check_plan(
         people=people,
         position=position,
         radius=radius,
-        group=group[: len(radius)],
+        cohort=cohort[: len(radius)],
         terrain=terrain,
         widths=widths,
         passages=passages,
@@ -138,7 +138,7 @@ def check_plan(
 
 
 def _starts(terrain: Terrain, people: People, geometry: Geometry, position: Floats) -> Floats:
-    """Return (rows, cols) how many people start at each node; a group is spread evenly over its region."""
+    """Return (rows, cols) how many people start at each node; a cohort is spread evenly over its region."""
     shape = terrain.clearance.shape
     starts = np.zeros(shape)
     begin = 0

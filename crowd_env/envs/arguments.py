@@ -94,7 +94,7 @@ def parts_of(what: str, duration: float, parts: str, part: float) -> int:
 def bodies_before_reset(scenarios: Sequence[Scenario]) -> Bodies:
     """Return bodies (P,) for the crowds of some environments, all with the greatest radius, mass and speed of their population.
 
-    They have the capacity of the bodies that a reset draws; all pedestrians that may have companions are one company.
+    They have the capacity of the bodies that a reset draws; all pedestrians that may walk in groups are one group.
     """
     parts = [part for scenario in scenarios for part in scenario.population.parts]
     counts = [part.people for part in parts]
@@ -103,7 +103,7 @@ def bodies_before_reset(scenarios: Sequence[Scenario]) -> Bodies:
         np.repeat([part.mass.high for part in parts], counts),
         desired_speed=np.repeat([part.desired_speed.high for part in parts], counts),
         relaxation_time=np.repeat([part.relaxation_time.low for part in parts], counts),
-        company=np.repeat([0 if part.walks_together else ALONE for part in parts], counts),
+        group=np.repeat([0 if part.walks_together else ALONE for part in parts], counts),
         env_start=np.cumsum([0, *(scenario.population.people for scenario in scenarios)]),
     )
 

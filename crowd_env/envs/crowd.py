@@ -40,7 +40,7 @@ from crowd_env.physics.simulation.checkpoint import (
     write_arrays,
 )
 from crowd_env.physics.simulation.simulation import Simulation
-from crowd_env.scenarios.groups import extreme_bodies
+from crowd_env.scenarios.cohorts import extreme_bodies
 
 
 class Step(NamedTuple):
@@ -363,7 +363,7 @@ class CrowdEnv:
             e, scenario, strategy = chosen[k], self.scenarios[kinds[k]], self.strategies[kinds[k]]
             route_set = self.simulation.planner.route_set(e)  # as the doors stand at the start
             assert route_set is not None
-            route = scenario.choose(route_set, strategy, position[k], bodies[k].radius, bodies[k].company)
+            route = scenario.choose(route_set, strategy, position[k], bodies[k].radius, bodies[k].group)
             self.simulation.send(e, route)
             if not scenario.depends_on_place(strategy):
                 self._usual_route[kinds[k]] = route

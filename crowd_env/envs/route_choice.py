@@ -28,7 +28,7 @@ class RouteChoice(NamedTuple):
     """The C ways that can be chosen, and the time of each pedestrian's last choice."""
 
     ways: Ways
-    allowed: Bools  # (P, C)  groups that have a route or exits of their own keep to these
+    allowed: Bools  # (P, C)  cohorts that have a route or exits of their own keep to these
     chosen_at: Floats  # (P,)  s   of the last change of way; -inf = none in this episode
     dwell: float  # s
     env_start: Ints  # (E+1,)
@@ -87,7 +87,7 @@ def make_route_choice(
 
 
 def _allowed(part: "Population", scenario: "Scenario") -> list[bool]:
-    """Return which of the ways of a place (C,) the people of a group may choose."""
+    """Return which of the ways of a place (C,) the people of a cohort may choose."""
     leads_to = {route.name: route.exits or scenario.exits for route in scenario.routes}
     goals = part.exits or scenario.exits
     return [part.route is None and set(leads_to.get(name, (name,))) <= set(goals) for name in scenario.ways]

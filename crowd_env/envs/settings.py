@@ -14,7 +14,7 @@ from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.reward import RewardWeights
 from crowd_env.physics.scheme import DECISION_DT
 from crowd_env.physics.settings import AsPhysics, AsWalking, Part, Physics, Walking
-from crowd_env.scenarios.groups import extreme_bodies
+from crowd_env.scenarios.cohorts import extreme_bodies
 from crowd_env.scenarios.scenario import Scenario
 
 Given = ParamSpec("Given")

@@ -98,7 +98,7 @@ class Walking(Part):
     manner : a name in ``MANNERS``, a `Headway`, or a table of its parameters; by default that of the scenario.
     acts_on : "everyone": pedestrians with an action too, which is then the desired motion on a free way.  "scripted": only
         pedestrians without an action; the others walk exactly by their action.
-    pulls : companions and attractions that pull people off their way, of all places or of each; by default as in the
+    pulls : groups and attractions that pull people off their way, of all places or of each; by default as in the
         scenario.
     others : behaviors that are not in ``BEHAVIORS``: objects of user classes derived from `Behavior`.
 

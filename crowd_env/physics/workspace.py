@@ -154,9 +154,9 @@ class Walkers(NamedTuple):
     # For each part of a cut crowd: places in that order of the people seen in front, and scratch of `walking.ahead`.
     seen: Annotated[Indices, "S", "walking"]
     ahead: Annotated[Floats, f"W {_QUANTITIES * BLOCK}", "walking"]
-    # Companies by their number: the first of the members, and the sum of their positions [m] and their number; -1 = none.
+    # Groups by their number: the first of the members, and the sum of their positions [m] and their number; -1 = none.
     first: Annotated[Ints, "P", "pulls"]
-    following: Annotated[Ints, "P", "pulls"]  # the next member of the same company
+    following: Annotated[Ints, "P", "pulls"]  # the next member of the same group
     sums: Annotated[Floats, "P 3", "pulls"]
 
 

@@ -84,11 +84,11 @@ class FrameSampler:
             "thin_walls": geometry.walls[geometry.two_sided & fixed].copy(),
             "doors": tuple((geometry.doors[k], line.copy()) for k, line in leaves),
             "exits": tuple(zip(geometry.exit_names, geometry.exits.copy(), strict=True)),
-            "groups": tuple(part.name for part in parts),
+            "cohorts": tuple(part.name for part in parts),
             "radius": bodies.radius[self._people].copy(),
             "desired_speed": bodies.desired_speed[self._people].copy(),
-            "group": np.repeat(np.arange(len(parts)), [part.people for part in parts]),
-            "company": bodies.company[self._people].copy(),
+            "cohort": np.repeat(np.arange(len(parts)), [part.people for part in parts]),
+            "group": bodies.group[self._people].copy(),
             "outline": None if outline is None else Outline.plain_of(outline),
         }
 

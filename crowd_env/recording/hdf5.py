@@ -19,7 +19,16 @@ import numpy as np
 from crowd_env.core.files.atomic import written
 from crowd_env.recording.foreign import recording_of_positions
 from crowd_env.recording.recording import OF_PEOPLE, FrameContacts, Recording
-from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing, part_of, recording_of, remove_part
+from crowd_env.recording.writer import (
+    area_with_aprons,
+    as_json,
+    facing,
+    in_files,
+    part_of,
+    place_of,
+    recording_of,
+    remove_part,
+)
 
 _NUMBERS = ("x", "y", "z", "ox", "oy", "vx", "vy", "pressure")
 _ROW = [("frame", "<i4"), ("id", "<i4"), *((name, "<f8") for name in _NUMBERS)]
@@ -51,7 +60,7 @@ class Hdf5Writer:
         if first.contacts is not None:
             self._table("contacts", _CONTACT)
         self._file.create_dataset("people", data=_people(first))
-        place = as_json({name: getattr(first, name) for name in PLACE})
+        place = as_json(place_of(first))
         self._file.attrs.update(wkt_geometry=area_with_aprons(first).wkt, place=place, facts=as_json(first.facts))
         self._file.attrs.update(producer="crowd_env", fps=1.0 / first.frame_interval)
         self._file.swmr_mode = True
@@ -139,7 +148,7 @@ def _optional(recording: Recording) -> dict[str, np.ndarray]:
 def _people(recording: Recording) -> np.ndarray:
     people = np.zeros(len(recording.radius), dtype=_PERSON)
     for name in OF_PEOPLE:
-        people[name] = getattr(recording, name)
+        people[in_files(name)] = getattr(recording, name)
     return people
 
 
@@ -181,7 +190,7 @@ def _ours(file: Any) -> Recording:
         contacts = FrameContacts(start, *(found[name] for name in FrameContacts._fields[1:]))
     since = count["time"][-1] if len(count) else -np.inf
     out = people["exit_time"] <= since  # rows written after the last valid frame do not count
-    of_people = {name: people[name] for name in OF_PEOPLE}
+    of_people = {name: people[in_files(name)] for name in OF_PEOPLE}
     of_people["exit_time"] = np.where(out, people["exit_time"], np.nan)
     of_people["exit_index"] = np.where(out, people["exit_index"], -1)
     return recording_of(

@@ -17,12 +17,12 @@ from crowd_env.geometry.geometry import Geometry
 OF_PEOPLE = (
     "radius",
     "desired_speed",
-    "group",
+    "cohort",
     "exit_time",
     "exit_index",
-    "company",
+    "group",
 )  # fields of a recording with one for each
-_WHOLE = {"frame_start", "group", "exit_index", "company", "person", "start", "i", "j"}
+_WHOLE = {"frame_start", "cohort", "exit_index", "group", "person", "start", "i", "j"}
 
 
 class FrameContacts(NamedTuple):
@@ -73,13 +73,13 @@ class Recording:
     thin_walls: Floats  #: (W, 2, 2) m, walls without thickness inside the area
     doors: tuple[tuple[str, Floats], ...]  #: name, (2, 2) m, of each leaf: a wall while the door is closed
     exits: tuple[tuple[str, Floats], ...]  #: name, (2, 2) m, of each row of Geometry.exits; an exit may have several
-    groups: tuple[str, ...]  #: names of the groups of people; ("",) if there are none
+    cohorts: tuple[str, ...]  #: names of the cohorts of people; ("",) if there are none
     times: Floats  #: (F,) s
     frame_start: Ints  #: (F+1,) rows of frame f are frame_start[f]:frame_start[f + 1]
     # of N people
     radius: Floats  #: (N,) m, of the disc, or of the disc of the same area
     desired_speed: Floats  #: (N,) m/s
-    group: Ints  #: (N,) which of `groups`
+    cohort: Ints  #: (N,) which of `cohorts` each belongs to
     exit_time: Floats  #: (N,) s, nan for pedestrians still inside at the end
     exit_index: Ints  #: (N,) which of `exits`; -1 for pedestrians still inside at the end
     # of R rows
@@ -88,15 +88,15 @@ class Recording:
     velocity: Floats  #: (R, 2) m/s
     pressure: Floats  #: (R,) N/m, mean since the frame before, see `contact_pressure`
     angle: Floats | None = None  #: (R,) rad, orientation of bodies that are no discs
-    company: Ints = None  # type: ignore[assignment]  #: (N,) number of the company; -1, the default, = alone
+    group: Ints = None  # type: ignore[assignment]  #: (N,) group in which each walks; -1, the default, = alone
     memory: Mapping[str, Floats] = field(default_factory=dict)  #: (R, ...) rows of behaviors: see `Behavior.rows`
     outline: Any = None  #: shape of the bodies as plain data, see `Outline.plain_of`
     contacts: FrameContacts | None = None  #: if they were recorded
 
     def __post_init__(self) -> None:
         frames, people, rows = len(self.times), len(self.radius), len(self.person)
-        if self.company is None:
-            object.__setattr__(self, "company", np.full(people, ALONE))  # type: ignore[unreachable]
+        if self.group is None:
+            object.__setattr__(self, "group", np.full(people, ALONE))  # type: ignore[unreachable]
         shapes: dict[str, tuple[int, ...]] = {
             "thin_walls": (len(self.thin_walls), 2, 2),
             "times": (frames,),
@@ -113,7 +113,7 @@ class Recording:
             raise ValueError("a recording needs at least one frame, and its times must increase")
         _check_starts("frame_start", self.frame_start, rows)
         _check_numbers("person", self.person, 0, people)
-        _check_numbers("group", self.group, 0, len(self.groups))
+        _check_numbers("cohort", self.cohort, 0, len(self.cohorts))
         _check_numbers("exit_index", self.exit_index, -1, len(self.exits))
         if self.contacts is not None:
             one, two = (len(self.contacts.i),), (len(self.contacts.i), 2)

@@ -18,7 +18,16 @@ import numpy as np
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.recording.foreign import recording_of_positions
 from crowd_env.recording.recording import OF_PEOPLE, FrameContacts, Recording
-from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing, part_of, recording_of, remove_part
+from crowd_env.recording.writer import (
+    PLACE,
+    area_with_aprons,
+    as_json,
+    facing,
+    part_of,
+    place_of,
+    recording_of,
+    remove_part,
+)
 
 # The tables that JuPedSim and PedPy read.
 _JUPEDSIM = """
@@ -73,8 +82,8 @@ class SqliteWriter:
         self._hash = int.from_bytes(hashlib.blake2b(area.wkt.encode(), digest_size=8).digest(), "big", signed=True)
         known = {"version": 2, "fps": 1.0 / first.frame_interval}
         known |= dict(zip(("xmin", "ymin", "xmax", "ymax"), area.bounds, strict=True))
-        facts = {**first.facts, **{name: getattr(first, name) for name in PLACE if name != "exits"}}
-        people = _rows(first.radius, first.desired_speed, first.group, first.company)
+        facts = {**first.facts, **{name: one for name, one in place_of(first).items() if name != "exits"}}
+        people = _rows(first.radius, first.desired_speed, first.cohort, first.group)
         with _named(self._part):
             remove_part(path)
             self._file = sqlite3.connect(self._part, isolation_level=None, check_same_thread=False)
@@ -87,7 +96,7 @@ class SqliteWriter:
             self._insert("geometry", [(self._hash, area.wkt)])
             self._insert("facts", ((key, as_json(value)) for key, value in facts.items()))
             self._insert("exits", ((k, name, *line.ravel().tolist()) for k, (name, line) in enumerate(first.exits)))
-            self._insert("people", ((k, *one, None, None, company) for k, (*one, company) in enumerate(people)))
+            self._insert("people", ((k, *one, None, None, group) for k, (*one, group) in enumerate(people)))
             self._file.execute("COMMIT")
 
     def append(self, part: Recording) -> None:

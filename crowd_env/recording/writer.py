@@ -49,7 +49,19 @@ def area_with_aprons(recording: Recording) -> Any:
     return add_aprons(recording.geometry.walkable, exits, APRON) if len(exits) else recording.geometry.walkable
 
 
-PLACE = ("walkable", "thin_walls", "doors", "exits", "groups")  # fields of a recording
+# Field of a recording -> its name in files, which are older than the word.
+_IN_FILES = {"cohorts": "groups", "cohort": "group", "group": "company"}
+PLACE = ("walkable", "thin_walls", "doors", "exits", "groups")  # of the place, as files name it
+
+
+def in_files(name: str) -> str:
+    """Return the name that a field of a recording has in files."""
+    return _IN_FILES.get(name, name)
+
+
+def place_of(recording: Recording) -> dict[str, Any]:
+    """Return the fields ``PLACE`` of a recording."""
+    return {name: recording.cohorts if name == "groups" else getattr(recording, name) for name in PLACE}
 
 
 def as_json(value: Any) -> str:
@@ -66,7 +78,7 @@ def recording_of(facts: Mapping[str, Any], place: Mapping[str, Any], **columns: 
         columns["angle"] = None
     else:
         columns["outline"] = facts["outline"]
-    named = {"walkable": place["walkable"], "groups": tuple(place["groups"])}
+    named = {"walkable": place["walkable"], "cohorts": tuple(place["groups"])}
     return Recording(facts=facts, thin_walls=thin_walls, **named, **columns)
 
 

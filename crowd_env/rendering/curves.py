@@ -6,7 +6,7 @@ import numpy as np
 
 from crowd_env.recording import Recording
 from crowd_env.rendering.libraries import Image
-from crowd_env.rendering.palette import BACKGROUND, FAINT, INK, QUIET, SERIES, group_color
+from crowd_env.rendering.palette import BACKGROUND, FAINT, INK, QUIET, SERIES, cohort_color
 from crowd_env.rendering.text import put_text, shortened, text_width
 
 
@@ -98,8 +98,8 @@ class EgressStrip:
         about = (("people inside", INK), (f"film: {speed:.3g}× real time", QUIET))
         for text, color in about[: 1 if speed == 1.0 else 2]:
             self._free += put_text(image, text, (self._free, row), self.size, color) + round(self.size)
-        names = group_names(self.recordings[0]) if len(self.recordings) == 1 else ()
-        for name, paint in zip(names, group_color(range(len(names))).tolist(), strict=True):
+        names = cohort_names(self.recordings[0]) if len(self.recordings) == 1 else ()
+        for name, paint in zip(names, cohort_color(range(len(names))).tolist(), strict=True):
             wide = text_width(name, self.size) + round(2.2 * self.size)
             if self._free + wide > self.right:
                 break
@@ -115,9 +115,9 @@ class EgressStrip:
         return image
 
 
-def group_names(recording: Recording) -> tuple[str, ...]:
-    """Return the names of the groups of people; none if there is one group."""
-    names = tuple(name or f"group {k + 1}" for k, name in enumerate(recording.groups))
+def cohort_names(recording: Recording) -> tuple[str, ...]:
+    """Return the names of the cohorts of people; none if there is one cohort."""
+    names = tuple(name or f"cohort {k + 1}" for k, name in enumerate(recording.cohorts))
     return names if len(names) > 1 else ()
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from crowd_env.core.files.atomic import check_suffix
 from crowd_env.recording import Recording
-from crowd_env.rendering.curves import EgressStrip, group_names
+from crowd_env.rendering.curves import EgressStrip, cohort_names
 from crowd_env.rendering.discs import bodies_of
 from crowd_env.rendering.encoding import write_gif, write_mp4, write_png
 from crowd_env.rendering.frames import Renderer
@@ -196,7 +196,7 @@ def _panel(renderer: Renderer, recording: Recording, time: float, *, title: str,
         color_value=seen.pressure / FULL_PRESSURE,
         velocity=seen.velocity,
         bodies=bodies_of(recording, seen.position, radius, angle=seen.angle, feet=seen.memory.get("feet")),
-        group=recording.group[seen.person] if group_names(recording) else None,
+        cohort=recording.cohort[seen.person] if cohort_names(recording) else None,
         title=title,
         clock=time if clock else None,
         inside=inside,

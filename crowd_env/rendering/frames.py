@@ -12,7 +12,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import contact_pressure
 from crowd_env.rendering.discs import Bodies, bodies_of, put_bodies
 from crowd_env.rendering.libraries import Image
-from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, group_color, pressure_color
+from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, cohort_color, pressure_color
 from crowd_env.rendering.plan import MAT, Layout, draw_plan, exit_places, fit, round_length
 from crowd_env.rendering.text import put_text, shortened, text_width
 
@@ -77,7 +77,7 @@ class Renderer:
         color_value: ArrayLike | None = None,
         velocity: ArrayLike | None = None,
         bodies: Bodies | None = None,
-        group: ArrayLike | None = None,
+        cohort: ArrayLike | None = None,
         title: str = "",
         clock: float | None = None,
         inside: int | None = None,
@@ -93,7 +93,7 @@ class Renderer:
         color_value : (N,), how hard everyone is pressed: 0 to 1 is up to `FULL_PRESSURE`.  Without it all are calm.
         velocity : (N, 2) m/s, gives each round body that moves a heading.
         bodies : what is seen of each body, of `crowd_env.rendering.discs.bodies_of`; default a disc.
-        group : (N,), which group everyone belongs to; rims are in its color.
+        cohort : (N,), which cohort everyone belongs to; rims are in its color.
         title : what is seen.
         clock : s.
         inside : number of people inside; default the number of active ones.
@@ -111,7 +111,7 @@ class Renderer:
             self.layout,
             (bodies or bodies_of(None, position, radius)).rows(drawn),
             pressure_color(value[drawn]),
-            rim=None if group is None else group_color(np.asarray(group)[drawn]),
+            rim=None if cohort is None else cohort_color(np.asarray(cohort)[drawn]),
             heading=None if velocity is None else _headings(np.asarray(velocity, dtype=np.float64)[drawn]),
         )
         left = int(shown.sum()) if inside is None else inside

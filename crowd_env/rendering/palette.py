@@ -50,9 +50,9 @@ def pressure_color(value: ArrayLike) -> NDArray[np.uint8]:
     return RAMP[np.rint(level * (len(RAMP) - 1)).astype(np.int64)]
 
 
-def group_color(group: ArrayLike) -> NDArray[np.uint8]:
-    """Return (..., 3) the colors of groups of people, by their numbers."""
-    return np.asarray(SERIES, dtype=np.uint8)[np.asarray(group, dtype=np.int64) % len(SERIES)]
+def cohort_color(cohort: ArrayLike) -> NDArray[np.uint8]:
+    """Return (..., 3) the colors of cohorts of people, by their numbers."""
+    return np.asarray(SERIES, dtype=np.uint8)[np.asarray(cohort, dtype=np.int64) % len(SERIES)]
 
 
 def darker(colors: ArrayLike, by: float = 0.22) -> NDArray[np.uint8]:

@@ -18,8 +18,8 @@ from crowd_env.scenarios.plans.floor_plan import listed
 DOOR: Color = (196, 120, 32)
 NARROW: Color = (200, 30, 45)
 EDGE: Color = (240, 238, 233)  # where the center of no body can be
-_GROUPS = (0, 1, 2, 4)  # of SERIES
-# Of regions without a start; the others have the color of the group that starts there.
+_COHORTS = (0, 1, 2, 4)  # of SERIES
+# Of regions without a start; the others have the color of the cohort that starts there.
 _REGIONS: tuple[Color, ...] = (
     (74, 92, 160),
     (180, 70, 110),
@@ -100,7 +100,7 @@ def _draw_edge(axes: Axes, check: PlanCheck, floor: PathPatch) -> bool:
 def _draw_regions(axes: Axes, check: PlanCheck) -> list[Line2D]:
     """Tint and frame each region in its own color, the smaller above the larger, and return their entries."""
     geometry, others = check.geometry, cycle(_REGIONS)
-    starts = {part.start_region: _of_group(k) for k, part in reversed(list(enumerate(check.people.parts)))}
+    starts = {part.start_region: _of_cohort(k) for k, part in reversed(list(enumerate(check.people.parts)))}
     colors = {name: starts[name] if name in starts else next(others) for name in geometry.regions}
     for name in sorted(geometry.regions, key=geometry.area_of, reverse=True):
         area: Any = geometry.regions[name].intersection(geometry.walkable)
@@ -146,8 +146,8 @@ def _name_exits(axes: Axes, check: PlanCheck, widths: bool, size: float) -> list
     return entries
 
 
-def _of_group(k: int) -> Color:
-    return SERIES[_GROUPS[k % len(_GROUPS)]]
+def _of_cohort(k: int) -> Color:
+    return SERIES[_COHORTS[k % len(_COHORTS)]]
 
 
 def _draw_people(axes: Axes, check: PlanCheck) -> list[Line2D]:
@@ -155,7 +155,7 @@ def _draw_people(axes: Axes, check: PlanCheck) -> list[Line2D]:
     x0, y0, x1, y1 = check.bounds
     wide = max(x1 - x0, y1 - y0) > _SEEN
     for k, part in enumerate(check.people.parts):
-        here, color = check.group == k, hex_of(_of_group(k))
+        here, color = check.cohort == k, hex_of(_of_cohort(k))
         rim, width = (color, 1.5) if wide else ("white", 0.3)
         center, radius = check.position[here], check.radius[here]
         draw_bodies(axes, center, radius, facecolor=color, edgecolor=rim, linewidth=width, zorder=6)

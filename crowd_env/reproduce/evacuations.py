@@ -17,7 +17,7 @@ from crowd_env.envs.settings import Routing
 from crowd_env.physics import ContactScheme
 from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.arguments import check_step
-from crowd_env.scenarios.groups import extreme_bodies
+from crowd_env.scenarios.cohorts import extreme_bodies
 from crowd_env.scenarios.scenario import Scenario
 
 Key = TypeVar("Key")

@@ -13,7 +13,7 @@ class Route:
     """A way out that people may take or be sent on."""
 
     name: str
-    """name by which rules, groups and controllers refer to the route."""
+    """name by which rules, cohorts and controllers refer to the route."""
     exits: tuple[str, ...] = ()
     """names of the exits that the route may lead to, the best of which is taken; all exits by default."""
     via: str | None = None

@@ -16,14 +16,17 @@ import numpy as np
 from crowd_env.core.checks import POSITIVE, at, check_keys, from_table, number, table
 from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.scenarios.groups import Groups, People
+from crowd_env.scenarios.cohorts import Cohorts, People
 from crowd_env.scenarios.population import Population, population_of
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.starts import check_starts, read_starts
 
 SUFFIXES = (".toml", ".json")
 CORNERS = 32  # of a circle
-KEYS = ("$schema", *(field.name for field in fields(Scenario)), "groups")
+KEYS = ("$schema", *(field.name for field in fields(Scenario)), "cohorts")
+
+# Table of a file -> its older keys and what they are today.
+_OLDER = {"": {"groups": "cohorts"}, "population": {"companions": "group_size"}, "pulls": {"companions": "groups"}}
 
 Line: TypeAlias = list[tuple[float, float]]
 
@@ -85,12 +88,15 @@ def read_scenario(path: Path) -> Scenario:
 def _read_scenario(path: Path) -> Scenario:
     content = _read(path)
     with at(str(path)):
+        content = _today("", content)
         check_keys(str(path), content, KEYS)
-        for key in ("geometry", "groups" if "groups" in content else "population"):
+        for key in ("geometry", "cohorts" if "cohorts" in content else "population"):
             if key not in content:
                 raise ValueError(f"key {key!r} is missing")
-        own = {key: value for key, value in content.items() if key not in ("$schema", "groups")}
+        own = {key: value for key, value in content.items() if key not in ("$schema", "cohorts")}
         own |= {"geometry": _geometry(content["geometry"]), "population": _people(content, path.parent)}
+        if isinstance(pulls := own.get("pulls"), Mapping):
+            own["pulls"] = _today("pulls", pulls)
         scenario = Scenario(**{"name": path.stem, "time_limit": 1.0, **own})
         _require_ways(scenario)
         return scenario if "time_limit" in own else scenario.with_enough_time()
@@ -104,6 +110,15 @@ def _read(path: Path) -> Mapping[str, Any]:
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return table(f"{path}: the scenario", content, "keys and values")
+
+
+def _today(name: str, content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a table of a file with the keys of today in place of older ones."""
+    older = _OLDER[name]
+    for key, today in older.items():
+        if key in content and today in content:
+            raise ValueError(f"{key!r} is the older word for {today!r}; give one of them")
+    return {older.get(key, key): value for key, value in content.items()}
 
 
 def _geometry(content: Any) -> Geometry:
@@ -143,20 +158,20 @@ def _shape(where: str, value: Any) -> Any:
 
 def _people(content: Mapping[str, Any], folder: Path) -> People:
     shared = table("population", content.get("population", {}), "keys and values")
-    if "groups" not in content:
+    if "cohorts" not in content:
         return _population(shared, "population", folder)
     for key in ("people", "starts", "name"):
         if key in shared:
-            raise ValueError(f"population: {key!r} is a matter of each group; write it there")
-    groups = content["groups"] if isinstance(content["groups"], list) else [content["groups"]]
+            raise ValueError(f"population: {key!r} is a matter of each cohort; write it there")
+    cohorts = content["cohorts"] if isinstance(content["cohorts"], list) else [content["cohorts"]]
     parts = []
-    for k, group in enumerate(groups):
-        own = table(f"groups[{k}]", group, "keys and values")
+    for k, cohort in enumerate(cohorts):
+        own = table(f"cohorts[{k}]", cohort, "keys and values")
         elsewhere = {"start_region"} if "starts" in own and "start_region" not in own else ()
         of_all = {name: value for name, value in shared.items() if name not in elsewhere}
-        parts.append(_population({**of_all, **own}, f"groups[{k}]", folder))
-    with at("groups"):
-        return Groups(tuple(parts))
+        parts.append(_population({**of_all, **own}, f"cohorts[{k}]", folder))
+    with at("cohorts"):
+        return Cohorts(tuple(parts))
 
 
 def _population(given: Mapping[str, Any], key: str, folder: Path) -> Population:
@@ -168,7 +183,7 @@ def _population(given: Mapping[str, Any], key: str, folder: Path) -> Population:
                 raise ValueError(f"is {starts!r}, outside of the folder of the scenario; it must name a file in it")
             given = {**given, "starts": read_starts(path)}
     with at(key):
-        return population_of(key, given)
+        return population_of(key, _today("population", given))
 
 
 def _require_ways(scenario: Scenario) -> None:

@@ -13,7 +13,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import SLIVER, Area
 from crowd_env.geometry.placement import lattice
 from crowd_env.routing.route_set import Target
-from crowd_env.scenarios.groups import Groups, People, as_people
+from crowd_env.scenarios.cohorts import Cohorts, People, as_people
 from crowd_env.scenarios.plans.floor_plan import FloorPlan, listed
 from crowd_env.scenarios.plans.reading import read_plan
 from crowd_env.scenarios.population import Population
@@ -149,7 +149,7 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
                 wanted = f"the file says {sum(said.values())} people" if said else f"{PEOPLE} people may not fit"
                 warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --people decides", stacklevel=2)
     parts = [Population(**{**fields, "people": share, "start_region": name}) for name, share in shares.items()]
-    crowd: People = parts[0] if len(parts) == 1 else Groups(tuple(parts))
+    crowd: People = parts[0] if len(parts) == 1 else Cohorts(tuple(parts))
     return crowd.changed(people=usual if people is None else people)
 
 

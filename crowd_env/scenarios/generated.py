@@ -18,8 +18,8 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import Range, known, whole
 from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.route_set import Target
+from crowd_env.scenarios.cohorts import Cohorts, People
 from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
-from crowd_env.scenarios.groups import Groups, People
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario, changed_place
 
@@ -104,7 +104,7 @@ def draw_place(
     )
     shares = np.full(len(plan.starts), crowd.number // len(plan.starts))
     shares[: crowd.number % len(plan.starts)] += 1
-    groups = [
+    cohorts = [
         Population(int(n), start_region=name, route=plan.routes.get(name), name=name, **crowd.fields)
         for n, name in zip(shares, plan.starts, strict=True)
         if n > 0
@@ -115,7 +115,7 @@ def draw_place(
     place = Scenario(
         "generated-v0",
         geometry,
-        Groups(tuple(groups)) if len(groups) > 1 else groups[0],
+        Cohorts(tuple(cohorts)) if len(cohorts) > 1 else cohorts[0],
         float(np.ceil(60.0 + walk + queue + late)),
         f"place {seed}: {plan.about}, {crowd.number} people",
         f"drawn by version {VERSION} of crowd_env.scenarios.generated from the seed {seed}",
@@ -314,12 +314,12 @@ def _crossing(rng: np.random.Generator, people: _People) -> _Plan:
 
 
 def _counter_flow(rng: np.random.Generator, people: _People) -> _Plan:
-    """Two groups walk towards each other in a corridor."""
+    """Two streams walk towards each other in a corridor."""
     width, arm = _streams(rng, people)
     length = 2.0 * arm + rng.uniform(3.0, 12.0)
     starts = {"left": _box(0.5, 0.0, arm + 0.5, width), "right": _box(length - arm - 0.5, 0.0, length - 0.5, width)}
     exits = {"west": np.array([(0.0, 0.0), (0.0, width)]), "east": np.array([(length, 0.0), (length, width)])}
-    about = f"two groups meet in a corridor of {width:.1f} m"
+    about = f"two streams meet in a corridor of {width:.1f} m"
     return _Plan(about, [_box(0.0, 0.0, length, width)], exits, starts, {"left": "east", "right": "west"})
 
 

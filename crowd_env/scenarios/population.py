@@ -23,8 +23,8 @@ from crowd_env.core.checks import (
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import ROUNDED
 from crowd_env.geometry.placement import CLOSEST_PACKING, sample_positions
-from crowd_env.scenarios.companies import draw_companies
 from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
+from crowd_env.scenarios.groups import draw_groups
 from crowd_env.scenarios.starts import as_positions, check_starts
 
 __all__ = ["TABLE_4", "Distribution", "LogNormal", "Normal", "Population", "Uniform"]
@@ -53,7 +53,7 @@ class Population:
     By default they are adults on plain floor: shoulders of 0.30 to 0.38 m, since people turn them where it is narrow, and the
     speeds of Weidmann 1993, within two standard deviations.  All respond at once, and take the route of the run's strategy.
     Mass and relaxation time are Table 4 of Pécol et al. 2011; ``**TABLE_4`` is all of it.  Crowds of several kinds are
-    `crowd_env.scenarios.groups.Groups`.
+    `crowd_env.scenarios.cohorts.Cohorts`.
 
     A distribution may be given as in a scenario file: a number, a pair (low, high), or a table such as
     ``{"distribution": "normal", "mean": 0.22, "sd": 0.01, "low": 0.2, "high": 0.25}``.
@@ -81,7 +81,7 @@ class Population:
     push: Distribution | None = None
     """share of the desired speed at which a person presses on with no gap in front, 0 to 1; by default that of the manner of
     the run.  A run without a manner, in which everyone walks at full speed, makes no use of time gap and push."""
-    companions: Distribution | None = None
+    group_size: Distribution | None = None
     """number of people who walk together, oneself included, rounded; by default everyone walks alone."""
     start_region: str | None = None
     """name of the region in which people start; anywhere by default."""
@@ -98,7 +98,7 @@ class Population:
         check_fields("population", self)
         object.__setattr__(self, "name", self.name and plain_name("population: name", self.name))
         check_people("population: people", self.people)
-        for name, allowed in (DRAWN | MOTIVATION | {"companions": COUNT}).items():
+        for name, allowed in (DRAWN | MOTIVATION | {"group_size": COUNT}).items():
             if getattr(self, name) is None and name not in DRAWN:
                 continue
             law = as_distribution(f"population: {name}", getattr(self, name))
@@ -142,7 +142,7 @@ class Population:
         else:
             position = sample_positions(geometry, room * bodies.radius, rng, self.start_region)
         motivated = self.draw_motivation(rng, bodies)
-        return motivated._replace(company=self.draw_companions(rng, position)), position
+        return motivated._replace(group=self.draw_groups(rng, position)), position
 
     def draw_bodies(self, rng: np.random.Generator) -> Bodies:
         """Draw the bodies alone, with the motivation of the run's manner."""
@@ -153,7 +153,7 @@ class Population:
         inertia = 0.5 * drawn["mass"] * drawn["radius"] ** 2
         not_given = {name: np.full(self.people, np.nan) for name in MOTIVATION}
         alone = np.full(self.people, ALONE)
-        return Bodies(inertia=inertia, company=alone, env_start=np.array([0, self.people]), **drawn, **not_given)
+        return Bodies(inertia=inertia, group=alone, env_start=np.array([0, self.people]), **drawn, **not_given)
 
     def draw_motivation(self, rng: np.random.Generator, bodies: Bodies) -> Bodies:
         """Return these bodies with the time gaps and pushes that are drawn for them, where these are given.
@@ -166,14 +166,14 @@ class Population:
 
     @property
     def walks_together(self) -> bool:
-        """Whether people may have companions."""
-        return self.companions is not None and self.people > 1 and self.companions.high > 1.5
+        """Whether people may walk in groups."""
+        return self.group_size is not None and self.people > 1 and self.group_size.high > 1.5
 
-    def draw_companions(self, rng: np.random.Generator, position: Floats) -> Ints:
-        """Return the company (people,) of people at ``position`` (people, 2), from 0; drawn last, to change no earlier draw."""
-        if self.companions is None or not self.walks_together:
+    def draw_groups(self, rng: np.random.Generator, position: Floats) -> Ints:
+        """Return the group (people,) of people at ``position`` (people, 2), from 0; drawn last, to change no earlier draw."""
+        if self.group_size is None or not self.walks_together:
             return np.full(self.people, ALONE)
-        return draw_companies(rng, self.companions, position)
+        return draw_groups(rng, self.group_size, position)
 
     def draw_starts(self, rng: np.random.Generator, geometry: Geometry, radius: Floats) -> Floats:
         """Return the recorded positions (people, 2), or some drawn from them, checked for bodies of ``radius`` (people,)."""

@@ -21,8 +21,8 @@ from crowd_env.routing.route_set import RoutePlan, RouteSet, Target
 from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.routing.strategies import STRATEGIES
-from crowd_env.scenarios.companies import same_route
-from crowd_env.scenarios.groups import Groups, People, as_people
+from crowd_env.scenarios.cohorts import Cohorts, People, as_people
+from crowd_env.scenarios.groups import same_route
 from crowd_env.scenarios.population import Population, require_names, require_room
 
 Kind = TypeVar("Kind", bound=Behavior)
@@ -63,7 +63,7 @@ class Scenario:
     ``outline`` is the shape of all bodies, unless the run overrides it: a name in ``OUTLINES``, an Outline, or a table of its
     parameters; by default they are discs.  People are placed with room to turn.
 
-    ``pulls`` defines how companions keep together (the population defines the companies), and what attracts people.
+    ``pulls`` defines how groups keep together (the population defines their sizes), and what attracts people.
     ``balance`` is how standing people keep upright, unless the run overrides it: a name in ``BALANCES``, a Balance, or a
     table of its parameters; by default their drive brakes them.
 
@@ -83,7 +83,7 @@ class Scenario:
     geometry: Geometry
     """the plan: walls, exits, regions and doors."""
     population: People
-    """the people, of one kind or in groups; in a file also what all groups have in common."""
+    """the people, of one kind or in cohorts; in a file also what all cohorts have in common."""
     time_limit: float
     """s, when an evacuation ends at the latest; in a file by default enough to walk out."""
     title: str = ""
@@ -223,14 +223,14 @@ class Scenario:
         """Return the place as `crowd_env.geometry.geometry.turning` moves it; recorded starts and attractions are moved too."""
         turn = turning(angle, mirrored)
         moved = [p if p.starts is None else p.changed(starts=turn(p.starts)) for p in self.population.parts]
-        crowd = Groups(tuple(moved)) if len(moved) > 1 else moved[0]
+        crowd = Cohorts(tuple(moved)) if len(moved) > 1 else moved[0]
         points = turn(np.array([(one.x, one.y) for one in self.pulls.attractions]).reshape(-1, 2))
         return replace(
             self, geometry=self.geometry.turned(angle, mirrored), population=crowd, pulls=self.pulls.moved(points)
         )
 
     def route_set(self, strategy: str = "shortest", *, rules: bool = True, ways: bool = False) -> RouteSet:
-        """Return all routes for people of this strategy, groups, rules and controllers; route 0 leads to any exit.
+        """Return all routes for people of this strategy, cohorts, rules and controllers; route 0 leads to any exit.
 
         Parameters
         ----------
@@ -268,7 +268,7 @@ class Scenario:
         ).build()
 
     def _taken(self, part: Population, strategy: str) -> list[Route]:
-        """Return the routes of a group under the strategy of the run; of several, the nearest."""
+        """Return the routes of a cohort under the strategy of the run; of several, the nearest."""
         own = {route.name: route for route in self.routes}
         if part.route is not None:
             return [own.get(part.route, Route(part.route, (part.route,)))]
@@ -290,20 +290,20 @@ class Scenario:
         strategy: str,
         position: Floats,
         radius: Floats | float = 0.0,
-        company: Ints | None = None,
+        group: Ints | None = None,
     ) -> Ints:
         """Return the number (K,) of the route of each person at ``position`` (K, 2).
 
-        Bodies of ``radius`` (K,) [m] have to get through; a ``company`` (K,) takes one way.
+        Bodies of ``radius`` (K,) [m] have to get through; a ``group`` (K,) takes one way.
 
         Raises
         ------
         ValueError
-            If the groups have routes of their own, and there are not as many people as in all of them.
+            If the cohorts have routes of their own, and there are not as many people as in all of them.
         """
         parts = self.population.parts
         if len(parts) > 1 and len(position) != self.population.people:
-            raise ValueError(f"{len(position)} positions for groups of {self.population.people} people")
+            raise ValueError(f"{len(position)} positions for cohorts of {self.population.people} people")
         chosen, size = np.zeros(len(position), dtype=np.int64), np.broadcast_to(radius, len(position))
         end = 0
         for part in parts:
@@ -313,7 +313,7 @@ class Scenario:
             chosen[begin:end] = (
                 route_set.number(names[0]) if one else route_set.nearest(names, position[begin:end], size[begin:end])
             )
-        return chosen if company is None else same_route(chosen, company)
+        return chosen if group is None else same_route(chosen, group)
 
 
 def _best_of(exits: tuple[str, ...], strategy: str) -> Route:

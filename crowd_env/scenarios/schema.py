@@ -13,9 +13,9 @@ from pydantic_core import PydanticOmit, core_schema
 
 from crowd_env.core.behaviors import BEHAVIORS
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.scenarios.cohorts import Cohorts
 from crowd_env.scenarios.distributions import LAWS, Distribution
 from crowd_env.scenarios.file import Line, Plan
-from crowd_env.scenarios.groups import Groups
 from crowd_env.scenarios.scenario import Scenario
 
 _Law = LAWS["uniform"] | LAWS["normal"] | LAWS["lognormal"]
@@ -55,7 +55,7 @@ class _InFiles(GenerateJsonSchema):
 
     def dataclass_schema(self, schema: core_schema.DataclassSchema) -> JsonSchemaValue:
         kind = schema["cls"]
-        if kind is Groups:  # has a key of its own
+        if kind is Cohorts:  # has a key of its own
             raise PydanticOmit
         if kind in _IN_FILES:
             return self.generate_inner(_core(_IN_FILES[kind]).core_schema)
@@ -72,15 +72,15 @@ def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of scenario files, in draft 7, the newest that most editors of TOML read."""
     scenario = _core(Scenario).json_schema(ref_template="#/definitions/{model}", schema_generator=_InFiles)
     definitions = _draft_7(scenario.pop("$defs"))
-    del definitions["Population"]["required"]  # recorded starts have a number; groups share the rest
+    del definitions["Population"]["required"]  # recorded starts have a number; cohorts share the rest
     for name, behavior in BEHAVIORS.items():
         scenario["properties"][name]["description"] = behavior.ABOUT
     own = {
         "$schema": {"type": "string", "description": "JSON Schema of this file, for editors; not read"},
-        "groups": {
+        "cohorts": {
             "type": "array",
             "items": {"$ref": "#/definitions/Population"},
-            "description": "groups of people of different kinds",
+            "description": "cohorts of people of different kinds",
         },
     }
     return {

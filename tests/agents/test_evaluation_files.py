@@ -11,7 +11,7 @@ import pytest
 from evaluations import RULED, SMALL, call, hall, random_network, random_policy, run
 
 import crowd_env
-from crowd_env import SCHEMES, DoorEvent, Groups, Normal, SpeedZone, Uniform, make_scenario
+from crowd_env import SCHEMES, Cohorts, DoorEvent, Normal, SpeedZone, Uniform, make_scenario
 from crowd_env.agents.evaluation import evaluation
 from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate
@@ -124,7 +124,7 @@ def test_the_digest_is_of_everything_that_decides_a_result():
                 {"response_time": Uniform(0.0, 9.0)},
             )
         ),
-        replace(SMALL, population=Groups((people.changed(people=7, name="a"), people.changed(people=7, name="b")))),
+        replace(SMALL, population=Cohorts((people.changed(people=7, name="a"), people.changed(people=7, name="b")))),
         replace(SMALL, geometry=replace(place, exits=place.exits + 0.5)),
         replace(SMALL, geometry=replace(place, exit_names=("east", "west"))),
         replace(SMALL, geometry=replace(place, two_sided=~place.two_sided)),

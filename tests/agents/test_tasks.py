@@ -139,7 +139,7 @@ def test_a_change_of_a_default_of_the_package_changes_the_digest(monkeypatch):
     assert SMALL.digest() != before
 
 
-def test_more_people_have_as_much_time_each_and_keep_their_groups():
+def test_more_people_have_as_much_time_each_and_keep_their_cohorts():
     task = TASKS["counter-flow"]
     twice, half = task.place(2 * task.people), task.place(task.people // 2 + 1)
     assert (twice.time_limit, half.time_limit) == (2 * task.time_limit, task.time_limit)

@@ -25,7 +25,7 @@ CASES = [
     ("run lin-room-v0 --people 1000000000", "1000000000 people do not fit"),
     ("run theatre-v0 --people 1000000000", "1000000000"),
     ("run floor-v0 --people 400000", "people do not fit 'south-offices'"),
-    ("run floor-v0 --people 1", "1 person for groups at least 1"),
+    ("run floor-v0 --people 1", "1 person for cohorts at least 1"),
     ("run --set dt=1e-9", "decision_dt = 0.1 s 1e+08 physics steps 1e-09 100000"),
     ("run --set radius=wide", "--set radius=wide 0.2,0.25"),
     ("run --set radius=0.1,0.2,0.3", "--set 0.2,0.25"),
@@ -173,7 +173,7 @@ CASES = [
     ("run broken.json", "broken.json"),
     ("run plan.toml", "plan.toml"),
     ("run noise.toml", "noise.toml"),
-    ("run groups.toml --people 1", "1 person for 2 groups"),
+    ("run cohorts.toml --people 1", "1 person for 2 cohorts"),
     ("run start.toml", "region 'far' outside"),
     ("run cut.toml", "region 'cell' part that no exit reaches"),
     # pictures and folders

@@ -64,7 +64,7 @@ def test_sentences_name_only_options_that_there_are():
 _OF_USERS = {
     "Attraction": {"lifetime"},
     "Balance": {"base", "grip", "swing", "walks_from"},
-    "Companionship": {"cohesion", "repulsion"},
+    "GroupCohesion": {"cohesion", "repulsion"},
     "Headway": {
         *("anticipation", "berth", "impatience", "keep_right", "keep_up", "off_walls", "oncoming", "overtaking"),
         *("shyness", "sight"),

@@ -12,7 +12,7 @@ from repository import ROOT
 
 from crowd_env.core.behaviors.balance import Balance
 from crowd_env.core.behaviors.headway import Headway
-from crowd_env.core.behaviors.pulls import Companionship
+from crowd_env.core.behaviors.pulls import GroupCohesion
 from crowd_env.core.checks import NOT_NEGATIVE, Positive, Range, Share, check_fields
 from crowd_env.physics.social_force import SocialForce
 from crowd_env.routing.speed_map import Comfort
@@ -110,7 +110,7 @@ def test_a_wrong_field_is_one_sentence(given, message):
     assert str(error.value) == message
 
 
-@looped("kind", [Balance, Comfort, Companionship, Headway, SocialForce])
+@looped("kind", [Balance, Comfort, GroupCohesion, Headway, SocialForce])
 def test_defaults_are_what_their_annotations_say(kind):
     """A default is not checked when an object is made."""
     usual = kind()

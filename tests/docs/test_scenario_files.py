@@ -18,7 +18,7 @@ def test_scenarios_are_read_and_placed(block, tmp_path):
     told = tomllib.loads(block.text)
     place = make_scenario(path)
     assert place.name == told["name"]
-    assert place.population.people == sum(group["people"] for group in told["groups"])
+    assert place.population.people == sum(cohort["people"] for cohort in told["cohorts"])
     env = CrowdEnv(place)
     env.reset(seed=0)
     env.step(None)

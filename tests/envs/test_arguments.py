@@ -22,11 +22,11 @@ from crowd_env import (
     DEM,
     NSM1,
     NSM2,
+    Cohorts,
     Comfort,
     ControlRule,
     DoorEvent,
     Geometry,
-    Groups,
     Hertz,
     LogNormal,
     Normal,
@@ -92,12 +92,12 @@ POPULATION = [
     ("Population.starts=3", lambda: Population(2, starts=3), ("starts", "shape")),
     ("Population.starts and region", lambda: Population(1, starts=[[1.0, 1.0]], start_region="r"), ("not both",)),
     ("Population.route and exits", lambda: Population(1, route="r", exits=("e",)), ("not both",)),
-    *rows("Groups.parts", Groups, (Population(3), Population, "ab", 3, {}, None)),
-    ("Groups.parts of something", lambda: Groups((Population(3), "x")), ("parts[1]", "'x'", "Population")),
-    ("Groups of none", lambda: Groups(()), ("at least one group",)),
-    ("Groups of too many", lambda: Groups((Population(300_000), Population(300_000))), ("600000",)),
-    *numeric("Groups.changed.people", lambda x: Groups((Population(3),)).changed(people=x), "count", or_none=True),
-    *rows("Groups.changed.radius", lambda x: Groups((Population(3),)).changed(radius=x), ("0.2", Uniform, -1.0)),
+    *rows("Cohorts.parts", Cohorts, (Population(3), Population, "ab", 3, {}, None)),
+    ("Cohorts.parts of something", lambda: Cohorts((Population(3), "x")), ("parts[1]", "'x'", "Population")),
+    ("Cohorts of none", lambda: Cohorts(()), ("at least one cohort",)),
+    ("Cohorts of too many", lambda: Cohorts((Population(300_000), Population(300_000))), ("600000",)),
+    *numeric("Cohorts.changed.people", lambda x: Cohorts((Population(3),)).changed(people=x), "count", or_none=True),
+    *rows("Cohorts.changed.radius", lambda x: Cohorts((Population(3),)).changed(radius=x), ("0.2", Uniform, -1.0)),
 ]  # fmt: skip
 
 ROUTES = [
@@ -306,7 +306,7 @@ def test_plain_data_do_where_scenario_files_take_them():
         "distribution": "lognormal", "median": 3, "sigma": 0.5, "high": 20})  # fmt: skip
     assert people.radius == Uniform(0.2, 0.2) and people.mass == Uniform(60.0, 80.0)
     assert people.desired_speed == Uniform(1.0, 2.0) and people.response_time == LogNormal(3.0, 0.5, 20.0)
-    assert Groups([people, people]).changed(radius=0.25).radius == (0.25, 0.25)
+    assert Cohorts([people, people]).changed(radius=0.25).radius == (0.25, 0.25)
     assert people.changed(mass=70).mass == Uniform(70.0, 70.0)
     assert make_scheme({"name": "nsm2"}) == make_scheme("nsm2")
     base = make_scheme("nsm2")

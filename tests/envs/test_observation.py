@@ -11,9 +11,9 @@ from crowds import cluttered
 from crowd_env import (
     FULL_SPEED,
     TABLE_4,
+    Cohorts,
     CrowdEnv,
     Geometry,
-    Groups,
     ObservationLayout,
     Population,
     Scenario,
@@ -23,7 +23,7 @@ from crowd_env import (
 from crowd_env.envs.observation.layout import TERMS
 
 CLUTTERED = Scenario("cluttered", cluttered(), Population(25, **TABLE_4), 60.0, **FULL_SPEED)
-# Two groups that meet in front of a pillar; where they start is given, so that it can be turned.
+# Two cohorts that meet in front of a pillar; where they start is given, so that it can be turned.
 MEETING = Scenario(
     "meeting",
     Geometry.from_polygon(
@@ -31,7 +31,7 @@ MEETING = Scenario(
         exits={"west": [(0, 1), (0, 3)], "east": [(9, 0.5), (9, 2.5)]},
         obstacles=[[(4.2, 1.6), (4.9, 1.7), (4.5, 2.3)]],
     ),
-    Groups(
+    Cohorts(
         tuple(
             Population(
                 6,

@@ -14,9 +14,9 @@ from crowd_env import (
     FULL_SPEED,
     OUTLINES,
     TABLE_4,
+    Cohorts,
     CrowdEnv,
     Geometry,
-    Groups,
     Outline,
     Physics,
     Population,
@@ -91,7 +91,7 @@ def test_a_rollout_and_its_report_know_the_outline():
 
 
 def test_people_are_placed_with_room_to_turn():
-    groups = Groups(
+    cohorts = Cohorts(
         (
             Population(15, start_region="left", **TABLE_4),
             Population(15, **TABLE_4),
@@ -99,7 +99,7 @@ def test_people_are_placed_with_room_to_turn():
         )
     )
     place = Geometry.from_polygon(box(0, 0, 8, 6), exits=[[(8, 2), (8, 4)]], regions={"left": box(0, 0, 4, 6)})
-    for people in (Population(35, **TABLE_4), groups):
+    for people in (Population(35, **TABLE_4), cohorts):
         scenario = Scenario("hall", place, people, 60.0, outline="torso", **FULL_SPEED)
         env = CrowdEnv(scenario, physics="hertz")
         env.reset(seed=1)

@@ -7,10 +7,10 @@ import pytest
 from evacuations import evacuated
 
 from crowd_env import (
+    Cohorts,
     CrowdEnv,
     EpisodeMetrics,
     Geometry,
-    Groups,
     Population,
     RewardWeights,
     Scenario,
@@ -132,7 +132,7 @@ def test_the_head_is_nearest_by_its_route_and_every_route_has_one():
 def test_who_hardly_wants_to_walk_is_head_by_the_distance_too(slow):
     """The one 3 m from the exit is the head, whatever the other, 1.5 m behind, wants."""
     place = Geometry.from_polygon(box(0, 0, 12, 4), exits={"e": [(12, 1.5), (12, 2.5)]})
-    crowd = Groups(
+    crowd = Cohorts(
         [Population(1, desired_speed=Uniform(v, v), starts=np.array([[x, 2.0]])) for v, x in ((1.5, 9.0), (slow, 7.5))]
     )
     env = CrowdEnv(Scenario("two", place, crowd, 60.0), physics="dem")

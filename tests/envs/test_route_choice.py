@@ -135,7 +135,7 @@ def test_only_those_inside_who_have_an_action_choose():
     np.testing.assert_array_equal(changed, np.arange(8) >= 4)
 
 
-def test_groups_with_a_way_of_their_own_keep_to_it():
+def test_cohorts_with_a_way_of_their_own_keep_to_it():
     env = CrowdEnv("counter-flow-v0", action="speeds-exits")
     env.reset(seed=0)
     before = env.simulation.state.route.copy()

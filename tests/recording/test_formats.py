@@ -46,10 +46,10 @@ def test_every_format_brings_everything_back(case, suffix, tmp_path):
 def test_the_cases_hold_what_they_are_for(case):
     name, _, _, kept = case
     out = np.isfinite(kept.exit_time)
-    assert kept.groups == ("quick", "slow") and set(kept.group) == {0, 1}
+    assert kept.cohorts == ("quick", "slow") and set(kept.cohort) == {0, 1}
     assert {name for name, _ in kept.exits} == {"left", "right"} and len(kept.exits) == 3  # the box has two sides
     assert kept.thin_walls.shape == (1, 2, 2) and kept.doors[0][0] == "lock"
-    if name == "groups":
+    if name == "cohorts":
         assert out.all() and len(set(kept.exit_index)) >= 2 and len(kept.contacts.i) > 10
         assert (kept.contacts.j < 0).any() and (kept.contacts.force[:, 0] > 0).any()
     if name == "left inside":

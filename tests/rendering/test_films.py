@@ -21,7 +21,7 @@ from crowd_env.rendering import (
 )
 from crowd_env.rendering.curves import EgressStrip
 from crowd_env.rendering.encoding import write_gif
-from crowd_env.rendering.palette import BACKGROUND, EXIT_MAT, FLOOR, WALL, group_color
+from crowd_env.rendering.palette import BACKGROUND, EXIT_MAT, FLOOR, WALL, cohort_color
 
 matplotlib = late("matplotlib")
 
@@ -190,14 +190,14 @@ def test_films_need_recordings_and_a_rate(tmp_path):
 
 
 @pytest.mark.more
-def test_groups_have_rims_and_names_in_their_colors(tmp_path):
+def test_cohorts_have_rims_and_names_in_their_colors(tmp_path):
     film = recording(people=12)
-    groups = recording(people=12, groups=("quick", "slow"))
-    path = write_still(tmp_path / "groups.png", groups, 0.5)
+    cohorts = recording(people=12, cohorts=("quick", "slow"))
+    path = write_still(tmp_path / "cohorts.png", cohorts, 0.5)
     image, plain = (
         np.asarray(PIL_Image.open(one)).astype(int) for one in (path, write_still(tmp_path / "a.png", film, 0.5))
     )
-    for color in group_color([0, 1]).astype(int):
+    for color in cohort_color([0, 1]).astype(int):
         near, before = (np.abs(one - color).sum(axis=-1) < 12 for one in (image, plain))
         assert near.sum() > before.sum() + 30
 

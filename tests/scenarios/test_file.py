@@ -50,14 +50,14 @@ gate = [[2, 3], [2, 5]]
 radius = [0.2, 0.22]
 mass = 80
 
-[[groups]]
+[[cohorts]]
 name = "actors"
 people = 6
 start_region = "stage"
 route = "behind"
 desired_speed = { distribution = "normal", mean = 1.3, sd = 0.2, low = 0.8, high = 1.8 }
 
-[[groups]]
+[[cohorts]]
 name = "guests"
 starts = [[0.5, 0.5], [0.5, 1.1], [1.2, 1.1]]
 exits = ["west"]
@@ -252,7 +252,7 @@ MISTAKES = {
         ('exits = ["door"]\nroute = "door"', r"takes? the route 'door' or the best of some exits"),
     ],
     "end": [
-        ("[[groups]]\npeople = 3", r"population: 'people' is a matter of each group; write it there"),
+        ("[[cohorts]]\npeople = 3", r"population: 'people' is a matter of each cohort; write it there"),
         ("[[rules]]\nregion = 'attic'\nat_least = 3\nroute = 'door'", r"unknown region 'attic'; known: back"),
         ("[[rules]]\nregion = 'back'\nat_least = 3\nroute = 'up'", r"unknown route 'up'; known: out, door"),
         ("[[rules]]\nregion = 'back'\nat_least = 0\nroute = 'door'", r"control rule on 'back': at_least"),
@@ -273,16 +273,16 @@ OTHERS = [
     ("name = ]", r"my\.toml: Invalid value \(at line 1, column 8\)"),
     ("time_limit = 3", r"my\.toml: key 'geometry' is missing"),
     (
-        small(people="radius = 0.2", end="[[groups]]\npeople = 3\n[[groups]]\npeople = 3\nraduis = 1"),
-        r"groups\[1\]: unknown key 'raduis'; known: people, radius",
+        small(people="radius = 0.2", end="[[cohorts]]\npeople = 3\n[[cohorts]]\npeople = 3\nraduis = 1"),
+        r"cohorts\[1\]: unknown key 'raduis'; known: people, radius",
     ),
     (
-        small(people="radius = 0.2", end="[[groups]]\npeople = 3\n[[groups]]\npeople = 3\nradius = '1'"),
-        r"groups\[1\]: population: radius is '1'; it must be a number",
+        small(people="radius = 0.2", end="[[cohorts]]\npeople = 3\n[[cohorts]]\npeople = 3\nradius = '1'"),
+        r"cohorts\[1\]: population: radius is '1'; it must be a number",
     ),
     (
-        small(people="mass = 70", end="[[groups]]\npeople = 3\nname = 'a'\n[[groups]]\npeople = 3\nname = 'a'"),
-        r"my\.toml: groups: two groups have the name 'a'",
+        small(people="mass = 70", end="[[cohorts]]\npeople = 3\nname = 'a'\n[[cohorts]]\npeople = 3\nname = 'a'"),
+        r"my\.toml: cohorts: two cohorts have the name 'a'",
     ),
 ]
 
@@ -313,7 +313,7 @@ def test_json_says_line_and_column(write):
 def test_options_are_checked(write, subtests):
     for options, message in (
         ({"length": 12.0}, r"my\.toml has no option 'length'; known: people, population, time_limit"),
-        ({"people": 1}, r"1 person for 2 groups; each needs at least 1"),
+        ({"people": 1}, r"1 person for 2 cohorts; each needs at least 1"),
         ({"time_limit": 0.0}, "time_limit is 0.0"),
     ):
         with subtests.test(options=options), pytest.raises(ValueError, match=message):

@@ -1,172 +1,164 @@
-"""Groups of people."""
-
-import hashlib
+"""Who walks in groups: drawn with the crowd, in files, recorded, observed, and kept on one route."""
 
 import numpy as np
 import pytest
 from cases import looped
-from crowds import HALL, clear
-from evacuations import evacuated
+from shapely.geometry import box
 
-from crowd_env import FULL_SPEED, TABLE_4, Geometry, Groups, LogNormal, Normal, Population, Scenario, Uniform
-from crowd_env.geometry.geometry import box
-from crowd_env.routing.spec import Route
-from crowd_env.routing.speed_map import Comfort, SpeedZone
+from crowd_env import (
+    Attraction,
+    Cohorts,
+    CrowdEnv,
+    Geometry,
+    GroupCohesion,
+    Population,
+    Pulls,
+    Scenario,
+    make_scenario,
+    record,
+)
+from crowd_env.recording import load
+from crowd_env.scenarios.distributions import Uniform
+from crowd_env.scenarios.groups import draw_groups, same_route
 
+HALL = Geometry.from_polygon(
+    box(0, 0, 12, 8), exits={"west": [(0, 3), (0, 5)], "east": [(12, 3), (12, 5)]}, regions={"left": box(0, 0, 5, 8)}
+)
 
-def test_a_plain_population_draws_what_it_always_drew():
-    # The hash was made before there were groups.
-    digest = hashlib.sha256()
-    crowds = [
-        Population(20, **TABLE_4),
-        Population(200, **TABLE_4),
-        Population(300, **TABLE_4),
-        Population(
-            30,
-            radius=Normal(0.22, 0.02, 0.15, 0.3),
-            desired_speed=Normal(1.34, 0.26, 0.8, 2.2),
-            response_time=Uniform(0, 5),
-            start_region="stage",
-        ),
-        Population(45, start_region="stage", **TABLE_4),
-        Population(2, starts=np.array([[1.0, 1.0], [4.0, 3.0]]), **TABLE_4),
-        Population(60, **{**TABLE_4, "radius": Uniform(0.05, 0.5)}),
-    ]
-    for seed, crowd in enumerate(crowds):
-        bodies, position = crowd.draw(np.random.default_rng(seed), HALL)
-        for array in (*bodies[:6], bodies.env_start, position):  # there was no motivation then
-            digest.update(np.ascontiguousarray(array).tobytes())
-    assert digest.hexdigest() == "9ce1c9b9a82414ce1f29b6a0cd50da1170383ed7a4a7de5502e3c2eee98b61bb"
-
-
-def test_a_group_of_one_draws_as_the_population_itself():
-    people = Population(25, start_region="stage", **TABLE_4)
-    one, other = (crowd.draw(np.random.default_rng(3), HALL) for crowd in (people, Groups((people,))))
-    np.testing.assert_array_equal(one[1], other[1])
-    np.testing.assert_array_equal(one[0].mass, other[0].mass)
-
-
-@looped("seed", range(4))
-def test_groups_stand_apart_in_their_places(seed):
-    groups = Groups(
-        (
-            Population(50, **TABLE_4),
-            Population(40, start_region="stage", **{**TABLE_4, "radius": Uniform(0.15, 0.2)}),
-            Population(3, starts=np.array([[9.0, 6.0], [1.0, 1.0], [9.6, 6.0]]), **TABLE_4),
-            Population(50, **{**TABLE_4, "desired_speed": Uniform(0.5, 0.6)}),
-        )
-    )
-    bodies, position = groups.draw(np.random.default_rng(seed), HALL)
-    assert len(position) == groups.people == 143 == bodies.env_start[-1]
-    assert clear(HALL, position, bodies.radius) >= -1e-9
-    assert HALL.contains(position[50:90], "stage").all() and (bodies.radius[50:90] <= 0.2).all()
-    np.testing.assert_array_equal(position[90:93], groups.parts[2].starts)
-    assert (bodies.desired_speed[93:] <= 0.6).all() and (bodies.desired_speed[:93] >= 1.2).all()
-    # The two that start anywhere are mixed.
-    assert abs(position[:50, 0].mean() - position[93:, 0].mean()) < 2.5
-
-
-def test_groups_that_share_a_full_place_are_packed_together():
-    # Each alone would jam what is left for the other.
-    groups = Groups(tuple(Population(20, start_region="stage", radius=Uniform(0.25, 0.25)) for _ in range(2)))
-    bodies, position = groups.draw(np.random.default_rng(0), HALL)
-    assert clear(HALL, position, bodies.radius) >= -1e-9
-
-
-def test_bounds_of_groups_hold_all_of_them():
-    groups = Groups(
-        (Population(3, mass=Uniform(50, 60), **TABLE_4), Population(3, response_time=LogNormal(5, 1, 60), **TABLE_4))
-    )
-    assert groups.mass == (50, 100) and groups.response_time == (0, 60) and groups.radius == (0.2, 0.25)
-
-
-def test_another_number_is_shared_out_in_proportion():
-    groups = Groups((Population(100, **TABLE_4), Population(10, **TABLE_4), Population(1, **TABLE_4)))
-    for count in (3, 4, 50, 110, 111, 112, 1000):
-        assert sum(part.people for part in groups.changed(people=count).parts) == count
-    assert [part.people for part in groups.changed(people=111).parts] == [100, 10, 1]
-    assert [part.people for part in groups.changed(people=222).parts] == [200, 20, 2]
-    assert [part.people for part in groups.changed(people=3).parts] == [1, 1, 1]
-    assert groups.changed(radius=Uniform(0.1, 0.1)).radius == (0.1, 0.1)
-    with pytest.raises(ValueError, match="groups cannot share 'starts'"):
-        groups.changed(starts=np.zeros((2, 2)))
-
-
-def test_more_seats_than_people():
-    seats = np.array([[x, y] for x in (1.0, 3.0) for y in (1.0, 2.0, 6.0)])
-    taken = {
-        tuple(p)
-        for seed in range(30)
-        for p in Population(2, starts=seats, **TABLE_4).draw(np.random.default_rng(seed), HALL)[1]
-    }
-    assert taken == {tuple(p) for p in seats}
-
-
-def test_starts_of_two_groups_may_not_overlap():
-    groups = Groups(tuple(Population(1, starts=np.array([[1.0, y]]), **TABLE_4) for y in (1.0, 1.2)))
-    with pytest.raises(ValueError, match="starts 0 and 1 overlap"):
-        groups.draw(np.random.default_rng(0), HALL)
+FILE = """
+[geometry]
+walkable = { box = [0, 0, 12, 8] }
+[geometry.exits]
+east = [[12, 3], [12, 5]]
+[population]
+people = 12
+group_size = [2, 3]
+[pulls.groups]
+gaze = 0
+apart = 5
+[[pulls.attractions]]
+x = 3
+y = 4
+strength = 2
+lifetime = 20
+"""
 
 
 def hall(*parts, **options):
-    exits = {"west": [(0, 1), (0, 3)], "east": [(10, 1), (10, 3)], "north": [(4, 4), (6, 4)]}
-    geometry = Geometry.from_polygon(
-        box(0, 0, 10, 4), exits=exits, regions={"left": box(0, 0, 3, 4), "middle": box(3, 0, 7, 3)}
+    crowd = Cohorts(parts) if len(parts) > 1 else parts[0]
+    return Scenario("hall", HALL, crowd, 60.0, **options)
+
+
+def test_groups_have_the_sizes_that_are_asked_for_and_the_crowd_is_as_without():
+    drawn = {}
+    for size in (None, 1, 3, (2, 4)):
+        people = Population(31, group_size=size)
+        drawn[size] = people.draw(np.random.default_rng(0), HALL)
+    bodies, position = drawn[None]
+    assert (bodies.group == -1).all() and (drawn[1][0].group == -1).all()
+    for other, at in drawn.values():
+        np.testing.assert_array_equal(at, position)
+        for name in ("radius", "mass", "desired_speed"):
+            np.testing.assert_array_equal(getattr(other, name), getattr(bodies, name))
+    _, threes = np.unique(drawn[3][0].group, return_counts=True)
+    assert sorted(threes) == [1, *[3] * 10]  # one is left, who walks alone
+    group = drawn[(2, 4)][0].group
+    _, sizes = np.unique(group[group >= 0], return_counts=True)
+    assert set(sizes) <= {2, 3, 4} and len(set(sizes)) > 1
+
+
+def test_members_stand_near_each_other():
+    rng = np.random.default_rng(1)
+    position = rng.uniform(0.0, 20.0, (300, 2))
+    group = draw_groups(rng, Uniform(3, 3), position)
+    apart = [np.hypot(*(position[group == c] - position[group == c].mean(axis=0)).T).mean() for c in range(100)]
+    shuffled = rng.permutation(group)
+    far = [np.hypot(*(position[shuffled == c] - position[shuffled == c].mean(axis=0)).T).mean() for c in range(100)]
+    assert np.mean(apart) < 0.2 * np.mean(far)
+
+
+@looped("row", [np.column_stack([np.arange(6.0), np.zeros(6)]), np.column_stack([np.zeros(6), np.arange(6.0)])])
+def test_people_in_a_row_walk_with_their_neighbors(row):
+    assert draw_groups(np.random.default_rng(0), Uniform(2, 2), row).tolist() == [0, 0, 1, 1, 2, 2]
+
+
+def test_groups_of_several_cohorts_have_numbers_of_their_own():
+    cohorts = Cohorts((Population(4, group_size=2), Population(5), Population(6, group_size=3)))
+    bodies, _ = cohorts.draw(np.random.default_rng(0), HALL)
+    first, alone, last = bodies.group[:4], bodies.group[4:9], bodies.group[9:]
+    assert (alone == -1).all() and not set(first) & set(last) and len(set(first)) == len(set(last)) == 2
+    assert bodies.group.max() < 15
+
+
+def test_groups_take_one_route():
+    assert same_route(np.array([1, 0, 2, 0, 1]), np.array([3, -1, 3, 0, 0])).tolist() == [1, 0, 1, 0, 0]
+    env = CrowdEnv(hall(Population(40, group_size=4), strategy="nearest"), physics="dem")
+    env.reset(0)
+    route, group = env.simulation.state.route, env.simulation.bodies.group
+    assert len(set(route)) > 1
+    assert all(len(set(route[group == c])) == 1 for c in set(group[group >= 0]))
+
+
+def test_a_file_says_who_walks_together_and_what_pulls(tmp_path):
+    path = tmp_path / "hall.toml"
+    path.write_text(FILE, encoding="utf-8")
+    place = make_scenario(str(path))
+    assert place.pulls == Pulls(GroupCohesion(gaze=0.0, apart=5.0), (Attraction(3.0, 4.0, 2.0, lifetime=20.0),))
+    assert place.population.group_size == Uniform(2, 3)
+    env = CrowdEnv(place, num_envs=2)
+    env.reset(0)
+    assert len(set(env.simulation.bodies.group)) > 3
+    np.testing.assert_array_equal(env.simulation.batch.behaviors.pulls.attraction, [[3, 4, 2, 2, 20, 0]])
+    turned = place.turned(0.5 * np.pi)
+    at = turned.pulls.attractions[0]
+    assert turned.geometry.contains(np.array([[at.x, at.y]]))[0] and (at.x, at.y) != (3, 4)
+
+
+def test_a_file_with_the_older_words_is_read_as_before(tmp_path):
+    older = FILE.replace("group_size", "companions").replace("[pulls.groups]", "[pulls.companions]")
+    older = older.replace("[population]\npeople = 12\n", "[[groups]]\npeople = 12\n")
+    for name, text in {"older": older, "today": FILE}.items():
+        (tmp_path / f"{name}.toml").write_text(text, encoding="utf-8")
+    was, now = (make_scenario(str(tmp_path / f"{name}.toml")) for name in ("older", "today"))
+    assert vars(was.population.parts[0]) == vars(now.population) and was.pulls == now.pulls
+    (tmp_path / "both.toml").write_text(FILE.replace("people = 12", "people = 12\ncompanions = 2"), encoding="utf-8")
+    with pytest.raises(ValueError, match="'companions' is the older word for 'group_size'; give one of them"):
+        make_scenario(str(tmp_path / "both.toml"))
+
+
+def test_what_cannot_be_is_refused():
+    with pytest.raises(ValueError, match="population: group_size must be >= 1, but can be as low as 0"):
+        Population(10, group_size=0)
+    with pytest.raises(ValueError, match=r"attraction at \(13, 4\) is outside the walkable area"):
+        hall(Population(2), pulls=Pulls(attractions=(Attraction(13.0, 4.0, 1.0),)))
+    with pytest.raises(ValueError, match=r"pulls: unknown key 'gaze'; known: groups, attractions"):
+        hall(Population(2), pulls={"gaze": 1})
+
+
+@pytest.mark.parametrize("suffix", [".sqlite", ".h5"])
+def test_a_recording_says_who_walked_together(suffix, tmp_path):
+    made = record(hall(Population(9, group_size=3)), seed=1, scheme="dem", time_limit=0.5)
+    kept = load(made.save(tmp_path / f"run{suffix}"))
+    assert sorted(made.group) == [0, 0, 0, 1, 1, 1, 2, 2, 2]
+    np.testing.assert_array_equal(kept.group, made.group)
+
+
+def test_the_group_is_observed():
+    env = CrowdEnv(
+        hall(Population(10, group_size=3)),
+        num_envs=2,
+        physics="dem",
+        observation={"terms": ["velocity", "group"]},
+        action={"name": "continuous", "frame": "world"},
     )
-    return Scenario("hall", geometry, Groups(parts) if len(parts) > 1 else parts[0], 60.0, **{**FULL_SPEED, **options})
-
-
-@looped(
-    ("strategy", "expected"),
-    [
-        ("shortest", [["east"], ["loop"], ["east or north"], ["out"]]),
-        ("fastest", [["east"], ["loop"], ["fastest to east or north"], ["fastest"]]),
-        ("comfortable", [["east"], ["loop"], ["comfortable to east or north"], ["comfortable"]]),
-        ("nearest", [["east"], ["loop"], ["north"], ["west"]]),
-        ("west", [["east"], ["loop"], ["east or north"], ["west"]]),
-        ("loop", [["east"], ["loop"], ["east or north"], ["loop"]]),
-    ],
-    quick=3,
-)
-def test_every_group_means_to_take_its_own_way(strategy, expected):
-    place = hall(
-        Population(3, route="east", start_region="left", **TABLE_4),
-        Population(4, route="loop", start_region="left", **TABLE_4),
-        Population(5, exits=("east", "north"), start_region="left", **TABLE_4),
-        Population(2, start_region="left", **TABLE_4),
-        routes=(Route("loop", ("west", "east"), via="left"),),
-    )
-    route_set = place.route_set(strategy)
-    _, position = place.population.draw(np.random.default_rng(0), place.geometry)
-    position[-2:, 0] = 0.3
-    chosen = place.choose(route_set, strategy, position)
-    names = [route_set.routes[k].name for k in chosen]
-    assert [sorted(set(names[a:b])) for a, b in ((0, 3), (3, 7), (7, 12), (12, 14))] == expected
-
-
-def test_groups_leave_by_their_own_exits():
-    route_set = ({"route": "east"}, {"exits": ("north",)}, {"route": "west"})
-    place = hall(*(Population(8, start_region="middle", **{**TABLE_4, **way}) for way in route_set))
-    env = evacuated(place)
-    left_by = np.array(place.geometry.exit_names)[env.simulation.state.exit_index]
-    assert left_by.tolist() == ["east"] * 8 + ["north"] * 8 + ["west"] * 8
-
-
-def test_what_comfort_costs_reaches_the_way():
-    times = []
-    for comfort in (Comfort(stairs=0.0), Comfort(stairs=20.0)):
-        place = hall(Population(2, **TABLE_4), zones=(SpeedZone("left", factor=0.5),), comfort=comfort)
-        route_set = place.route_set("comfortable")
-        times.append(route_set.routes[route_set.number("comfortable")].field.travel_time)
-    assert np.nanmax(times[1]) > np.nanmax(times[0]) + 1.0
-
-
-def test_a_plain_population_may_have_a_way_too():
-    place = hall(Population(5, route="north", **TABLE_4))
-    route_set = place.route_set()
-    assert place.choose(route_set, "shortest", np.ones((7, 2))).tolist() == [route_set.number("north")] * 7
-
-
-def test_groups_choose_for_as_many_as_they_are():
-    with pytest.raises(ValueError, match="3 positions for groups of 4"):
-        hall(Population(2, **TABLE_4), Population(2, **TABLE_4)).choose(None, "shortest", np.zeros((3, 2)))
+    seen = env.reset(3)[0][:, env.layout["group"]]
+    position, group = env.simulation.state.position, env.simulation.bodies.group
+    for i in range(20):
+        same = np.flatnonzero((group == group[i]) & (np.arange(20) // 10 == i // 10) & (np.arange(20) != i))
+        if group[i] < 0:
+            assert (seen[i] == 0.0).all()
+            continue
+        offset = position[same].mean(axis=0) - position[i]
+        np.testing.assert_allclose(seen[i, :2], offset / (3.0 + np.hypot(*offset)), atol=1e-6)
+        assert seen[i, 2] == pytest.approx(len(same) / (len(same) + 3.0))
+    assert (group < 0).any() and (seen != 0.0).any()

@@ -5,7 +5,7 @@ from cases import looped
 from refusals import refuses
 from shapely.geometry import box
 
-from crowd_env import MANNERS, Geometry, Groups, Headway, Population, Scenario, Uniform, make_scenario
+from crowd_env import MANNERS, Cohorts, Geometry, Headway, Population, Scenario, Uniform, make_scenario
 
 ROOM = Geometry.from_polygon(box(0, 0, 8, 8), exits=[[(8, 3), (8, 5)]], regions={"west": box(0, 0, 4, 8)})
 SEATS = [(x, y) for x in range(1, 8) for y in range(1, 8)]
@@ -16,10 +16,10 @@ walkable = {{ box = [0, 0, 8, 8] }}
 exits = {{ door = [[8, 3], [8, 5]] }}
 [population]
 time_gap = [0.6, 1.0]
-[[groups]]
+[[cohorts]]
 people = 12
 push = {push}
-[[groups]]
+[[cohorts]]
 people = 8
 time_gap = {{ distribution = "normal", mean = 0.5, sd = 0.1, low = 0.3, high = 0.7 }}
 """
@@ -40,11 +40,11 @@ def file_of(folder, *, manner='"calm"', push="0.4"):
     [
         lambda **given: Population(30, **given),
         lambda **given: Population(20, starts=SEATS, **given),
-        lambda **given: Groups(
+        lambda **given: Cohorts(
             (Population(9, start_region="west"), Population(7, **given), Population(8, starts=SEATS))
         ),
     ],
-    ids=["anywhere", "seats", "groups"],
+    ids=["anywhere", "seats", "cohorts"],
 )
 def test_motivation_is_drawn_behind_all_else_and_only_if_it_is_given(with_options):
     usual, place = drawn(with_options())
@@ -58,8 +58,8 @@ def test_motivation_is_drawn_behind_all_else_and_only_if_it_is_given(with_option
     assert ((found.push[given] >= 0.1) & (found.push[given] <= 0.3)).all() and (found.time_gap[given] == 0.7).all()
 
 
-def test_groups_differ_in_push_and_the_crowds_of_two_seeds_differ():
-    people = Groups((Population(5, push=0.0), Population(6, push=(0.5, 1.0)), Population(4)))
+def test_cohorts_differ_in_push_and_the_crowds_of_two_seeds_differ():
+    people = Cohorts((Population(5, push=0.0), Population(6, push=(0.5, 1.0)), Population(4)))
     (first, _), (second, _) = drawn(people, 0), drawn(people, 1)
     assert (first.push[:5] == 0.0).all() and (first.push[5:11] >= 0.5).all() and np.isnan(first.push[11:]).all()
     assert (first.push[5:11] != second.push[5:11]).all()
@@ -126,7 +126,7 @@ def test_a_file_says_manner_and_motivation(tmp_path):
         ({"manner": "{ timegap = 1 }"}, ("unknown key 'timegap'", "time_gap")),
         ({"manner": "{ time_gap = 0 }"}, ("headway: time_gap", "> 0")),
         ({"push": "1.5"}, ("push must be in [0, 1]", "1.5")),
-        ({"push": '"a lot"'}, ("groups[0]", "push is 'a lot'", "a number, a pair")),
+        ({"push": '"a lot"'}, ("cohorts[0]", "push is 'a lot'", "a number, a pair")),
     ],
 )
 def test_mistakes_in_a_file_are_named(tmp_path, given, words):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cases import looped
 
-from crowd_env import FULL_SPEED, Geometry, Groups, LogNormal, Normal, Population, Scenario, Uniform, make_scenario
+from crowd_env import FULL_SPEED, Cohorts, Geometry, LogNormal, Normal, Population, Scenario, Uniform, make_scenario
 from crowd_env.geometry.geometry import box
 from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
@@ -33,7 +33,7 @@ EAST = {"people": 5, "radius": NORMAL, "mass": 70, "response_time": LOG_NORMAL, 
 
 
 def people():
-    return Groups(
+    return Cohorts(
         (
             Population(8, radius=Uniform(0.2, 0.22), start_region="left", route="west", name="west"),
             Population(
@@ -67,13 +67,13 @@ def test_a_distribution_of_plain_data_is_the_object_and_draws_alike(name, plain,
 
 
 @looped("form", [list, tuple, json.dumps])
-def test_groups_of_tables_are_groups_of_objects(form):
+def test_cohorts_of_tables_are_cohorts_of_objects(form):
     parts = [WEST, EAST] if form is json.dumps else form([WEST, EAST])
     plain = json.loads(form(parts)) if form is json.dumps else parts
     for crowd in (
-        Groups(plain),
+        Cohorts(plain),
         Scenario("hall", HALL, plain, 60.0, **FULL_SPEED).population,
-        Groups([WEST, people().parts[1]]),
+        Cohorts([WEST, people().parts[1]]),
     ):
         assert [(part.route, part.exits, part.name) for part in crowd.parts] == [
             ("west", (), "west"),
@@ -84,10 +84,10 @@ def test_groups_of_tables_are_groups_of_objects(form):
 
 def test_a_file_and_python_take_the_same_tables(tmp_path):
     plan = {"walkable": {"box": [0, 0, 12, 6]}, "exits": {"west": [[0, 2], [0, 4]], "east": [[12, 2], [12, 4]]}}
-    content = {"geometry": {**plan, "regions": {"left": {"box": [0, 0, 6, 6]}}}, "groups": [WEST, EAST]}
+    content = {"geometry": {**plan, "regions": {"left": {"box": [0, 0, 6, 6]}}}, "cohorts": [WEST, EAST]}
     path = tmp_path / "hall.json"
     path.write_text(json.dumps(content))
-    assert_same_draws(make_scenario(path).population, Groups([WEST, EAST]))
+    assert_same_draws(make_scenario(path).population, Cohorts([WEST, EAST]))
 
 
 def test_starts_say_how_many_people_there_are():
@@ -153,11 +153,11 @@ def test_a_mistake_in_a_table_of_people_is_one_sentence(options, message):
 @looped(
     ("make", "message"),
     [
-        (lambda: Groups([WEST, {"raduis": 1}]), "groups[1]: unknown key 'raduis'; known: people, radius"),
-        (lambda: Groups([WEST, {"radius": 0.2}]), "groups[1]: key 'people' is missing"),
+        (lambda: Cohorts([WEST, {"raduis": 1}]), "cohorts[1]: unknown key 'raduis'; known: people, radius"),
+        (lambda: Cohorts([WEST, {"radius": 0.2}]), "cohorts[1]: key 'people' is missing"),
         (
             lambda: Scenario("hall", HALL, [WEST, WEST], 60.0, **FULL_SPEED),
-            "population: two groups have the name 'west'",
+            "population: two cohorts have the name 'west'",
         ),
         (
             lambda: Scenario("hall", HALL, {**WEST, "route": "wets"}, 60.0, **FULL_SPEED),

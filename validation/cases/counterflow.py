@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env import Geometry, Groups, Scenario
+from crowd_env import Cohorts, Geometry, Scenario
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Row, Setting, adults, number, row, share
 from validation.cases.crowds import Bools, Crowds, Floats, Passages, draw_crowds, mean_of
@@ -32,7 +32,7 @@ def corridor(two_ways: bool) -> Scenario:
         people: Any = adults(2 * _PEOPLE, start_region="in west", route="east")
     else:
         east = adults(_PEOPLE, start_region="in west", route="east", name="eastward")
-        people = Groups((east, adults(_PEOPLE, start_region="in east", route="west", name="westward")))
+        people = Cohorts((east, adults(_PEOPLE, start_region="in east", route="west", name="westward")))
     return Scenario("two ways" if two_ways else "one way", place, people, 240.0)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from crowd_env import Geometry, Groups, Scenario
+from crowd_env import Cohorts, Geometry, Scenario
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Passages, draw_crowds
@@ -31,7 +31,7 @@ def rooms(against: int) -> Scenario:
     people = adults(_PEOPLE, start_region="far west", route="east")
     if not against:
         return Scenario("crossing", place, people, 240.0)
-    return Scenario("crossing", place, Groups((people, adults(against, start_region="far east", route="west"))), 240.0)
+    return Scenario("crossing", place, Cohorts((people, adults(against, start_region="far east", route="west"))), 240.0)
 
 
 def run(setting: Setting) -> list[Row]:

@@ -133,7 +133,7 @@ def draw_crowds(scenarios: Sequence[Scenario], setting: Setting) -> Crowds:
         assert route_set is not None  # every scenario has an exit
         crowds.simulation.send(
             e,
-            scenarios[e // setting.draws].choose(route_set, setting.strategy, position, bodies.radius, bodies.company),
+            scenarios[e // setting.draws].choose(route_set, setting.strategy, position, bodies.radius, bodies.group),
         )
     return crowds
 

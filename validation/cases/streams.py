@@ -1,6 +1,6 @@
 """Four streams: people of two corridors who cross, dense as at the end of an event; do they lock?"""
 
-from crowd_env import Geometry, Groups, Scenario
+from crowd_env import Cohorts, Geometry, Scenario
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import draw_crowds, mean_of
@@ -31,7 +31,7 @@ def crossing() -> Scenario:
         },
     )
     streams = (adults(_PEOPLE, start_region=f"in {side}", route=to, name=side) for side, to in _TO.items())
-    return Scenario("four streams", place, Groups(tuple(streams)), _LIMIT)
+    return Scenario("four streams", place, Cohorts(tuple(streams)), _LIMIT)
 
 
 def run(setting: Setting) -> list[Row]:

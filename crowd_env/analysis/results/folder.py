@@ -112,13 +112,13 @@ _OWNED = (RUNS, EXITS, CURVE, SUMMARY, KEPT, CROWDING, "nt.png", "recordings", "
 
 # Columns of runs.csv with their units, after run and seed; figures of `EpisodeMetrics` have its names.
 _RUN_COLUMNS = ("run", "seed", "people", "end", "time_limit", "t95", *EpisodeMetrics._fields)
-_EXIT_COLUMNS = ("run", "time", "exit", "out", "person", "radius", "desired_speed", "group", "until")
+_EXIT_COLUMNS = ("run", "time", "exit", "out", "person", "radius", "desired_speed", "cohort", "until")
 
 
 def write_tables(folder: Path, scenario: Scenario, episodes: Sequence[Episode]) -> list[Path]:
     """Write both tables, each whole or not at all, and return their paths."""
-    groups = _groups(scenario)
-    rows = (row for one in episodes for row in _exits(scenario, groups, one))
+    cohorts = _cohorts(scenario)
+    rows = (row for one in episodes for row in _exits(scenario, cohorts, one))
     return [write_csv(folder / RUNS, _RUN_COLUMNS, map(_run, episodes)), write_csv(folder / EXITS, _EXIT_COLUMNS, rows)]
 
 
@@ -130,8 +130,8 @@ def write_curve(folder: Path, episodes: Sequence[Episode]) -> Path:
     return write_csv(folder / CURVE, columns, ([f"{value:.10g}" for value in row] for row in rows))
 
 
-def _groups(scenario: Scenario) -> np.ndarray:
-    """Return the name of the group of each person (N,), or its number if groups have none; "" if there is one alone."""
+def _cohorts(scenario: Scenario) -> np.ndarray:
+    """Return the name of the cohort of each person (N,), or its number if cohorts have none; "" if there is one alone."""
     parts = scenario.population.parts
     names = [part.name or (str(k + 1) if len(parts) > 1 else "") for k, part in enumerate(parts)]
     return np.repeat(names, [part.people for part in parts])
@@ -142,7 +142,7 @@ def _run(episode: Episode) -> list[object]:
     return [episode.run, episode.seed, len(episode.exit_time), *map(_cell, (*times, *episode.metrics))]
 
 
-def _exits(scenario: Scenario, groups: np.ndarray, episode: Episode) -> list[tuple[object, ...]]:
+def _exits(scenario: Scenario, cohorts: np.ndarray, episode: Episode) -> list[tuple[object, ...]]:
     """Return the rows of a run in the order of time; pedestrians left inside come last, without a time and an exit."""
     names = exit_names(scenario, episode.exit_index)
     order = np.argsort(episode.exit_time, kind="stable")  # nan go last
@@ -150,7 +150,7 @@ def _exits(scenario: Scenario, groups: np.ndarray, episode: Episode) -> list[tup
     for k in order:
         time, *body = (_cell(float(one[k])) for one in (episode.exit_time, episode.radius, episode.desired_speed))
         until = "" if time else _cell(episode.end)
-        rows.append((episode.run, time, names[k], int(bool(time)), int(k), *body, groups[k], until))
+        rows.append((episode.run, time, names[k], int(bool(time)), int(k), *body, cohorts[k], until))
     return rows
 
 

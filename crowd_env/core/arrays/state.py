@@ -35,7 +35,7 @@ class Bodies(NamedTuple):
     response_time: Floats  #: (P,) s, stands still until then
     time_gap: Floats  #: (P,) s, of the headway that is kept; nan = that of the manner of the run
     push: Floats  #: (P,) share of the desired speed at which one presses on; nan = that of the manner
-    company: Ints  #: (P,) pedestrians of an environment with one number walk together; -1 = alone
+    group: Ints  #: (P,) pedestrians of an environment with one number walk together; -1 = alone
     env_start: Ints  #: (E+1,) first slot of each environment
 
 
@@ -76,7 +76,7 @@ def make_bodies(
     response_time: Floats | float = 0.0,
     time_gap: Floats | float = np.nan,
     push: Floats | float = np.nan,
-    company: Ints | int = -1,
+    group: Ints | int = -1,
     env_start: Ints | None = None,
 ) -> Bodies:
     """Return `Bodies` with every array filled; the inertia is that of a solid disc, ``m r^2 / 2``.
@@ -98,9 +98,9 @@ def make_bodies(
             raise ValueError(f"{name} has the shape {values.shape}; it must be one number, or ({count},) as radius")
         return np.array(np.broadcast_to(values, (count,)), order="C")
 
-    numbers = np.asarray(company)
+    numbers = np.asarray(group)
     if numbers.shape not in ((), (count,)) or numbers.dtype.kind not in "iu":
-        raise ValueError(f"company is {_short(numbers)}; it must be a whole number, or ({count},) of them as radius")
+        raise ValueError(f"group is {_short(numbers)}; it must be a whole number, or ({count},) of them as radius")
     bodies = Bodies(
         radius=radius,
         mass=full("mass", mass),
@@ -110,7 +110,7 @@ def make_bodies(
         response_time=full("response_time", response_time),
         time_gap=full("time_gap", time_gap),
         push=full("push", push),
-        company=np.array(np.broadcast_to(numbers, (count,)), dtype=np.int64),
+        group=np.array(np.broadcast_to(numbers, (count,)), dtype=np.int64),
         env_start=np.array([0, count]) if env_start is None else _whole_numbers("env_start", env_start),
     )
     check_bodies(bodies)
@@ -164,7 +164,7 @@ def check_bodies(bodies: Bodies) -> None:
     if count < 1:
         raise ValueError("bodies.radius is empty; there must be at least one person")
     for name, array in zip(Bodies._fields[:-1], bodies, strict=False):
-        _check_array(f"bodies.{name}", array, np.int64 if name == "company" else np.float64, (count,))
+        _check_array(f"bodies.{name}", array, np.int64 if name == "group" else np.float64, (count,))
     for name in ("radius", "mass", "inertia", "relaxation_time"):
         values = getattr(bodies, name)
         _require(name, values, (values > 0.0) & (values < np.inf), "finite and > 0")
@@ -180,10 +180,10 @@ def check_bodies(bodies: Bodies) -> None:
         must = f"it must ascend from 0 to the number of people, {count}, with at least one person in each environment"
         raise ValueError(f"bodies.env_start is {_short(start)}; {must}")
     most = np.repeat(np.diff(start), np.diff(start)) - 1
-    known = (bodies.company >= -1) & (bodies.company <= most)
+    known = (bodies.group >= -1) & (bodies.group <= most)
     if not known.all():
         bad = int(np.argmin(known))
-        raise ValueError(f"company of pedestrian {bad} is {bodies.company[bad]}; it must be from -1 to {most[bad]}")
+        raise ValueError(f"group of pedestrian {bad} is {bodies.group[bad]}; it must be from -1 to {most[bad]}")
 
 
 def check_motivation(name: str, values: Floats) -> None:

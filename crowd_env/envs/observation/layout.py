@@ -94,9 +94,9 @@ TERMS: Mapping[str, CompiledTerm] = {
     "queues_seen": CompiledTerm(1, of_each="routes", usual=False),
     # the same of all pedestrians inside, as signs with the length of each queue would show it: n / (n + 50)
     "queues_shown": CompiledTerm(1, of_each="routes", usual=False),
-    # companions inside: offset of their center / (3 m + its distance) (2), in the frame, and their number n as n / (n + 3);
-    # 0 without companions
-    "company": CompiledTerm(3, usual=False),
+    # other members of the group: offset of their center / (3 m + its distance) (2), in the frame, and their number n as
+    # n / (n + 3); 0 for pedestrians that walk alone
+    "group": CompiledTerm(3, usual=False),
 }
 
 USUAL = tuple(name for name, term in TERMS.items() if term.usual)

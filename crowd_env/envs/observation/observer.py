@@ -74,7 +74,7 @@ class Observer:
                 openings=self._openings,
                 ways=ways,
                 length_of_way=np.zeros((people, layout.routes)),
-                company_sums=np.zeros((people, 3)),
+                group_sums=np.zeros((people, 3)),
                 heads_for=np.zeros(people, dtype=np.int64),
             )
         )

@@ -26,7 +26,7 @@ from crowd_env.envs.observation.ways import way_features
 from crowd_env.routing.fields.bottlenecks import bottleneck_at
 from crowd_env.routing.fields.lookup import travel_time_at, way_at
 
-COMPANY_SCALE = 3.0  # people   this number of companions is observed as 1/2
+GROUP_SCALE = 3.0  # people   this number of other members is observed as 1/2
 KICK_SCALE = 1.0  # m/s   an impulse that changes the pedestrian's speed by this much is observed as 1
 
 
@@ -39,8 +39,8 @@ def perceive(environments: Ints, view: View, plan: Plan, out: Rows) -> None:
         end = list_seen(begin, view.bodies.env_start[e + 1], view.seen, listed, out)
         update_route_ahead(e, begin, end, view)
         write_own_features(e, begin, end, view, column, out)
-        if column.company >= 0:
-            write_company(e, begin, end, view, column.company, out)
+        if column.group >= 0:
+            write_group(e, begin, end, view, column.group, out)
         if column.walls >= 0:
             cast_rays(e, begin, end, view, plan, out)
         if max(column.routes, column.queues_seen, column.queues_shown) >= 0:
@@ -138,28 +138,28 @@ def time_stood(i: int, now: float, view: View) -> float:
 
 
 @inner_kernel
-def write_company(e: int, begin: int, end: int, view: View, first: int, out: Rows) -> None:
-    """Write the term `company` of ``listed[begin:end]`` in environment ``e``."""
-    sums, company, position, active = view.company_sums, view.bodies.company, view.state.position, view.state.active
+def write_group(e: int, begin: int, end: int, view: View, first: int, out: Rows) -> None:
+    """Write the term `group` of ``listed[begin:end]`` in environment ``e``."""
+    sums, group, position, active = view.group_sums, view.bodies.group, view.state.position, view.state.active
     slot_start, slot_stop = view.bodies.env_start[e], view.bodies.env_start[e + 1]
     for i in range(index(slot_start), index(slot_stop)):
         sums[i, 0], sums[i, 1], sums[i, 2] = 0.0, 0.0, 0.0
     for i in range(index(slot_start), index(slot_stop)):
-        if active[i] and company[i] >= 0:
-            c = slot_start + company[i]
+        if active[i] and group[i] >= 0:
+            c = slot_start + group[i]
             sums[c, 0] += position[i, 0]
             sums[c, 1] += position[i, 1]
             sums[c, 2] += 1.0
     for n in range(index(begin), index(end)):
         i = view.listed[n]
-        c, own = slot_start + max(company[i], 0), 1.0 if active[i] else 0.0
+        c, own = slot_start + max(group[i], 0), 1.0 if active[i] else 0.0
         others = sums[c, 2] - own
-        if company[i] >= 0 and others > 0.0:
+        if group[i] >= 0 and others > 0.0:
             x, y = position[i, 0], position[i, 1]
             dx, dy = (sums[c, 0] - own * x) / others - x, (sums[c, 1] - own * y) / others - y
             scale = SIGHT + np.sqrt(dx * dx + dy * dy)
             write_turned(out, i, first, dx, dy, view.axis[i, 0], view.axis[i, 1], scale)
-            out[i, first + 2] = others / (others + COMPANY_SCALE)
+            out[i, first + 2] = others / (others + GROUP_SCALE)
 
 
 @inner_kernel

@@ -57,7 +57,7 @@ class View(NamedTuple):
     ways: Ways
     openings: Bottlenecks  # a reference; of no field unless a term needs them
     length_of_way: Floats  # (P, C)  m   scratch: rest of each way from the pedestrian's position, as `distance_to_go`
-    company_sums: Floats  # (P, 3)  scratch: of each company inside the positions [m] and the number of members
+    group_sums: Floats  # (P, 3)  scratch: of each group inside the positions [m] and the number of members
     heads_for: Ints  # (P,)    scratch: the way that each goes, or that looks most like it
 
 
@@ -80,7 +80,7 @@ class Columns(NamedTuple):
     routes: int
     queues_seen: int
     queues_shown: int
-    company: int
+    group: int
 
 
 class Plan(NamedTuple):

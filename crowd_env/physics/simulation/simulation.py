@@ -10,7 +10,7 @@ from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints,
 from crowd_env.core.behaviors.behavior import record
 from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.behaviors.outline import Outline
-from crowd_env.core.behaviors.pulls import has_companions
+from crowd_env.core.behaviors.pulls import has_groups
 from crowd_env.core.checks import known
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.kernels.struct_ref import struct_ref
@@ -69,7 +69,7 @@ class Simulation:
         default the scheme's longest, 0.01 or (hertz) 0.005 s, less with several discs a body.  An outline sets
         ``bodies.inertia``, and its pedestrians face their way at the start, unless an angle in ``state`` is set.
     walking : a `Walking`, a name in ``MANNERS`` or a `Headway`, or a table of the fields of one of them; by default people walk
-        at full speed whatever is in front of them.  Its pulls keep companions (``bodies.company``) together.
+        at full speed whatever is in front of them.  Its pulls keep groups (``bodies.group``) together.
     fields : travel-time field or routes of each geometry; made here by default for geometries with exits.
     driving : True for pedestrians (driving force, eq 11, and social force), False for passive grains.
 
@@ -170,9 +170,9 @@ class Simulation:
         return np.add.reduceat(self.state.active.astype(np.int64), self.bodies.env_start[:-1])
 
     @cached_property
-    def has_companions(self) -> bool:
-        """Whether any company had two members when the simulation was made."""
-        return has_companions(self.bodies)
+    def has_groups(self) -> bool:
+        """Whether any group had two members when the simulation was made."""
+        return has_groups(self.bodies)
 
     def _set_inertia(self, people: slice | Ints) -> None:
         """Set the inertia of bodies with an outline."""
@@ -281,9 +281,9 @@ class Simulation:
         check_bodies(bodies)
         if len(bodies.radius) != count:
             raise ValueError(f"environment {e} holds {count} people, not {len(bodies.radius)}")
-        if not self.has_companions and has_companions(bodies):
+        if not self.has_groups and has_groups(bodies):
             raise ValueError(
-                "nobody walked in company when the simulation was made, so bodies.company must be -1 here too"
+                "nobody walked in groups when the simulation was made, so bodies.group must be -1 here too"
             )
         arguments.check_step(self.scheme, bodies, self.dt, self.allow_unstable, self.outline)
         stand = arguments.vectors("position", position, count)
@@ -308,7 +308,7 @@ class Simulation:
     def _made_by(self) -> dict[str, Any]:
         """Return what a simulation must have in common with this one to restore a checkpoint of it."""
         chosen = {"scheme": self.scheme, **self.behaviors, "dt": self.dt, "driving": self.driving}
-        chosen["has_companions"] = self.has_companions
+        chosen["has_groups"] = self.has_groups
         env_start, sorting = self.bodies.env_start.tolist(), self._sorted is not None
         world, guidance = self.world, self.world.guidance
         place = fingerprint(world.boundary, world.geometry_of_env, guidance.goal, guidance.following)

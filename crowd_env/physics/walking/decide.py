@@ -131,7 +131,7 @@ def _overtake(i: int, seen: tuple[int, int], near: Near, ahead: Floats, batch: B
         return 0.0
     waits = (
         batch.acts.pulls and batch.history.memory.pulls.held_since[leader] > 0.0
-    )  # waiting for companions is no queue
+    )  # waiting for one's group is no queue
     if velocity[leader, 0] * way_x + velocity[leader, 1] * way_y < params.overtaking and not waits:
         return 0.0
     best, chosen = behind + params.gain * speed, 0.0

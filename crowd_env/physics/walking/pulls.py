@@ -1,4 +1,4 @@
-"""How companions and attractions pull people off their way, see `crowd_env.core.behaviors.pulls`.
+"""How groups and attractions pull people off their way, see `crowd_env.core.behaviors.pulls`.
 
 A pedestrian of desired velocity w, relaxation time tau, pull f and head angle alpha walks at the velocity
 
@@ -20,7 +20,7 @@ from crowd_env.routing.fields.lookup import travel_time_at
 
 HURRY = 1.3  # times the desired speed: the largest speed under pulls
 _SLOW = 0.25  # of the desired speed, along the way: slower counts as held back
-_GAZE, _COHESION, _REPULSION, _SPACING, _APART, _PATIENCE = 0, 1, 2, 3, 4, 5  # columns of `PullArrays.companions`
+_GAZE, _COHESION, _REPULSION, _SPACING, _APART, _PATIENCE = 0, 1, 2, 3, 4, 5  # columns of `PullArrays.groups`
 _X, _Y, _STRENGTH, _REACH, _LIFETIME, _SINCE = 0, 1, 2, 3, 4, 5  # columns of `PullArrays.attraction`
 
 
@@ -28,8 +28,8 @@ _X, _Y, _STRENGTH, _REACH, _LIFETIME, _SINCE = 0, 1, 2, 3, 4, 5  # columns of `P
 def pull_aside(e: int, batch: Batch) -> None:
     """Change the desired ways and speeds of environment ``e`` in `Workspace.walkers` by the pulls."""
     walkers, bodies, time = batch.workspace.walkers, batch.bodies, batch.state.time[e]
-    gaze = batch.behaviors.pulls.companions[batch.world.geometry_of_env[e], _GAZE]
-    _list_companions(e, batch)
+    gaze = batch.behaviors.pulls.groups[batch.world.geometry_of_env[e], _GAZE]
+    _list_members(e, batch)
     for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
         if not batch.state.active[i] or time < bodies.response_time[i]:
             continue
@@ -63,7 +63,7 @@ def walk_at_full_speed(e: int, batch: Batch) -> None:
     g = batch.world.geometry_of_env[e]
     attracts = batch.behaviors.pulls.start[g + 1] > batch.behaviors.pulls.start[g]
     for i in range(index(batch.bodies.env_start[e]), index(batch.bodies.env_start[e + 1])):
-        if attracts or batch.bodies.company[i] != ALONE:
+        if attracts or batch.bodies.group[i] != ALONE:
             walking[i, 0] = walkers.speed[i] * walkers.way_x[i]
             walking[i, 1] = walkers.speed[i] * walkers.way_y[i]
         else:
@@ -72,16 +72,16 @@ def walk_at_full_speed(e: int, batch: Batch) -> None:
 
 
 @inner_kernel
-def _list_companions(e: int, batch: Batch) -> None:
-    """Chain the active members of each company, and add up their positions [m] and their number."""
-    walkers, company, position = batch.workspace.walkers, batch.bodies.company, batch.state.position
+def _list_members(e: int, batch: Batch) -> None:
+    """Chain the active members of each group, and add up their positions [m] and their number."""
+    walkers, group, position = batch.workspace.walkers, batch.bodies.group, batch.state.position
     first, following, sums, active = walkers.first, walkers.following, walkers.sums, batch.state.active
     slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
     for i in range(index(slot_start), index(slot_stop)):
         first[i], sums[i, 0], sums[i, 1], sums[i, 2] = -1, 0.0, 0.0, 0.0
     for i in range(index(slot_start), index(slot_stop)):
-        if active[i] and company[i] != ALONE:
-            c = slot_start + company[i]
+        if active[i] and group[i] != ALONE:
+            c = slot_start + group[i]
             following[i], first[c] = first[c], i
             sums[c, 0] += position[i, 0]
             sums[c, 1] += position[i, 1]
@@ -112,18 +112,18 @@ def _sees(e: int, i: int, dx: float, dy: float, batch: Batch) -> bool:
 
 @inner_kernel
 def _keep_together(e: int, i: int, time: float, fx: float, fy: float, batch: Batch) -> tuple[float, float, float, bool]:
-    """Add the forces of the company of pedestrian ``i`` to (fx, fy) [m/s2].
+    """Add the forces of the group of pedestrian ``i`` to (fx, fy) [m/s2].
 
     Returns the sum, the angle of the head [rad], and whether ``i`` waits.
     """
-    company, held_since = batch.bodies.company[i], batch.history.memory.pulls.held_since
+    group, held_since = batch.bodies.group[i], batch.history.memory.pulls.held_since
     walkers, position = batch.workspace.walkers, batch.state.position
-    c = batch.bodies.env_start[e] + max(company, 0)
+    c = batch.bodies.env_start[e] + max(group, 0)
     members = walkers.sums[c, 2]
-    if company == ALONE or members < 2.0:
+    if group == ALONE or members < 2.0:
         held_since[i] = 0.0
         return fx, fy, 0.0, False
-    rule = batch.behaviors.pulls.companions[batch.world.geometry_of_env[e]]
+    rule = batch.behaviors.pulls.groups[batch.world.geometry_of_env[e]]
     gx, gy = _repel(i, c, rule[_SPACING], rule[_REPULSION], batch)
     fx, fy, angle = fx + gx, fy + gy, 0.0
     dx, dy = walkers.sums[c, 0] / members - position[i, 0], walkers.sums[c, 1] / members - position[i, 1]
@@ -148,7 +148,7 @@ def _keep_together(e: int, i: int, time: float, fx: float, fy: float, batch: Bat
 
 @inner_kernel
 def _repel(i: int, c: int, spacing: float, strength: float, batch: Batch) -> tuple[float, float]:
-    """Return the repulsion [m/s2] by companions too near to pedestrian ``i``."""
+    """Return the repulsion [m/s2] by members too near to pedestrian ``i``."""
     position, walkers, fx, fy = batch.state.position, batch.workspace.walkers, 0.0, 0.0
     j = walkers.first[c]
     while j >= 0:
@@ -162,7 +162,7 @@ def _repel(i: int, c: int, spacing: float, strength: float, batch: Batch) -> tup
 
 @inner_kernel
 def _is_ahead(e: int, i: int, c: int, apart: float, spacing: float, batch: Batch) -> bool:
-    """Whether a companion on the same way is further back than pedestrian ``i``, and far away or out of sight."""
+    """Whether a member on the same way is further back than pedestrian ``i``, and far away or out of sight."""
     position, walkers, followed = batch.state.position, batch.workspace.walkers, batch.history.followed
     x, y, radius = position[i, 0], position[i, 1], batch.bodies.radius[i]
     field, boundary, j, left = batch.world.field, batch.world.boundary, walkers.first[c], np.nan

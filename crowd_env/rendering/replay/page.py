@@ -106,7 +106,7 @@ def _packed(recording: Recording, frames: Ints) -> tuple[dict[str, Any], str]:
         "exit_index": recording.exit_index,
         "radius": recording.radius,
         "desired_speed": np.nan_to_num(recording.desired_speed),
-        "group": recording.group,
+        "cohort": recording.cohort,
         "x": tracks.x - origin[0],
         "y": tracks.y - origin[1],
         "speed": tracks.speed,
@@ -133,7 +133,7 @@ def _packed(recording: Recording, frames: Ints) -> tuple[dict[str, Any], str]:
         "columns": about,
         "frames": len(frames),
         "note": "" if len(frames) == every else note,
-        "groups": list(recording.groups),
+        "cohorts": list(recording.cohorts),
         "outline": unit_discs(recording),
         "outcome": outcome(recording),
         "facts": fact_rows(recording),
@@ -220,7 +220,7 @@ def _with_rims(colors: NDArray[np.uint8]) -> dict[str, list[str]]:
 
 
 def plain_colors() -> dict[str, Any]:
-    """Return the ramps of bodies, each with darker rims, and the colors of groups, from the palette of all pictures.
+    """Return the ramps of bodies, each with darker rims, and the colors of cohorts, from the palette of all pictures.
 
     They go in steps, so that people of one color are drawn in one go.
     """
@@ -229,7 +229,7 @@ def plain_colors() -> dict[str, Any]:
         "pressure": _with_rims(pressure_color(level)),
         "speed": _with_rims(blend(_SPEED, level)),
         "time": _with_rims(blend(_TIME, level)),
-        "group": _with_rims(darker(palette.SERIES, by=-0.1)),  # lighter: they are seen on a dark floor too
+        "cohort": _with_rims(darker(palette.SERIES, by=-0.1)),  # lighter: they are seen on a dark floor too
         "unknown": _with_rims(np.array([_UNKNOWN], dtype=np.uint8)),
     }
 

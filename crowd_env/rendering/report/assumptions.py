@@ -39,12 +39,12 @@ def assumptions(runs: Sequence[Runs]) -> dict[str, Any]:
 
 
 def _population(one: Runs) -> dict[str, Any]:
-    groups = one.config["population"]
-    rows = table(_OF_A_GROUP, groups)
+    cohorts = one.config["population"]
+    rows = table(_OF_A_COHORT, cohorts)
     for name, behavior in IN_WORDS.items():
-        rows.append((behavior.label, *([described(one.config[name])] * len(groups))))
-    head = ("", *(part["name"] or f"group {k + 1}" for k, part in enumerate(groups)))
-    return {"head": head if len(groups) > 1 else (), "rows": rows}
+        rows.append((behavior.label, *([described(one.config[name])] * len(cohorts))))
+    head = ("", *(part["name"] or f"cohort {k + 1}" for k, part in enumerate(cohorts)))
+    return {"head": head if len(cohorts) > 1 else (), "rows": rows}
 
 
 def _different(runs: Sequence[Runs], names: Sequence[str]) -> list[tuple[str, Runs]]:
@@ -76,7 +76,7 @@ def _goals(part: Mapping[str, Any]) -> str:
     return ", ".join(filter(None, (route, exits))) or "as the strategy says"
 
 
-_OF_A_GROUP: dict[str, Callable[[Mapping[str, Any]], str]] = {
+_OF_A_COHORT: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "number": lambda part: str(part.get("people", part.get("count"))),
     "radius of the body": lambda part: _spread(part["radius"], "m"),
     "mass": lambda part: _spread(part["mass"], "kg"),

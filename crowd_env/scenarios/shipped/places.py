@@ -13,8 +13,8 @@ from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, number, whole
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.routing.spec import ControlRule
 from crowd_env.routing.speed_map import SpeedZone
+from crowd_env.scenarios.cohorts import Cohorts
 from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
-from crowd_env.scenarios.groups import Groups
 from crowd_env.scenarios.population import TABLE_4, Population
 from crowd_env.scenarios.scenario import COMMON, FULL_SPEED, Scenario, changed_place
 
@@ -55,8 +55,8 @@ def _people(people: int, **fields: Any) -> Population:
     return Population(people, **{**TABLE_4, **fields})
 
 
-def _groups(*parts: dict[str, Any], **shared: Any) -> Groups:
-    return Groups(tuple(_people(**shared, **part) for part in parts))
+def _cohorts(*parts: dict[str, Any], **shared: Any) -> Cohorts:
+    return Cohorts(tuple(_people(**shared, **part) for part in parts))
 
 
 @_place(side=POSITIVE, door_width=POSITIVE)
@@ -171,7 +171,7 @@ def t_junction(*, width: float = 2.4) -> Scenario:
         regions={"left": _box(-9.0, 0.0, -3.5, width), "right": _box(3.5, 0.0, 9.0, width)},
     )
     left, right = ({"name": f"from the {side}", "start_region": side} for side in ("left", "right"))
-    people = _groups(left, right, people=30, desired_speed=_WALKING)
+    people = _cohorts(left, right, people=30, desired_speed=_WALKING)
     title = f"two streams merge where corridors of {width:.10g} m meet"
     paper = "Zhang, Klingsch, Schadschneider, Seyfried, J. Stat. Mech. P06004 (2011)"
     source = f"after the T-junction of {paper}, corridors of 2.4 m; lengths drawn for this project"
@@ -180,7 +180,7 @@ def t_junction(*, width: float = 2.4) -> Scenario:
 
 @_place(width=Range(1.5, 10.0), length=Range(12.0, 60.0))
 def counter_flow(*, width: float = 4.0, length: float = 20.0) -> Scenario:
-    """Return a corridor of ``width`` and ``length`` [m] in which two groups walk towards each other."""
+    """Return a corridor of ``width`` and ``length`` [m] in which two streams walk towards each other."""
     geometry = Geometry.from_polygon(
         _box(0.0, 0.0, length, width),
         exits={"west": [(0.0, 0.0), (0.0, width)], "east": [(length, 0.0), (length, width)]},
@@ -188,8 +188,8 @@ def counter_flow(*, width: float = 4.0, length: float = 20.0) -> Scenario:
     )
     one = {"name": "eastwards", "start_region": "left", "route": "east"}
     other = {"name": "westwards", "start_region": "right", "route": "west"}
-    people = _groups(one, other, people=15, radius=_SLIM, desired_speed=_WALKING)
-    title = f"two groups walk towards each other in a corridor of {length:.10g} x {width:.10g} m"
+    people = _cohorts(one, other, people=15, radius=_SLIM, desired_speed=_WALKING)
+    title = f"two streams walk towards each other in a corridor of {length:.10g} x {width:.10g} m"
     test = "counterflow in a corridor is also test 8 of IMO MSC.1/Circ.1533, with other dimensions"
     return Scenario("counter-flow-v0", geometry, people, 120.0, title, f"drawn for this project; {test}")
 
@@ -219,7 +219,7 @@ def crossing(*, width: float = 4.0) -> Scenario:
     )
     one = {"name": "eastwards", "start_region": "west", "route": "east"}
     other = {"name": "northwards", "start_region": "south", "route": "north"}
-    people = _groups(one, other, people=20, radius=_SLIM, desired_speed=_WALKING)
+    people = _cohorts(one, other, people=20, radius=_SLIM, desired_speed=_WALKING)
     title = f"two streams cross at right angles where corridors of {width:.10g} m meet"
     paper = "Cao, Seyfried, Zhang, Holl, Song, J. Stat. Mech. 033404 (2017)"
     source = f"after the crossing of 90 degrees of {paper}, corridors of 4 m; lengths drawn for this project"
@@ -256,7 +256,7 @@ def supermarket(*, exit_width: float = 1.6) -> Scenario:
         exits={"entrance": [(3.0, 0.0), (3 + exit_width, 0.0)], "tills": [(14.0, 0.0), (14 + exit_width, 0.0)]},
         regions={"shelves": _box(0.0, 5.0, 24.0, 16.0), "checkout": _box(9.4, 1.8, 20.0, 4.4)},
     )
-    people = _groups(
+    people = _cohorts(
         {"people": 90, "name": "shopping", "start_region": "shelves", "response_time": LogNormal(8.0, 0.6, 40.0)},
         {"people": 15, "name": "at the tills", "start_region": "checkout", "response_time": LogNormal(4.0, 0.5, 20.0)},
         desired_speed=Uniform(0.8, 1.5),
@@ -311,7 +311,7 @@ def floor(*, door_width: float = 0.9, exit_width: float = 1.2) -> Scenario:
         },
     )
     late, soon = LogNormal(12.0, 0.5, 45.0), LogNormal(5.0, 0.4, 20.0)
-    people = _groups(
+    people = _cohorts(
         {"people": 20, "name": "south offices", "start_region": "south-offices", "response_time": late},
         {"people": 15, "name": "north offices", "start_region": "north-offices", "response_time": late},
         {"people": 25, "name": "meeting", "start_region": "meeting-room", "response_time": soon},

@@ -35,7 +35,7 @@ from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, flag, number, r
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.routing.spec import ControlRule
 from crowd_env.routing.speed_map import SpeedZone
-from crowd_env.scenarios.groups import People, as_people
+from crowd_env.scenarios.cohorts import People, as_people
 from crowd_env.scenarios.population import TABLE_4, Population, Uniform
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from evaluations import SMALL, hall, recorded, run
 
-from crowd_env import Groups, Population, Uniform
+from crowd_env import Cohorts, Population, Uniform
 from crowd_env.agents.evaluation.evaluation import Evaluation
 from crowd_env.analysis.results.measurements import CELL, REACH, most_within
 from crowd_env.rendering.heat import HeatMap, heat_figure, heat_maps
@@ -108,7 +108,7 @@ def test_whoever_hardly_wants_to_walk_and_is_pushed_on_does_not_hurry():
     """Somebody who wants to stand, and somebody who wants 0.05 m/s, in front of people who push."""
     wants = ((2.0, 3.0, 2.7), (2.0, 3.0, 3.3), (0.0, 2.5, 2.7), (0.05, 2.5, 3.3))  # m/s at (x, y)
     crowd = [Population(1, desired_speed=Uniform(v, v), starts=np.array([[x, y]])) for v, x, y in wants]
-    env, recorder = recorded(replace(hall(), population=Groups(crowd)), steps=30)
+    env, recorder = recorded(replace(hall(), population=Cohorts(crowd)), steps=30)
     kept, wanted = recorder.record(env, 0), env.simulation.bodies.desired_speed
     assert (kept.walked[wanted < 0.1] > 0.3).all()  # they were pushed
     assert 0.0 < kept.hurry < 1.0

@@ -9,7 +9,7 @@ import pytest
 import shapely
 from repository import ROOT
 
-from crowd_env import Geometry, Groups, Population, Scenario, make_scenario
+from crowd_env import Cohorts, Geometry, Population, Scenario, make_scenario
 from crowd_env.analysis.exit_times import read_exits
 from crowd_env.analysis.figures import exits_of, peak_flow, report, time_of_share
 from crowd_env.analysis.results.config import FREE, run_config
@@ -23,8 +23,8 @@ NAN = float("nan")
 
 
 def hall():
-    """Return a hall with two exits and two groups, of which one is too slow to get out in time."""
-    people = Groups((Population(4, name="quick"), Population(3, name="slow", desired_speed=0.05)))
+    """Return a hall with two exits and two cohorts, of which one is too slow to get out in time."""
+    people = Cohorts((Population(4, name="quick"), Population(3, name="slow", desired_speed=0.05)))
     return make_scenario("two-exit-hall-v0", population=people, time_limit=20.0)
 
 
@@ -70,8 +70,8 @@ def test_a_row_a_person_tells_who_it_was(place, episodes, tmp_path):
     write_tables(tmp_path, place, episodes)
     rows = [row.cells for row in read_table(tmp_path / "exits.csv", "x", ("run",), "s", "a row").rows]
     out, stayed = ([row for row in rows if row["out"] == told] for told in "10")
-    assert {row["group"] for row in out} == {"quick"} and not any(row["until"] for row in out)
-    assert [(row["run"], row["person"], row["group"]) for row in stayed] == [
+    assert {row["cohort"] for row in out} == {"quick"} and not any(row["until"] for row in out)
+    assert [(row["run"], row["person"], row["cohort"]) for row in stayed] == [
         (str(run), str(k), "slow") for run in range(3) for k in (4, 5, 6)
     ]
     assert {(row["time"], row["exit"], row["until"]) for row in stayed} == {("", "", str(episodes[0].end))}
@@ -163,7 +163,7 @@ def test_configs_differ_in_what_decides_results_alone(place):
     assert here == config(place)
     assert difference(here, config(hall())) == ""
     assert difference(here, {**here, "runs": 7, "command": ["x"], "platform": "y"}) == ""
-    thinner = replace(place, population=Groups((Population(4, name="quick", radius=0.2), place.population.parts[1])))
+    thinner = replace(place, population=Cohorts((Population(4, name="quick", radius=0.2), place.population.parts[1])))
     assert difference(here, config(thinner)) == "population[0].radius.low is 0.15 there and 0.2 here"
     other = replace(place, geometry=make_scenario("room-v0").geometry, target="nearest")
     assert difference(here, config(other)).startswith(f"fingerprint is {here['fingerprint']} there and ")

@@ -10,7 +10,7 @@ from crowd_env import FULL_SPEED, SCHEMES, CrowdEnv, Geometry, Physics, Populati
 from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_state
 from crowd_env.core.behaviors.outline import OUTLINES
 from crowd_env.physics.simulation.simulation import Simulation
-from crowd_env.scenarios.groups import Groups, extreme_bodies
+from crowd_env.scenarios.cohorts import Cohorts, extreme_bodies
 
 ROOM = Geometry.from_polygon([(0, 0), (5, 0), (5, 5), (0, 5)], exits=[[(5, 2), (5, 3)]])
 XS, YS = np.array([1.0, 2, 3]), np.array([1.0, 3, 2])
@@ -207,7 +207,7 @@ def test_a_step_that_nobody_gave_is_that_of_the_scenario_and_a_part_of_the_decis
 
 def test_a_step_is_refused_if_any_draw_would_be_unstable_whatever_the_first_one_is():
     kinds = Uniform(0.2, 0.25), Uniform(60.0, 100.0)
-    people = Groups((Population(10, *kinds, name="a"), Population(10, *kinds, name="b")))
+    people = Cohorts((Population(10, *kinds, name="a"), Population(10, *kinds, name="b")))
     for place in (make_scenario("room-v0"), make_scenario("room-v0", population=people)):
         limit = SCHEMES["hertz"].stable_dt(extreme_bodies(place.population))
         for _ in range(20):

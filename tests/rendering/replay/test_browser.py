@@ -236,7 +236,7 @@ def test_colors_say_what_the_legend_says(tab: Tab) -> None:
         level = min((200.0 * n + 100.0) / 1600.0, 1.0)
         assert pixel(tab, n, 0.0, 0.4)[:3] == pytest.approx(tuple(ramp[round(31 * level)]), abs=3)
     assert "1600 N/m" in tab.page.inner_text("#legend")
-    tab.page.select_option("#color", "group")
+    tab.page.select_option("#color", "cohort")
     assert pixel(tab, 0, 0.0, 0.4) == pixel(tab, 2, 0.0, 0.4) != pixel(tab, 1, 0.0, 0.4)
     assert tab.page.inner_text("#legend").split() == ["slow", "fast"]
     tab.page.select_option("#color", "time")

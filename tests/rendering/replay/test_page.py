@@ -29,7 +29,7 @@ def test_what_is_packed_is_the_recording(tmp_path: Path) -> None:
         assert np.abs(found[name] - values).max() <= 0.5001 * about[name]["step"], name
     assert about["x"]["step"] == 1e-3
     np.testing.assert_allclose(found["times"], recording.times, atol=1e-6)
-    np.testing.assert_array_equal(found["group"], recording.group)
+    np.testing.assert_array_equal(found["cohort"], recording.cohort)
     np.testing.assert_allclose(found["exit_time"], np.nan_to_num(recording.exit_time, nan=-1.0), atol=0.51e-4)
     np.testing.assert_array_equal(found["exit_index"], recording.exit_index)
     contacts = recording.contacts
@@ -73,7 +73,7 @@ def test_the_page_is_well_formed_and_needs_nothing_else(tmp_path: Path) -> None:
 
 def test_names_that_hold_markup_stay_names(tmp_path: Path) -> None:
     recording = walk_out(scenario=EVIL, **{EVIL: {EVIL: EVIL}})
-    recording = replace(recording, groups=(EVIL, "b"), exits=tuple((EVIL, ends) for _, ends in recording.exits))
+    recording = replace(recording, cohorts=(EVIL, "b"), exits=tuple((EVIL, ends) for _, ends in recording.exits))
     harmless = Parsed(write_page(tmp_path / "a.html", walk_out()).path.read_text("utf-8"))
     parsed = Parsed(write_page(tmp_path / "b.html", recording, names=[EVIL]).path.read_text("utf-8"))
     assert len(parsed.scripts) == len(harmless.scripts)

@@ -10,7 +10,7 @@ from cases import looped
 from validation.cases import Setting, standards
 from validation.cases.case import Check, Verdict
 from validation.cases.crowds import Moment, draw_crowds
-from validation.cases.standards import companions, evacuations, walking
+from validation.cases.standards import evacuations, groups, walking
 
 ONE = Setting("dem", "hurried", draws=1)
 QUICK = ("rimea-1", "rimea-2", "rimea-5", "rimea-6", "rimea-10", "nist-4.1", "nist-2.10", "iso-14")
@@ -43,8 +43,8 @@ def test_walking_speed_is_that_between_two_lines():
 
 
 @pytest.mark.more
-def test_who_does_not_wait_leaves_a_slow_companion_behind():
-    assert companions.spreads(ONE, None)[0] > companions.WITHIN
+def test_who_does_not_wait_leaves_a_slow_member_behind():
+    assert groups.spreads(ONE, None)[0] > groups.WITHIN
 
 
 @pytest.mark.more

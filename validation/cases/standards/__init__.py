@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from validation.cases.case import FACTS, Check, Row, Setting, row
-from validation.cases.standards import companions, evacuations, walking
+from validation.cases.standards import evacuations, groups, walking
 
 _RUN = {
     "rimea-1": walking.corridor_of_40_m,
@@ -19,7 +19,7 @@ _RUN = {
     "imo-4": evacuations.exit_flow,
     "nist-4.1": evacuations.closing_exit,
     "nist-2.10": evacuations.slow_person,
-    "iso-14": companions.keep_together,
+    "iso-14": groups.keep_together,
 }
 TESTS = {name: Check(run, **FACTS["tests"][name]) for name, run in _RUN.items()}
 NOT_SUPPORTED: dict[str, str] = FACTS["not_supported"]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env import DoorEvent, Geometry, Groups, Population, Scenario, Uniform
+from crowd_env import Cohorts, DoorEvent, Geometry, Population, Scenario, Uniform
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Setting, Verdict, adults
 from validation.cases.crowds import Ints, Passages, draw_crowds, mean_of, steady_flow
@@ -23,7 +23,7 @@ def last_out(setting: Setting, scenarios: list[Scenario], limit: float) -> list[
 
 
 def exits_taken(
-    setting: Setting, building: Geometry, people: Population | Groups, limit: float = 120.0, **options: Any
+    setting: Setting, building: Geometry, people: Population | Cohorts, limit: float = 120.0, **options: Any
 ) -> Ints:
     """Return which exit everyone takes (draws, N); the options are those of `Scenario`."""
     scenario = Scenario("exits", building, people, limit, **options)
@@ -71,13 +71,13 @@ def four_doors(setting: Setting) -> Verdict:
 def rooms(setting: Setting) -> Verdict:
     """RiMEA 10, IMO 10, ISO 8, NIST 3.1: the people of twelve rooms take the exits that they are assigned."""
     building = place("rooms")
-    groups = []
+    cohorts = []
     for name in building.regions:
         left, _, right, _ = building.regions[name].bounds
         people, route = 1 if right - left < 2.0 else 2, "main" if left < 11.0 else "second"
-        groups.append(adults(people, start_region=name, route=route, name=name))
-    taken = exits_taken(setting, building, Groups(tuple(groups)))
-    wanted = [building.exit_names.index(str(group.route)) for group in groups for _ in range(group.people)]
+        cohorts.append(adults(people, start_region=name, route=route, name=name))
+    taken = exits_taken(setting, building, Cohorts(tuple(cohorts)))
+    wanted = [building.exit_names.index(str(cohort.route)) for cohort in cohorts for _ in range(cohort.people)]
     right = float((taken == wanted).mean())
     return Verdict(right == 1.0, f"{100 * right:.0f} % of {len(wanted)} people took their exit", {"share": right})
 
@@ -124,7 +124,7 @@ def slow_person(setting: Setting) -> Verdict:
     times = []
     for speed, radius in ((0.4, 0.35), (1.34, 0.17)):
         special = {"desired_speed": Uniform(speed, speed), "radius": Uniform(radius, radius)}
-        people = Groups((others, adults(1, start_region="front", name="one", **special)))
+        people = Cohorts((others, adults(1, start_region="front", name="one", **special)))
         crowds = draw_crowds([Scenario("passage", place("passage"), people, 120.0)], setting)
         out = crowds.walk(120.0).exit_time.reshape(setting.draws, 25)[:, :24]
         times.append(float(out.max(axis=1).mean()))

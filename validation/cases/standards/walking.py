@@ -1,4 +1,4 @@
-"""Tests of how single people and small groups walk: speed, stairs, response times, corners, ages, densities."""
+"""Tests of how single people and small cohorts walk: speed, stairs, response times, corners, ages, densities."""
 
 from dataclasses import replace
 

@@ -40,12 +40,12 @@ function colorings(about, recordings) {
         recording.leaving[n] < Infinity ? level(recording.leaving[n] - recording.time, long) : -1,
     });
   }
-  const groups = [...new Set(recordings.flatMap((recording) => recording.about.groups))];
-  if (groups.length > 1) {
-    const of = recordings.map((recording) => recording.about.groups.map((name) => groups.indexOf(name)));
+  const cohorts = [...new Set(recordings.flatMap((recording) => recording.about.cohorts))];
+  if (cohorts.length > 1) {
+    const of = recordings.map((recording) => recording.about.cohorts.map((name) => cohorts.indexOf(name)));
     found.push({
-      key: "group", name: "Group", groups, title: "Group of people",
-      number: (recording, n) => of[recordings.indexOf(recording)][recording.group[n]] % about.colors.group.fill.length,
+      key: "cohort", name: "Cohort", cohorts, title: "Cohort",
+      number: (recording, n) => of[recordings.indexOf(recording)][recording.cohort[n]] % about.colors.cohort.fill.length,
     });
   }
   return found;
@@ -67,9 +67,9 @@ function showLegend(place, about, coloring) {
   const colors = about.colors[coloring.key].fill;
   place.title = coloring.title;
   place.replaceChildren();
-  if (coloring.groups) {
+  if (coloring.cohorts) {
     place.append(
-      ...coloring.groups.map((name, k) => element("span", { className: "entry" }, swatch(colors[k % colors.length]), name || "others")),
+      ...coloring.cohorts.map((name, k) => element("span", { className: "entry" }, swatch(colors[k % colors.length]), name || "others")),
     );
   } else {
     const ramp = element("i", { className: "ramp" });

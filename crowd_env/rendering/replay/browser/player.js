@@ -71,7 +71,7 @@ class Pane {
   aboutPerson(n, time) {
     const { recording } = this;
     const parts = [`Person ${n}`];
-    if (recording.about.groups.length > 1) parts.push(recording.about.groups[recording.group[n]]);
+    if (recording.about.cohorts.length > 1) parts.push(recording.about.cohorts[recording.cohort[n]]);
     if (recording.isShown[n]) {
       parts.push(`${recording.nowSpeed[n].toFixed(2)} m/s`);
       if (recording.pressed) parts.push(`${recording.nowPressure[n].toFixed(0)} N/m`);

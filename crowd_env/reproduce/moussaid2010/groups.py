@@ -1,6 +1,6 @@
-"""Figures 2 and 4: how fast companies of one to five walk, how far apart, and in which shape.
+"""Figures 2 and 4: how fast groups of one to five walk, how far apart, and in which shape.
 
-A company walks 45 m through an open corridor of 8 m.  It is looked at after 15 m, when it has found its shape.
+A group walks 45 m through an open corridor of 8 m.  It is looked at after 15 m, when it has found its shape.
 """
 
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.behaviors.pulls import Companionship, Pulls
+from crowd_env.core.behaviors.pulls import GroupCohesion, Pulls
 from crowd_env.core.checks import COUNT, NOT_NEGATIVE
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.geometry.geometry import Geometry, box
@@ -23,7 +23,7 @@ from crowd_env.scenarios.distributions import Uniform
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
 
-TITLE = "Figures 2 and 4: walking speed, spacing and shape of companies by their size"
+TITLE = "Figures 2 and 4: walking speed, spacing and shape of groups by their size"
 SIZES = (1, 2, 3, 4, 5)
 # Speed [m/s] by size, as the caption of Figure 2 prints the two lines.
 LINES = {"low density": (1.26, -0.04), "moderate density": (1.24, -0.08)}
@@ -34,14 +34,14 @@ _LENGTH, _WIDTH, _FROM, _TO = 45.0, 8.0, 15.0, 40.0  # m
 class MoussaidSettings(Settings):
     """Options of the paper's figures."""
 
-    runs: int = option(40, "Companies of each size", COUNT)
+    runs: int = option(40, "Groups of each size", COUNT)
     scheme: str = option("nsm2", "Contact scheme")
     manner: str = option("calm", "How people walk before they touch")
-    gaze: float = option(Companionship.gaze, "beta_1, 1/s; 0 = nobody minds to see the others", NOT_NEGATIVE)
+    gaze: float = option(GroupCohesion.gaze, "beta_1, 1/s; 0 = nobody minds to see the others", NOT_NEGATIVE)
 
 
 class Walk(NamedTuple):
-    """Companies of N people between two lines, each looked at every 0.1 s."""
+    """Groups of N people between two lines, each looked at every 0.1 s."""
 
     speed: Floats  # (E,)  m/s   of the center of each
     spacing: Floats  # (E,)  m     mean distance of neighbors from left to right; nan for one
@@ -49,20 +49,20 @@ class Walk(NamedTuple):
 
 
 def corridor(size: int, settings: MoussaidSettings) -> Scenario:
-    """Return the place: a company of this size at one end."""
+    """Return the place: a group of this size at one end."""
     place = Geometry.from_polygon(
         box(0.0, 0.0, _LENGTH, _WIDTH),
         exits={"end": [(_LENGTH, 0.0), (_LENGTH, _WIDTH)]},
         regions={"start": box(0.5, 2.0, 3.5, 6.0)},
     )
-    people = Population(size, start_region="start", companions=Uniform(size, size))
-    pulls = Pulls(Companionship(gaze=settings.gaze))
-    return Scenario("companies", place, people, 120.0, manner=settings.manner, strategy="shortest", pulls=pulls)
+    people = Population(size, start_region="start", group_size=Uniform(size, size))
+    pulls = Pulls(GroupCohesion(gaze=settings.gaze))
+    return Scenario("groups", place, people, 120.0, manner=settings.manner, strategy="shortest", pulls=pulls)
 
 
 @cache
 def walk(size: int, settings: MoussaidSettings) -> Walk:
-    """Return how companies of this size walk."""
+    """Return how groups of this size walk."""
     env = CrowdEnv(corridor(size, settings), num_envs=settings.runs, physics=settings.scheme)
     env.reset(seed=list(settings.seeds))
     state, places = env.simulation.state, []
@@ -85,7 +85,7 @@ def walk(size: int, settings: MoussaidSettings) -> Walk:
 
 
 def lag(shape: Floats) -> Floats:
-    """Return how far (E,) [m] the middle of a company walks behind its two ends."""
+    """Return how far (E,) [m] the middle of a group walks behind its two ends."""
     return np.asarray(shape[:, [0, -1], 0].mean(axis=1) - shape[:, 1:-1, 0].mean(axis=1))
 
 
@@ -118,7 +118,7 @@ def reproduce(settings: MoussaidSettings) -> Result:
         for k, place in enumerate(one.shape[e].tolist())
     ]
     table = RawTable(("size", "draw", "speed_m_s", "spacing_m", "from_right", "ahead_m", "left_m"), raw)
-    return Result("companies", TITLE, rows, {"places": table}, lambda: _draw(walks), remarks, settings.changed())
+    return Result("groups", TITLE, rows, {"places": table}, lambda: _draw(walks), remarks, settings.changed())
 
 
 def _draw(walks: Mapping[int, Walk]) -> Figure:

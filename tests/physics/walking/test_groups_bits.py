@@ -16,10 +16,10 @@ PULLS = Pulls(attractions=(Attraction(2.0, 2.0, 2.0, lifetime=0.5),))
 
 
 def in_threes(count, environments=1):
-    """Return the company of each: threes and a few alone."""
-    company = np.arange(count) // 3
-    company[-4:] = -1
-    return np.tile(company, environments)
+    """Return the group of each: threes and a few alone."""
+    group = np.arange(count) // 3
+    group[-4:] = -1
+    return np.tile(group, environments)
 
 
 def moves(simulation, people=slice(None)):
@@ -30,10 +30,10 @@ def moves(simulation, people=slice(None)):
 
 
 @every_scheme
-def test_companies_of_one_change_no_bit(name):
+def test_groups_of_one_change_no_bit(name):
     for keeps in (KEEPS, None):
         alone = before_a_door(60, keeps, scheme=name)
-        ones = before_a_door(60, keeps, scheme=name, company=np.arange(60))
+        ones = before_a_door(60, keeps, scheme=name, group=np.arange(60))
         for simulation in (alone, ones):
             simulation.advance(n_substeps=steps(simulation, 0.3))
         assert moves(ones) == moves(alone) and not len(ones.history.memory.pulls.held_since)
@@ -42,11 +42,11 @@ def test_companies_of_one_change_no_bit(name):
 @every_scheme
 @looped("keeps", [KEEPS, None], ids=["keeps a distance", "full speed"])
 @looped("threads", [2, 1, 3], quick=1)
-def test_alone_and_anywhere_in_a_batch_beside_people_without_companions(name, threads, keeps):
+def test_alone_and_anywhere_in_a_batch_beside_people_without_groups(name, threads, keeps):
     without = before_a_door(60, keeps, scheme=name)
-    together = before_a_door(60, keeps, scheme=name, company=in_threes(60))
-    company = np.concatenate([in_threes(60), np.full(60, -1), in_threes(60), np.full(60, -1)])
-    many = before_a_door(60, keeps, scheme=name, environments=4, threads=threads, company=company)
+    together = before_a_door(60, keeps, scheme=name, group=in_threes(60))
+    group = np.concatenate([in_threes(60), np.full(60, -1), in_threes(60), np.full(60, -1)])
+    many = before_a_door(60, keeps, scheme=name, environments=4, threads=threads, group=group)
     for simulation in (without, together, many):
         for _ in range(2):
             simulation.advance(n_substeps=steps(simulation, 0.15))
@@ -55,11 +55,11 @@ def test_alone_and_anywhere_in_a_batch_beside_people_without_companions(name, th
     assert found[0] != found[1]
 
 
-def test_a_large_crowd_of_companions_that_threads_share():
+def test_a_large_crowd_of_groups_that_threads_share():
     found = set()
     for threads in (1, 2, 3):
-        company = in_threes(4200)
-        simulation = before_a_door(4200, KEEPS, scheme="dem", threads=threads, company=company, pulls=PULLS)
+        group = in_threes(4200)
+        simulation = before_a_door(4200, KEEPS, scheme="dem", threads=threads, group=group, pulls=PULLS)
         assert simulation.scheme.slabs(4200, driving=True) == SLABS
         simulation.advance(n_substeps=60)
         found.add(moves(simulation))
@@ -68,14 +68,14 @@ def test_a_large_crowd_of_companions_that_threads_share():
 
 @every_scheme
 @looped("count", [60, 1100], quick=1)
-def test_a_run_of_companions_that_goes_on_from_a_checkpoint(name, count):
+def test_a_run_of_groups_that_goes_on_from_a_checkpoint(name, count):
     for keeps in (KEEPS, None):
-        simulation = before_a_door(count, keeps, scheme=name, company=in_threes(count), pulls=PULLS)
+        simulation = before_a_door(count, keeps, scheme=name, group=in_threes(count), pulls=PULLS)
         simulation.advance(n_substeps=steps(simulation, 0.27))
         checkpoint = pickle.loads(pickle.dumps(simulation.checkpoint()))
         simulation.advance(n_substeps=steps(simulation, 0.2))
         expected = moves(simulation)
-        other = before_a_door(count, keeps, scheme=name, company=in_threes(count), pulls=PULLS)
+        other = before_a_door(count, keeps, scheme=name, group=in_threes(count), pulls=PULLS)
         other.restore(checkpoint)
         other.advance(n_substeps=steps(other, 0.2))
         assert moves(other) == expected

@@ -8,17 +8,17 @@ from crowds import every_scheme
 from shapely.geometry import box
 from walking_crowds import decided, manner, standing
 
-from crowd_env import Attraction, Companionship, Geometry, Pulls, Simulation, Walking
+from crowd_env import Attraction, Geometry, GroupCohesion, Pulls, Simulation, Walking
 from crowd_env.core.arrays.state import make_bodies, make_state
 
-RULE = Companionship(gaze=2.5, cohesion=2.0, repulsion=0.7, spacing=0.9)
+RULE = GroupCohesion(gaze=2.5, cohesion=2.0, repulsion=0.7, spacing=0.9)
 POINTS = (Attraction(2.0, 1.0, 1.5, reach=1.5, lifetime=4.0), Attraction(-1.0, 0.5, 0.8, since=5.0))
 
 
-def forces(position, way, k, company, rule):
+def forces(position, way, k, group, rule):
     """Return the force on person ``k`` over the mass [m/s2] and the angle by which the head is turned [rad]."""
-    members = np.flatnonzero(company == company[k])
-    if company[k] < 0 or len(members) < 2:
+    members = np.flatnonzero(group == group[k])
+    if group[k] < 0 or len(members) < 2:
         return np.zeros(2), 0.0
     others = position[members[members != k]]
     focus = others.mean(axis=0) - position[k]
@@ -51,12 +51,12 @@ def attracted(position, points, time):
 
 
 def a_few(seed, keeps=None, pulls=None, **options):
-    """Return 12 people, most of them in company, who stand anywhere in a square of 5 m and want to go anywhere."""
+    """Return 12 people, most of them in groups, who stand anywhere in a square of 5 m and want to go anywhere."""
     rng = np.random.default_rng(seed)
-    company = rng.permutation([0, 0, 0, 0, 3, 3, 3, 7, 7, 5, -1, -1])
+    group = rng.permutation([0, 0, 0, 0, 3, 3, 3, 7, 7, 5, -1, -1])
     angle = rng.uniform(0.0, 2.0 * np.pi, 12)
     options |= {"desired_speed": rng.uniform(0.8, 1.6, 12), "relaxation_time": rng.uniform(0.1, 0.5, 12)}
-    bodies = make_bodies(np.full(12, 0.1), np.full(12, 70.0), company=company, **options)
+    bodies = make_bodies(np.full(12, 0.1), np.full(12, 70.0), group=group, **options)
     ways = np.column_stack([np.cos(angle), np.sin(angle)])
     position = rng.uniform(-2.5, 2.5, (12, 2))
     return standing(position, ways, keeps, bodies=bodies, pulls=pulls or Pulls(RULE, POINTS)), ways
@@ -67,7 +67,7 @@ def expected(simulation, ways, time=0.0):
     bodies, position = simulation.bodies, simulation.state.position
     found = np.zeros_like(ways)
     for k, way in enumerate(ways):
-        force, angle = forces(position, way, k, bodies.company, RULE)
+        force, angle = forces(position, way, k, bodies.group, RULE)
         force = force + attracted(position[k], POINTS, time)
         tau, speed = bodies.relaxation_time[k], bodies.desired_speed[k]
         wanted = (speed * way + tau * force) / (1.0 + tau * RULE.gaze * angle)
@@ -104,10 +104,10 @@ def test_people_who_keep_a_distance_walk_where_they_are_pulled():
 
 
 @pytest.mark.kernels
-def test_repulsion_in_a_company_changes_no_momentum():
-    rule = Companionship(gaze=0.0, cohesion=0.0, repulsion=0.1)
+def test_repulsion_in_a_group_changes_no_momentum():
+    rule = GroupCohesion(gaze=0.0, cohesion=0.0, repulsion=0.1)
     rng = np.random.default_rng(0)
-    bodies = make_bodies(np.full(5, 0.1), np.full(5, 70.0), desired_speed=1.3, company=np.zeros(5, int))
+    bodies = make_bodies(np.full(5, 0.1), np.full(5, 70.0), desired_speed=1.3, group=np.zeros(5, int))
     simulation, asked = standing(
         rng.uniform(-0.5, 0.5, (5, 2)), np.tile([1.0, 0.0], (5, 1)), None, bodies=bodies, pulls=Pulls(rule)
     )
@@ -119,12 +119,12 @@ def test_repulsion_in_a_company_changes_no_momentum():
 def side_by_side(scheme, count=3, keeps=None, **rule):
     """Return people who walk side by side along x, the one in the middle as quick as the others."""
     bodies = make_bodies(
-        np.full(count, 0.17), np.full(count, 70.0), desired_speed=1.3, relaxation_time=0.3, company=np.zeros(count, int)
+        np.full(count, 0.17), np.full(count, 70.0), desired_speed=1.3, relaxation_time=0.3, group=np.zeros(count, int)
     )
     start = np.column_stack([np.zeros(count), 0.85 * np.arange(count)])
     start[1, 0] = 0.2  # a little ahead
     asked = np.tile([1.0, 0.0], (count, 1))
-    return standing(start, asked, keeps, bodies=bodies, scheme=scheme, pulls=Pulls(Companionship(**rule)))
+    return standing(start, asked, keeps, bodies=bodies, scheme=scheme, pulls=Pulls(GroupCohesion(**rule)))
 
 
 @every_scheme
@@ -144,13 +144,13 @@ CORRIDOR = Geometry.from_polygon(box(0, 0, 30, 3), exits={"end": [(30, 0), (30, 
 CORNER = Geometry.from_polygon(shapely.union(box(0, 0, 12, 3), box(9, 0, 12, 12)), exits={"end": [(9, 12), (12, 12)]})
 
 
-def two(place, start, keeps, scheme="dem", company=(0, 0), **rule):
+def two(place, start, keeps, scheme="dem", group=(0, 0), **rule):
     """Return two people who walk out."""
     bodies = make_bodies(
-        np.full(2, 0.17), np.full(2, 70.0), desired_speed=[1.4, 0.7], relaxation_time=0.3, company=np.array(company)
+        np.full(2, 0.17), np.full(2, 70.0), desired_speed=[1.4, 0.7], relaxation_time=0.3, group=np.array(group)
     )
     state = make_state(np.array(start, dtype=float))
-    pulls = Pulls(Companionship(**rule))
+    pulls = Pulls(GroupCohesion(**rule))
     return Simulation(place, bodies, state, physics=scheme, walking=Walking(keeps, pulls=pulls))
 
 
@@ -188,7 +188,7 @@ def test_patience_ends_and_who_goes_on_alone_is_not_pulled_back():
     assert simulation.state.position[0, 0] > 16.0
 
 
-def test_companions_behind_a_wall_do_not_pull_into_it():
+def test_members_behind_a_wall_do_not_pull_into_it():
     wall = Geometry.from_polygon(box(0, 0, 20, 6), exits={"end": [(20, 0), (20, 6)]}, thin_walls=[[(8, 0), (8, 5)]])
     simulation = two(wall, [(9, 1), (7, 1)], None)
     simulation.advance(n_substeps=3)
@@ -218,13 +218,13 @@ def test_a_wall_hides_an_attraction():
 
 
 def test_what_is_refused():
-    with pytest.raises(ValueError, match=r"company of pedestrian 1 is 2; it must be from -1 to 1"):
-        make_bodies(np.full(2, 0.2), np.full(2, 70.0), company=np.array([0, 2]))
+    with pytest.raises(ValueError, match=r"group of pedestrian 1 is 2; it must be from -1 to 1"):
+        make_bodies(np.full(2, 0.2), np.full(2, 70.0), group=np.array([0, 2]))
     with pytest.raises(ValueError, match="pulls is 3; it must be a Pulls, or a list of 1, one for each geometry"):
         standing([[0.0, 0.0]], [[1.0, 0.0]], None, pulls=3)
     with pytest.raises(ValueError, match=r"attraction: strength is -1\.0; it must be > 0"):
         Attraction(0.0, 0.0, -1.0)
     alone, _ = standing([[0.0, 0.0], [2.0, 0.0]], [[1.0, 0.0]] * 2, None)
-    bodies = make_bodies(np.full(2, 0.2), np.full(2, 70.0), company=np.array([0, 0]))
-    with pytest.raises(ValueError, match="nobody walked in company when the simulation was made"):
+    bodies = make_bodies(np.full(2, 0.2), np.full(2, 70.0), group=np.array([0, 0]))
+    with pytest.raises(ValueError, match="nobody walked in groups when the simulation was made"):
         alone.restart(0, bodies, np.array([[0.0, 0.0], [2.0, 0.0]]))
