@@ -28,6 +28,12 @@ def _arrays_of(kind: type[Any]) -> dict[str, tuple[Any, list[str], str]]:
     return found
 
 
+def shapes_of(kind: Any) -> dict[str, list[str]]:
+    """Return the shape of each field of a NamedTuple, in letters and numbers; empty without an annotated one."""
+    known = _arrays_of(kind)
+    return {name: known[name][1] if name in known else [] for name in kind._fields}
+
+
 def arrays_of_people(fields: Any) -> dict[str, np.ndarray]:
     """Return the arrays of an annotated NamedTuple that have one row a pedestrian, by name."""
     kind: Any = type(fields)

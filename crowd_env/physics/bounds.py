@@ -33,7 +33,7 @@ def least_radius(e: int, rank_stop: int, batch: Batch) -> float:
     inside, radius, least = batch.workspace.inside, batch.bodies.radius, np.inf
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         least = min(least, radius[inside[rank]])
-    return float(least)
+    return least
 
 
 @inner_kernel
@@ -49,7 +49,7 @@ def hold_to_speed(e: int, rank_stop: int, batch: Batch, velocity: Floats, limit:
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         i = inside[rank]
         fastest = max(fastest, velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
-    return float(hold_fastest(e, rank_stop, batch, velocity, limit, fastest))
+    return hold_fastest(e, rank_stop, batch, velocity, limit, fastest)
 
 
 @inner_kernel

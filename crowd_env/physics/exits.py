@@ -45,7 +45,7 @@ def mark_crossing(
     state.active[i] = False
     state.exit_time[i] = moment
     state.exit_index[i] = exit_number
-    return bool(was_inside)
+    return was_inside
 
 
 @inner_kernel

@@ -217,7 +217,7 @@ def _kick(
         if torque[i] != 0.0:  # few are in contact, and a division is slow
             spin[i] += half * torque[i] / inertia[i]
         fastest = max(fastest, velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
-    return float(hold_fastest(e, rank_stop, batch, velocity, limit, fastest))
+    return hold_fastest(e, rank_stop, batch, velocity, limit, fastest)
 
 
 @inner_kernel
@@ -339,8 +339,8 @@ def _find_forces(
 def _detect(e: int, rank_stop: int, batch: Batch, cutoff: float, outline: bool | None) -> bool:
     """Update neighbors and contacts, of discs if bodies have an ``outline``; False if they do not fit."""
     if outline is not None:
-        return bool(detect_discs(e, rank_stop, batch, cutoff))
-    return bool(detect(e, batch, 0.0, cutoff))
+        return detect_discs(e, rank_stop, batch, cutoff)
+    return detect(e, batch, 0.0, cutoff)
 
 
 @inner_kernel

@@ -173,13 +173,13 @@ def load_history(contact_start: int, contact_stop: int, kept: int, batch: Batch,
 @inner_kernel
 def _is_before(discs: Ints, contacts: Contacts, c: int) -> bool:
     """Whether two discs (2,) come before the discs of contact ``c`` of the same bodies."""
-    return bool(discs[0] < contacts.disc_i[c] or (discs[0] == contacts.disc_i[c] and discs[1] < contacts.disc_j[c]))
+    return discs[0] < contacts.disc_i[c] or (discs[0] == contacts.disc_i[c] and discs[1] < contacts.disc_j[c])
 
 
 @inner_kernel
 def _is_of(discs: Ints, contacts: Contacts, c: int) -> bool:
     """Whether two discs (2,) are the discs of contact ``c``."""
-    return bool(discs[0] == contacts.disc_i[c] and discs[1] == contacts.disc_j[c])
+    return discs[0] == contacts.disc_i[c] and discs[1] == contacts.disc_j[c]
 
 
 @inner_kernel

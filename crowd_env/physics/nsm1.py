@@ -204,7 +204,7 @@ def _move(e: int, rank_stop: int, batch: Batch, dt: float, limit: float) -> floa
             previous[i, k] = position[i, k]
             velocity[i, k] = after[i, k]
             position[i, k] += dt * after[i, k]
-    return float(longest)
+    return longest
 
 
 @kernel

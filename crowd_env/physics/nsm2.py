@@ -137,7 +137,7 @@ def _collide(e: int, batch: Batch, params: Percussion, stopping: Stopping) -> fl
     sweeps, residual, converged = solve(extent, rows, rows, mass, v, constraints, compliance, stopping)
     set_impulses(extent, rows, contacts, mass, constraints)
     record_solver(e, batch, sweeps, residual, converged)
-    return float(record_contacts(e, batch, True))
+    return record_contacts(e, batch, True)
 
 
 @inner_kernel
@@ -155,7 +155,7 @@ def _move(e: int, rank_stop: int, batch: Batch, dt: float, limit: float) -> floa
         position[i, 0] += dx
         position[i, 1] += dy
         longest = max(longest, dx * dx + dy * dy)
-    return float(np.sqrt(longest))
+    return np.sqrt(longest)
 
 
 @inner_kernel
@@ -179,7 +179,7 @@ def _separate(e: int, batch: Batch, dt: float, stopping: Stopping, correction: f
         position[i, 0] += dx
         position[i, 1] += dy
         longest = max(longest, dx * dx + dy * dy)
-    return float(np.sqrt(longest))
+    return np.sqrt(longest)
 
 
 @kernel

@@ -15,7 +15,9 @@ from crowd_env.core.behaviors.headway import Headway, Manner
 from crowd_env.core.behaviors.outline import BodyShape
 from crowd_env.core.behaviors.pulls import Pulls
 from crowd_env.core.checks import POSITIVE, Range, check_fields, flag, from_table, number, refuse, shown, whole
+from crowd_env.core.kernels.jit import is_kernel
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
+from crowd_env.physics.allocation import shapes_of
 
 _THREADS = Range(1, 1024)
 _NEEDS = ("drives", "turns_bodies")  # facts of a scheme that a behavior may need
@@ -125,8 +127,8 @@ def check_others(others: Sequence[Behavior]) -> None:
     Raises
     ------
     ValueError
-        If a name is none, or is taken; if a need is unknown, or what a scheme lacks is not said; or if recordings cannot hold
-        what one records.
+        If a name is none or taken, ``desire`` is no kernel, an array of the memory has no shape, a need is unknown or without
+        ``LACKS``, or recordings cannot hold what one records.
     """
     names, recorded = list(BEHAVIORS), [name for kind in BEHAVIORS.values() for name in kind.RECORDED]
     for one in others:
@@ -144,7 +146,15 @@ def check_others(others: Sequence[Behavior]) -> None:
             raise ValueError(
                 f"{where}: NEEDS is {shown(one.NEEDS)}; it must be None, or {_OR_NEEDS}, with a text in LACKS"
             )
-        kept = getattr(one.MEMORY, "_fields", ())
+        if (desire := type(one).desire) is not None and not is_kernel(desire):
+            raise ValueError(f"{where}: desire is {shown(desire)}; it must be a function under @inner_kernel")
+        kept = shapes_of(one.MEMORY) if one.MEMORY else {}
+        for array, shape in kept.items():
+            if not shape or not all(part in ("P", "E") or part.isdigit() for part in shape):
+                raise ValueError(
+                    f"{where}: array {array!r} of its MEMORY has the shape {' '.join(shape) or 'none'!r}; write such as "
+                    "Annotated[Floats, 'P 2'], of P pedestrians, E environments and numbers"
+                )
         for array in one.RECORDED if isinstance(one.RECORDED, tuple) else [one.RECORDED]:
             if array not in kept or array in recorded:
                 why = (

@@ -75,7 +75,7 @@ def is_decision_due(e: int, batch: Batch, dt: float) -> bool:
 @inner_kernel
 def has_regions(e: int, batch: Batch) -> bool:
     """Whether there are regions, and so perhaps rules, in environment ``e``."""
-    return bool(batch.world.guidance.region.shape[batch.world.geometry_of_env[e], 1] > 0)
+    return batch.world.guidance.region.shape[batch.world.geometry_of_env[e], 1] > 0
 
 
 @inner_kernel

@@ -42,7 +42,7 @@ def begin_call(e: int, batch: Batch, acting: Influences) -> tuple[int, float, fl
 def find_neighbors(e: int, batch: Batch, cutoff: float) -> bool:
     """Update the neighbor list for gaps below ``cutoff``; False (with the reason in `status`) on failure."""
     batch.workspace.status[e] = update_neighbors(e, batch, cutoff, 1)
-    return bool(batch.workspace.status[e] == OK)
+    return batch.workspace.status[e] == OK
 
 
 @inner_kernel
@@ -113,7 +113,7 @@ def record_overlaps(e: int, batch: Batch) -> float:
     sums.max_overlap[e], sums.max_outside[e] = deepest, max(outside, sums.max_outside[e])
     sums.overlap_sum[e] += total
     sums.overlap_count[e] += count
-    return float(outside)
+    return outside
 
 
 @inner_kernel
@@ -130,7 +130,7 @@ def record_contacts(e: int, batch: Batch, rattles: bool = False) -> float:
     contact_start, contact_stop = contact_range(e, batch)
     for c in range(contact_start, contact_stop):
         history[c, 0], history[c, 1] = history[c, 1] if rattles else impulse[c, 0], impulse[c, 0]
-    return float(record_overlaps(e, batch))
+    return record_overlaps(e, batch)
 
 
 @inner_kernel

@@ -109,7 +109,18 @@ def test_a_recording_holds_it(tmp_path, suffix):
         assert found.facts["fatigue"] == {"lasts": LASTS}
 
 
+class NoShape(NamedTuple):
+    time: Floats
+
+
+class Odd(NamedTuple):
+    time: Annotated[Floats, "K 2"]
+
+
 WRONG = {
+    "not compiled": ({"NAME": "limp", "desire": 3}, "desire is 3; it must be a function under @inner_kernel"),
+    "no shape": ({"NAME": "limp", "MEMORY": NoShape}, "array 'time' of its MEMORY has the shape 'none'; write such as"),
+    "odd shape": ({"NAME": "limp", "MEMORY": Odd}, "array 'time' of its MEMORY has the shape 'K 2'; write such as"),
     "taken": ({"NAME": "balance"}, "behavior 'balance': the name is taken; taken are manner, "),
     "no identifier": ({"NAME": "my limp"}, "a NAME that is an identifier"),
     "unknown need": ({"NAME": "limp", "NEEDS": "drivess"}, "NEEDS is 'drivess'; it must be None, or 'drives' or"),

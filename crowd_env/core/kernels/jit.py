@@ -290,6 +290,11 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _quiet(_compile(function, {"_nrt": False}))
 
 
+def is_kernel(function: Any) -> bool:
+    """Whether a function is compiled; with ``NUMBA_DISABLE_JIT=1`` any function is as good."""
+    return callable(function) and (bool(config.DISABLE_JIT) or hasattr(function, "py_func"))  # type: ignore[attr-defined]
+
+
 def inner_kernel(function: Callable[..., Result]) -> Callable[..., Result]:
     """Compile ``function`` like `kernel`, for calls from other kernels alone.
 

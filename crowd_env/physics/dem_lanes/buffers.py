@@ -118,7 +118,7 @@ def limit_speed(slot_begin: int, slot_end: int, vx: Floats, vy: Floats, limit: f
                 vx[i] *= share
                 vy[i] *= share
         return limit
-    return float(np.sqrt(fastest))
+    return np.sqrt(fastest)
 
 
 @inner_kernel

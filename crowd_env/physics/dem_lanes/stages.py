@@ -216,7 +216,7 @@ def merge_slabs(e: int, slabs: int, batch: Batch, dt: float) -> None:
         count += found[row, OVERLAPS]
         too_far += found[row, TOO_FAR]
         fastest = max(fastest, found[row, FASTEST])
-    sums.overlap_count[e] += int(count)
+    sums.overlap_count[e] += count
     sums.max_speed[e] = max(sums.max_speed[e], fastest)
     if batch.control.bounded and dt * fastest > partition.smallest_radius[e]:
         radius, vx, vy = batch.bodies.radius, soa.vx, soa.vy

@@ -36,7 +36,7 @@ def detect_discs(e: int, rank_stop: int, batch: Batch, cutoff: float) -> bool:
     if not find_neighbors(e, batch, max(2.0 * spread, cutoff)):
         return False
     _place_discs(e, rank_stop, batch)
-    return bool(_find_contacts(e, spread, batch))
+    return _find_contacts(e, spread, batch)
 
 
 @inner_kernel
@@ -45,7 +45,7 @@ def _find_spread(e: int, rank_stop: int, batch: Batch) -> float:
     inside, radius, largest = batch.workspace.inside, batch.bodies.radius, 0.0
     for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
         largest = max(largest, radius[inside[rank]])
-    return float(largest * (batch.behaviors.outline.reach - 1.0))
+    return largest * (batch.behaviors.outline.reach - 1.0)
 
 
 @inner_kernel

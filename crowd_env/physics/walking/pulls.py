@@ -107,7 +107,7 @@ def _attract(e: int, i: int, time: float, batch: Batch) -> tuple[float, float]:
 def _sees(e: int, i: int, dx: float, dy: float, batch: Batch) -> bool:
     """Whether no wall and no closed door stands between pedestrian ``i`` and a point (dx, dy) [m] from there."""
     g, x, y = batch.world.geometry_of_env[e], batch.state.position[i, 0], batch.state.position[i, 1]
-    return bool(is_in_sight(batch.world.boundary, g, batch.history.door_open[e], x, y, dx, dy))
+    return is_in_sight(batch.world.boundary, g, batch.history.door_open[e], x, y, dx, dy)
 
 
 @inner_kernel
