@@ -37,7 +37,7 @@ class Room(NamedTuple):
 
 
 def make_room(size: float, width: float, radius: float = 0.25, spacing: float = 0.05) -> Room:
-    """Find the shortest way out for the center of a body, which keeps its radius from all walls: a taut string.
+    """Find the shortest way out for the center of a body, which keeps its radius from all walls, by string pulling.
 
     It is a straight line to the door or, from beside the door, a tangent to the circle around a jamb and an arc of it.
     """

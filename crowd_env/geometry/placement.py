@@ -213,7 +213,7 @@ def _place_on_lattice(
         most = max(most, len(points))
         if len(points) >= len(radius):
             return points[rng.permutation(len(points))[: len(radius)]]
-    beside = "" if standing is None else f" beside the {len(standing[1])} who stand already"
+    beside = "" if standing is None else f" beside {len(standing[1])} already placed"
     raise ValueError(
         f"{len(radius)} people do not fit without overlap into {geometry.area_of(region):.1f} m2: with bodies of radius "
         f"{radius.min():.2f} to {radius.max():.2f} m a regular lattice holds {most} there{beside}"

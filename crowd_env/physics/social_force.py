@@ -100,7 +100,7 @@ def make_social(social: str | Mapping[str, Any] | SocialForce | None) -> SocialF
     Raises
     ------
     ValueError
-        If the type is another, or a name is unknown.
+        If the type is wrong, or a name is unknown.
     """
     return from_choice("social force", SocialForce, social, SOCIAL_FORCES)
 

@@ -45,7 +45,7 @@ def egress_curves(
     Raises
     ------
     ValueError
-        If the suffix is another or a label has no evacuation.
+        If the suffix is unknown or a label has no evacuation.
     """
     return save_figure(egress_figure(curves, title=title, until=until, out=out), path, formulas=False)
 
@@ -129,7 +129,7 @@ def learning_curve(
     Raises
     ------
     ValueError
-        If the suffix is another, there is no series, one or its errors have not T values, or errors are of no series.
+        If the suffix is unknown, there is no series, one or its errors have not T values, or errors are of no series.
     """
     at = np.asarray(steps, dtype=np.float64)
     if not series:

@@ -55,7 +55,7 @@ def write_film(
     Raises
     ------
     ValueError
-        If the suffix is another, there is no recording, or ``width``, ``fps`` or ``speed`` is not positive.
+        If the suffix is unknown, there is no recording, or ``width``, ``fps`` or ``speed`` is not positive.
     """
     path = check_suffix(path, FORMATS)
     suffix = path.suffix.lower()

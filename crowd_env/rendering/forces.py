@@ -62,7 +62,7 @@ def write_force_network(
     Raises
     ------
     ValueError
-        If the suffix is another, or ``around`` or ``full_force`` is not positive; or if ``crowd`` is a simulation whose scheme
+        If the suffix is unknown, or ``around`` or ``full_force`` is not positive; or if ``crowd`` is a simulation whose scheme
         solves for impulses.
     """
     if isinstance(crowd, Recording):

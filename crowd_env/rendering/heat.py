@@ -48,7 +48,7 @@ def heat_maps(
     Raises
     ------
     ValueError
-        If the suffix is another.
+        If the suffix is unknown.
     """
     return save_figure(heat_figure(geometry, maps, title=title, note=note), path, formulas=False)
 

@@ -34,7 +34,7 @@ def draw_sheet(path: str | Path, checks: Sequence[PlanCheck]) -> Path:
     Raises
     ------
     ValueError
-        If the suffix is another.
+        If the suffix is unknown.
     """
     return save_figure(plan_figure(checks[0]) if len(checks) == 1 else _several(checks), path, formulas=False)
 

@@ -27,7 +27,7 @@ def survival_curves(path: str | Path, sets: Mapping[str, Clogging], *, title: st
     Raises
     ------
     ValueError
-        If the suffix is another, or no set has a gap.
+        If the suffix is unknown, or no set has a gap.
     """
     return save_figure(survival_figure(sets, title=title), path)
 

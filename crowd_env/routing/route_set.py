@@ -239,7 +239,7 @@ def _check_routes(plan: RoutePlan) -> None:
     geometry = plan.geometry
     exits, regions = list(dict.fromkeys(geometry.exit_names)), list(geometry.regions)
     if len(regions) > MOST_REGIONS:
-        raise ValueError(f"{len(regions)} regions; at most {MOST_REGIONS} can be told apart")
+        raise ValueError(f"{len(regions)} regions; a plan may have at most {MOST_REGIONS}")
 
     taken = {OUT}
     for route in plan.routes:

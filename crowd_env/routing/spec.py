@@ -46,7 +46,7 @@ class ControlRule:
     hold: float = 0.0
     """s, the shortest time for which the rule stays on."""
     commits: bool = False
-    """whether people who have been sent another way keep to it after the rule has switched off."""
+    """whether redirected people keep to their new route after the rule has switched off."""
 
     def __post_init__(self) -> None:
         check_fields(f"control rule on {shown(self.region)}", self, below=NOT_NEGATIVE, hold=NOT_NEGATIVE)
@@ -67,11 +67,11 @@ class DoorEvent:
     at: float | None = None
     """s, the time of the event; give either this or ``at_least``."""
     at_least: int | None = None
-    """number of people in ``region``, or of those who have left by ``exit``, at which the event happens."""
+    """number of people in ``region``, or out by ``exit``, at which the event happens."""
     region: str | None = None
     """name of the region in which people are counted, for ``at_least``."""
     exit: str | None = None
-    """name of the exit at which people who leave are counted, for ``at_least``."""
+    """name of the exit at which leaving people are counted, for ``at_least``."""
 
     def __post_init__(self) -> None:
         check_fields(f"event of door {shown(self.door)}", self, at=NOT_NEGATIVE)

@@ -19,7 +19,7 @@ class SpeedZone:
     region: str
     """name of the region."""
     speed: float | None = None
-    """m/s, the desired speed of everyone in the region; by default everyone keeps the own one."""
+    """m/s, the desired speed of everyone in the region; by default as elsewhere."""
     factor: float = _NOT_GIVEN
     """number > 0, at most 10, by which the desired speed in the region is multiplied; 1 by default."""
 

@@ -220,7 +220,7 @@ def test_a_checkpoint_holds_the_feet(scheme):
     stay(simulation, 0.4, push)
     stay(simulation, 1.0)
     assert places_of_heads(simulation).tobytes() == expected
-    with pytest.raises(ValueError, match="its balance is another"):
+    with pytest.raises(ValueError, match="its balance differs"):
         standing([(0.0, 0.0), (0.32, 0.0)], balance=None, scheme=scheme).restore(kept)
 
 

@@ -105,7 +105,7 @@ def test_a_large_crowd_in_slabs_is_limited_on_any_number_of_threads():
 
 def test_a_checkpoint_of_another_limit_is_refused():
     checkpoint = one(plain(), (0.0, 0.0), "nsm2", max_drive=LIMIT).checkpoint()
-    with pytest.raises(ValueError, match=r"its max_drive is another: DriveLimit"):
+    with pytest.raises(ValueError, match=r"its max_drive differs: DriveLimit"):
         one(plain(), (0.0, 0.0), "nsm2").restore(checkpoint)
 
 

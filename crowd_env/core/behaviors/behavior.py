@@ -67,7 +67,7 @@ class Behavior:
         Raises
         ------
         ValueError
-            If the type is another, or a name is unknown; the message lists the known ones.
+            If the type is wrong, or a name is unknown; the message lists the known ones.
         """
         return from_choice(cls.NAME, cls, given, cls.PRESETS)
 

@@ -93,4 +93,4 @@ def require_same(now: dict[str, Any], then: dict[str, Any], of: str = "simulatio
     for name, value in now.items():
         if value != then.get(name):
             says = "" if name == "place" else f": {shown(then.get(name))}, here {shown(value)}"
-            raise ValueError(f"the checkpoint is of another {of}: its {name} is another{says}")
+            raise ValueError(f"the checkpoint fits another {of}: its {name} differs{says}")

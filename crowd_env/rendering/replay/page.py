@@ -59,7 +59,7 @@ def write_page(
     Raises
     ------
     ValueError
-        If the suffix is another, there is no recording or more than two, or one holds nobody.
+        If the suffix is unknown, there is no recording or more than two, or one holds nobody.
     """
     path = check_suffix(path, (".html",))
     recordings = [recordings] if isinstance(recordings, Recording) else list(recordings)

@@ -33,7 +33,7 @@ def write_report(
     Raises
     ------
     ValueError
-        If the suffix is another.
+        If the suffix is unknown.
     ModuleNotFoundError
         If a drawing library is not installed; the message says how to install it.
     """

@@ -74,7 +74,7 @@ def test_a_run_that_goes_on_from_a_checkpoint(count):
 def test_a_checkpoint_of_another_outline_is_refused():
     checkpoint = before_a_door(30).checkpoint()
     for outline in (None, Outline(TORSO.discs, turning_time=1.0)):
-        with pytest.raises(ValueError, match="its outline is another"):
+        with pytest.raises(ValueError, match="its outline differs"):
             before_a_door(30, outline=outline).restore(checkpoint)
 
 

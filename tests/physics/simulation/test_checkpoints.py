@@ -218,9 +218,7 @@ def test_a_checkpoint_of_another_environment_is_refused_before_anything_changes(
     here = CrowdEnv(**options)
     here.reset([0])
     before = here.simulation.state.copy()
-    with pytest.raises(
-        ValueError, match=f"^the checkpoint is of another (simulation|environment): its {what} is another"
-    ):
+    with pytest.raises(ValueError, match=f"^the checkpoint fits another (simulation|environment): its {what} differs"):
         here.restore(other.checkpoint())
     for ours, then in zip(here.simulation.state, before, strict=True):
         np.testing.assert_array_equal(ours, then)
@@ -232,7 +230,7 @@ def test_a_checkpoint_of_people_who_keep_longer_to_an_exit_is_refused():
         for dwell in (1.0, 5.0)
     )
     other.reset(0)
-    with pytest.raises(ValueError, match=r"of another environment: its dwell is another: 5\.0, here 1\.0$"):
+    with pytest.raises(ValueError, match=r"fits another environment: its dwell differs: 5\.0, here 1\.0$"):
         env.restore(other.checkpoint())
 
 

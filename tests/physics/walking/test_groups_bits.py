@@ -83,5 +83,5 @@ def test_a_run_of_groups_that_goes_on_from_a_checkpoint(name, count):
 
 def test_a_checkpoint_of_other_pulls_is_refused():
     checkpoint = before_a_door(20, None, scheme="dem", pulls=PULLS).checkpoint()
-    with pytest.raises(ValueError, match="its pulls is another"):
+    with pytest.raises(ValueError, match="its pulls differs"):
         before_a_door(20, None, scheme="dem").restore(checkpoint)

@@ -104,7 +104,7 @@ def test_a_run_that_goes_on_from_a_checkpoint_between_two_decisions(name, count)
 
 def test_a_checkpoint_of_another_manner_is_refused():
     checkpoint = before_a_door(20, KEEPS, scheme="dem").checkpoint()
-    with pytest.raises(ValueError, match="its manner is another"):
+    with pytest.raises(ValueError, match="its manner differs"):
         before_a_door(20, manner(time_gap=2.0), scheme="dem").restore(checkpoint)
 
 

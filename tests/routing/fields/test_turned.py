@@ -76,7 +76,7 @@ def test_ways_in_a_turned_place_are_those_of_the_place(name, radius, degrees):
 
 
 @pytest.mark.parametrize("name", PLACES)
-def test_ways_are_those_of_a_taut_string(name):
+def test_ways_are_those_of_string_pulling(name):
     geometry, points = place(name), floor(name, RADIUS + 1e-3)
     points = points[
         np.hypot(*(points - np.mean(PLACES[name][1], axis=0)).T) > 1.0
