@@ -1,7 +1,7 @@
 """Networks as ONNX graphs, for programs without Python.
 
-The graph is put together from the numbers themselves; no learning library is needed.  It takes ``observation`` (N, D) float32
-and returns ``action``, as acting here does, in single precision: of choices also ``logits``, whose largest is taken.
+The graph is built from the numbers of a network, without a learning library.  It takes ``observation`` (N, D) float32 and
+returns ``action`` in single precision, as the policy does here.  For choices it also returns ``logits``; the largest one counts.
 """
 
 import json
@@ -14,21 +14,20 @@ import numpy as np
 
 from crowd_env.core.checks import known
 from crowd_env.core.libraries import needed_for
-from crowd_env.envs.action import make_action
 
 from .networks import MLP, BetweenMLP, Network
 from .plain import Plain
-from .trained import LearnedController, LearnedPolicy
+from .trained import LearnedController, LearnedPolicy, columns_of
 
 if TYPE_CHECKING:
     from onnx import ModelProto, NodeProto, TensorProto
 
-# ONNX Runtime reads these since version 1.15, and every other runtime that is kept up.
+# ONNX Runtime reads these since version 1.15, as does every other maintained runtime.
 _OPSET, _IR_VERSION = 17, 8
 
 
 class Graph:
-    """Nodes and constants, added one after the other.
+    """The nodes and constants of a graph in the order of their addition.
 
     Attributes
     ----------
@@ -41,8 +40,9 @@ class Graph:
         self.constants: list[TensorProto] = []
 
     def constant(self, name: str, values: np.ndarray) -> str:
-        """Add an array, and return its name."""
-        self.constants.append(self.onnx.numpy_helper.from_array(np.array(values, order="C"), name))
+        """Add an array, one of floats in single precision, and return its name."""
+        kept = np.array(values, dtype=np.float32 if values.dtype.kind == "f" else values.dtype, order="C")
+        self.constants.append(self.onnx.numpy_helper.from_array(kept, name))
         return name
 
     def node(self, kind: str, inputs: list[str], output: str, **attributes: int) -> str:
@@ -55,27 +55,26 @@ _UNITS = {"tanh": "Tanh", "relu": "Relu"}  # activation -> node
 
 
 def _mlp(graph: Graph, network: Network, output: str) -> None:
-    """Add layers of units."""
+    """Add the layers of an `MLP`."""
     assert isinstance(network, MLP)
+    for name, one in network.tensors().items():
+        graph.constant(name, one)
     last, values = len(network.weights) - 1, "observation"
-    for k, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
-        arrays = [
-            graph.constant(f"{name}{k}", one.astype(np.float32)) for name, one in (("weight", weight), ("bias", bias))
-        ]
-        values = graph.node("Gemm", [values, *arrays], output if k == last else f"layer{k}", transB=1)
-        if k < last:
-            values = graph.node(_UNITS[network.activation], [values], f"units{k}")
+    for k in range(last):
+        sums = graph.node("Gemm", [values, f"weight{k}", f"bias{k}"], f"layer{k}", transB=1)
+        values = graph.node(_UNITS[network.activation], [sums], f"units{k}")
+    graph.node("Gemm", [values, f"weight{last}", f"bias{last}"], output, transB=1)
 
 
 def _between(graph: Graph, network: Network, output: str) -> None:
-    """Add layers of units, and the mean of the likeliest choice and the likelier one beside it."""
+    """Add the layers, and the mean of the most likely choice and of the more likely of its neighbors."""
     assert isinstance(network, BetweenMLP)
     _mlp(graph, network, "scores")
     pads = graph.constant("pads", np.array([0, 0, 0, 1]))
-    none = graph.constant("none", np.array(-np.inf, dtype=np.float32))
+    none = graph.constant("none", np.array(-np.inf))
     scores = graph.node("Pad", ["scores", pads, none], "padded")
     best = graph.node("ArgMax", [scores], "best", axis=1, keepdims=1)
-    commands = graph.constant("commands", network.commands.astype(np.float32))
+    commands = graph.constant("commands", network.commands)
 
     def of(name: str, choice: str) -> str:
         return graph.node("GatherElements", [scores, choice], f"score_{name}", axis=1)
@@ -96,21 +95,25 @@ def _between(graph: Graph, network: Network, output: str) -> None:
     graph.node("Add", [mine, part], output)
 
 
-# Kind of network -> adds its nodes, from "observation" to the name that is given.
+# Kind of network -> function that adds its nodes, from "observation" to the name of the output.
 GRAPHS: dict[str, Callable[[Graph, Network, str], None]] = {MLP.kind: _mlp, BetweenMLP.kind: _between}
 
 
 def to_onnx(found: LearnedPolicy | LearnedController) -> "ModelProto":
-    """Return the ``onnx.ModelProto`` of a policy or controller; its metadata says what goes in and what comes out.
+    """Return the ``onnx.ModelProto`` of a policy or controller; its metadata describe inputs and outputs.
 
     Raises
     ------
     ValueError
-        If networks of this kind cannot be exported.
+        If the kind of network has no ONNX graph.
     ModuleNotFoundError
         If onnx is not installed.
     """
-    onnx = _onnx()
+    with needed_for("export to ONNX", "onnx"):
+        import onnx
+        import onnx.checker
+        import onnx.helper
+        import onnx.numpy_helper
     network = found.network
     add = GRAPHS[known("kind of network with an ONNX graph", network.kind, GRAPHS)]
     graph, floats, integers = Graph(onnx), onnx.TensorProto.FLOAT, onnx.TensorProto.INT64
@@ -132,45 +135,28 @@ def to_onnx(found: LearnedPolicy | LearnedController) -> "ModelProto":
         add(graph, network, "mean")
         box, shape = found.space, found.space.shape or ()
         target = graph.constant("shape", np.array([-1, *shape], dtype=np.int64))
-        bounds = [graph.constant(name, getattr(box, name).astype(np.float32)) for name in ("low", "high")]
+        low, high = (graph.constant(name, getattr(box, name)) for name in ("low", "high"))
         shaped = graph.node("Reshape", ["mean", target], "shaped")
-        graph.node("Min", [graph.node("Max", [shaped, bounds[0]], "raised"), bounds[1]], "action")
+        graph.node("Min", [graph.node("Max", [shaped, low], "raised"), high], "action")
         outputs = [describe("action", floats, ["N", *shape])]
-    body = onnx.helper.make_graph(
-        graph.nodes,
-        found.name.replace("/", "-"),
-        [describe("observation", floats, ["N", network.inputs])],
-        outputs,
-        graph.constants,
-    )
-    model = onnx.helper.make_model(
-        body, producer_name="crowd_env", ir_version=_IR_VERSION, opset_imports=[onnx.helper.make_opsetid("", _OPSET)]
-    )
+    inputs = [describe("observation", floats, ["N", network.inputs])]
+    body = onnx.helper.make_graph(graph.nodes, found.name.replace("/", "-"), inputs, outputs, graph.constants)
+    versions = {"ir_version": _IR_VERSION, "opset_imports": [onnx.helper.make_opsetid("", _OPSET)]}
+    model = onnx.helper.make_model(body, producer_name="crowd_env", **versions)
     onnx.helper.set_model_props(model, {key: json.dumps(value) for key, value in metadata_of(found).items()})
     onnx.checker.check_model(model, full_check=True)
     return model
 
 
 def metadata_of(found: LearnedPolicy | LearnedController) -> Plain:
-    """Return the facts of the network's own file, the columns of each observation term, and what each choice does."""
-    facts = found.facts()
+    """Return the facts of the network's file, the columns of each observation term, and the command of each choice."""
+    facts: dict[str, object] = {**found.facts()}
     if isinstance(found, LearnedController):
         return facts
-    layout = found.env_options["observation"]
-    columns = {name: [layout[name].start, layout[name].stop] for name in facts["observation"]["terms"]}
-    more: dict[str, object] = {"columns": columns}
+    facts["columns"] = columns_of(found.env_options["observation"])
     if isinstance(found.space, gymnasium.spaces.Discrete):
-        commands, ways = make_action(found.env_options["action"]).decoded(np.arange(found.space.n))
-        more["commands"] = commands.tolist()
+        commands, ways = found.action_kind.decoded(np.arange(found.space.n))
+        facts["commands"] = commands.tolist()
         if ways is not None:
-            more["ways"] = ways.tolist()
-    return {**facts, **more}
-
-
-def _onnx() -> ModuleType:
-    with needed_for("export to ONNX", "onnx"):
-        import onnx
-        import onnx.checker
-        import onnx.helper
-        import onnx.numpy_helper
-    return onnx
+            facts["ways"] = ways.tolist()
+    return facts

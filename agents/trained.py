@@ -1,12 +1,10 @@
-"""Trained networks as policies and controllers.  Nothing here needs torch: a file holds numbers, see
-`crowd_env.agents.networks`."""
+"""Trained networks as policies and controllers, without torch: their files hold numbers, see `crowd_env.agents.networks`."""
 
 import copy
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar, TypeVar, cast
+from typing import ClassVar, Self, cast
 
 import gymnasium
 import numpy as np
@@ -20,30 +18,29 @@ from .networks import Network, read_network, write_network
 from .plain import Plain
 
 NUMBERS = ".safetensors"
-# Options of `RoutingBatch` that belong to a controller; the others say where it was trained.
+# Options of `RoutingBatch` that belong to a controller; the others describe the place of its training.
 _OF_CONTROLLER = ("interval", "regions", "grid", "routes", "doors", "observation", "reward", "rules", "signs")
-SAMPLED = ":sampled"  # behind the name of a policy: it draws its actions
-Kind = TypeVar("Kind", bound="_Learned")
+SAMPLED = ":sampled"  # suffix to the name of a policy that draws its actions
 
 
 class _Learned:
     """A trained network and its file."""
 
-    name: str = "learned"  # what tables call it
+    name: str = "learned"  # in tables
     what: ClassVar[str]
     network: Network
 
     def facts(self) -> Plain:
-        """Return what the network was made for, as its file holds it."""
+        """Return the purpose of the network, as its file holds it."""
         raise NotImplementedError
 
     def save(self, path: str | Path) -> None:
-        """Write the network and what it was made for to one .safetensors file, whole or not at all."""
+        """Write the network and its facts to one .safetensors file, whole or not at all."""
         write_network(_checked(path), self.network, self.facts())
 
     @classmethod
-    def load(cls: type[Kind], path: str | Path) -> Kind:
-        """Read what `save` wrote."""
+    def load(cls, path: str | Path) -> Self:
+        """Read a file of `save`."""
         found = load_trained(path)
         if not isinstance(found, cls):
             raise ValueError(f"{path} is a {found.what}, no {cls.what}")
@@ -51,24 +48,24 @@ class _Learned:
 
 
 class LearnedPolicy(_Learned):
-    """A network shared by every pedestrian; takes the most likely action, or draws one, see `sampled`.
+    """A network that all pedestrians share.  It takes the most likely action, or draws one, see `sampled`.
 
     Parameters
     ----------
-    network : from an observation to an action (mean) or, if discrete, to the logits of the actions.
-    env_options : frame, action and observation layout it was trained with.
-    trained : what it was trained in (scenario, scheme, dt, ...), for the record.
-    spread : standard deviation of each component of a continuous action in training; None = not known.
+    network : from an observation to the mean of an action or, of discrete actions, to their logits.
+    env_options : frame, action and observation layout of its training.
+    trained : further facts of its training (scenario, scheme, dt, ...), for the record.
+    spread : (A,) standard deviation of each component of a continuous action in training; None = unknown.
 
     Attributes
     ----------
-    space : of one person's action.
+    action_kind : kind of its actions; ``space`` is the space of one pedestrian's action.
     draws : whether it draws its actions.
 
     Raises
     ------
     ValueError
-        If the network has not as many inputs and outputs as observation and action have.
+        If the network has another number of inputs or outputs than the observation and the action.
     """
 
     what = "policy of people's own steps"
@@ -84,11 +81,9 @@ class LearnedPolicy(_Learned):
         self.spread = None if spread is None else tuple(map(float, spread))
         self.draws = False
         known("frame", env_options["frame"], FRAMES)
-        self.space = make_action(env_options["action"]).space
-        if isinstance(self.space, gymnasium.spaces.Discrete):
-            outputs = int(self.space.n)
-        else:
-            outputs = math.prod(self.space.shape or ())
+        self.action_kind = make_action(env_options["action"])
+        self.space = self.action_kind.space
+        outputs = gymnasium.spaces.flatdim(self.space)
         inputs = env_options["observation"].size
         if (network.inputs, network.outputs) != (inputs, outputs):
             raise ValueError(
@@ -104,7 +99,7 @@ class LearnedPolicy(_Learned):
         Raises
         ------
         ValueError
-            If the actions are continuous and their spread is not known.
+            If the actions are continuous and their spread is unknown.
         """
         if not isinstance(self.space, gymnasium.spaces.Discrete) and self.spread is None:
             raise ValueError(
@@ -116,19 +111,19 @@ class LearnedPolicy(_Learned):
 
     @property
     def steady(self) -> bool:
-        """Whether what it asks for follows from what it is shown alone, see `Policy`."""
+        """Whether its actions follow from the observation alone, see `Policy`."""
         return not self.draws
 
     def reset(self, env_mask: np.ndarray) -> None:
-        """Nothing to forget."""
+        """Do nothing: there is no memory to clear."""
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
-        """Return the most likely action, the mean within its bounds or the choice with the largest logit; or one that is drawn.
+        """Return actions (P, ...): the means within their bounds, or the choices with the largest logits; or drawn ones.
 
         Raises
         ------
         ValueError
-            If the observations are not laid out as in training.
+            If the layout of the observations is not that of the training.
         """
         if layout != self.env_options["observation"]:
             raise ValueError(
@@ -144,28 +139,26 @@ class LearnedPolicy(_Learned):
         return np.clip(out.reshape(-1, *box.shape), box.low, box.high)
 
     def facts(self) -> Plain:
-        options = self.env_options
-        kind = plain_action(replace(make_action(options["action"]), frame="path"))
+        kind, observation = plain_action(replace(self.action_kind, frame="path")), self.env_options["observation"]
         spread = {} if self.spread is None else {"spread": list(self.spread)}
-        action = {"kind": kind, "frame": options["frame"], **spread}
-        observation = options["observation"].as_table()
-        return {"kind": "policy", "observation": observation, "action": action, "trained": self.trained}
+        action = {"kind": kind, "frame": self.env_options["frame"], **spread}
+        return {"kind": "policy", "observation": observation.as_table(), "action": action, "trained": self.trained}
 
 
 class LearnedController(_Learned):
-    """A network that sends people to exits; takes the most likely choices.
+    """A network that sends pedestrians to exits.  It takes the most likely choices.
 
     Parameters
     ----------
     network : from the observation of a `RoutingBatch` to the logits of all choices, one entry of an action after the other.
     choices : (R + D,) number of choices of each entry.
-    options : of `RoutingBatch`: when and where it decides, what it observes.
-    trained : what it was trained for (task, seed, ...), for the record.
+    options : of `RoutingBatch`: regions, interval and observation.
+    trained : facts of its training (task, seed, ...), for the record.
 
     Raises
     ------
     ValueError
-        If the network has not as many outputs as there are choices.
+        If the number of outputs is not the number of choices.
     """
 
     what = "controller that sends people to exits"
@@ -178,7 +171,7 @@ class LearnedController(_Learned):
             raise ValueError(f"the network has {network.outputs} outputs for choices among {self.choices.tolist()}")
 
     def act(self, observation: np.ndarray, batch: RoutingBatch, rng: np.random.Generator) -> np.ndarray:
-        """Return the most likely choices."""
+        """Return the most likely choices (E, R + D) for observations (E, D)."""
         logits = np.split(self.network(observation), np.cumsum(self.choices)[:-1], axis=1)
         return np.column_stack([part.argmax(axis=1) for part in logits])
 
@@ -193,38 +186,28 @@ def load_trained(path: str | Path) -> LearnedPolicy | LearnedController:
     Raises
     ------
     ValueError
-        If the file is missing, or no such network.
+        If the file is missing, no such network, or its facts are incomplete or do not fit the network.
     """
     path = _checked(path)
     if not path.is_file():
         raise ValueError(f"cannot read the network {path}: no such file")
-    return made_from(path, *read_network(path))
-
-
-def made_from(path: Path, network: Network, facts: Plain) -> LearnedPolicy | LearnedController:
-    """Return the policy or controller that a file describes.
-
-    Raises
-    ------
-    ValueError
-        If the facts are incomplete or do not fit the network.
-    """
+    network, facts = read_network(path)
     try:
         trained = dict(facts.get("trained", {}))
         if facts["kind"] == "controller":
             return LearnedController(network, facts["choices"], dict(facts["options"]), trained)
         if facts["kind"] != "policy":
             raise ValueError(f"its kind is {facts['kind']!r}")
-        layout = ObservationLayout(**facts["observation"])
-        options = {"frame": facts["action"]["frame"], "action": facts["action"]["kind"], "observation": layout}
-        return LearnedPolicy(network, options, trained, facts["action"].get("spread"))
+        action, layout = facts["action"], ObservationLayout(**facts["observation"])
+        options = {"frame": action["frame"], "action": action["kind"], "observation": layout}
+        return LearnedPolicy(network, options, trained, action.get("spread"))
     except Exception as error:  # JSON can hold anything
-        said = f"{error} is missing" if isinstance(error, KeyError) else error
-        raise ValueError(f"{path} does not say what its network is for: {said}") from None
+        reason = f"{error} is missing" if isinstance(error, KeyError) else error
+        raise ValueError(f"{path} does not say what its network is for: {reason}") from None
 
 
 def names_file(name: str) -> bool:
-    """Return whether this is the path of a network, and no name of a policy."""
+    """Return whether this is the path of a network, not the name of a policy."""
     return name.endswith(NUMBERS)
 
 
@@ -233,3 +216,8 @@ def _checked(path: str | Path) -> Path:
     if path.suffix != NUMBERS:
         raise ValueError(f"{path} is no network: its name must end in {NUMBERS}")
     return path
+
+
+def columns_of(layout: ObservationLayout) -> dict[str, list[int]]:
+    """Return the first column of each term, and the one after its last, as files hold them."""
+    return {name: [layout[name].start, layout[name].stop] for name in layout.names}

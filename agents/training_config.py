@@ -1,7 +1,7 @@
-"""The parameters of a training run: made, checked, and read again when the run is resumed."""
+"""The parameters of a training run: how they are made, checked, and read when the run is resumed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
@@ -44,26 +44,17 @@ from .tasks.presets import ALL_PLACES, GENERALIST, training_place
 from .training_places import places_of_tasks
 from .walking import Evolved, WalkingRule
 
-# People simulated side by side in training: a rollout of more takes many gigabytes.
+# Pedestrians simulated side by side in training: a rollout of more takes many gigabytes.
 MOST_PEOPLE = 200_000
 GENERATED, GENERATED_PLACES = "generated", "generated-v0"  # name of a training in all places, and of their scenario
-NOTHING = "nothing"  # training begins with a search that begins at full speed
-MINUTES = 15.0  # after which a training on a task stops on a machine that is too slow for its steps
+NOTHING = "nothing"  # training begins with a search that starts at full speed
+MINUTES = 15.0  # limit of a training on a task, for a machine that is too slow for its steps
 ROUTING_BUDGET: Mapping[str, float] = {"envs": 32, "steps": 120_000, "minutes": 10.0}
 _PHYSICS = ("dt", "decision_dt", "strategy", "manner", "outline")
 _OF_NETWORK = (
-    "scenario",
-    "options",
-    "people",
-    "scheme",
-    *_PHYSICS[:2],
-    "manner",
-    "outline",
-    "start",
-    "seed",
-    "versions",
+    *("scenario", "options", "people", "scheme", "dt", "decision_dt", "manner", "outline", "start", "seed", "versions"),
 )
-_MOST_CELLS = 10_000  # of a grid: nobody decides about more, and their names alone fill memory
+_MOST_CELLS = 10_000  # of a grid: the names of more cells fill memory
 LEAST_DT = Range(1e-5)  # s  a decision of 0.1 s is ten thousand steps of these
 RUNS = Range(1, HELD_OUT_SEED - 1)  # held-out draws of an evaluation
 SEEDS = Range(0, HELD_OUT_SEED - 1).because("larger ones are kept for evaluation")
@@ -77,17 +68,17 @@ class PPOSettings:
     ----------
     learning_rate : falls linearly to zero over the steps, or over the second half of the time.
     n_steps : decision steps of a rollout.
-    batch_size : samples of a minibatch, of pedestrians who were inside.
+    batch_size : samples of a minibatch, of pedestrians inside.
     n_epochs : passes over a rollout.
     gamma : discount of a decision step.
     gae_lambda : of generalized advantage estimation.
-    clip_range : largest change of a probability ratio that is rewarded.
+    clip_range : largest change of a probability ratio in the objective.
     ent_coef : weight of the entropy.
     hidden : units in each of two layers.
     distribution : of continuous actions; "beta" is bounded.
     log_std_init : logarithm of the standard deviation of a Gaussian at first.
-    rule_logit : how much likelier the rule is at first than any other choice, as a logit.
-    target_kl : divergence from the old policy at which an update stops.
+    rule_logit : logit of the rule at first, above the logits of the other choices.
+    target_kl : KL divergence from the old policy at which an update stops.
     """
 
     learning_rate: NotNegative = 7e-4
@@ -119,10 +110,10 @@ class GeneratedPlaces:
     Parameters
     ----------
     people : pedestrians of the largest places.
-    seeds : generated places that are drawn from.
-    taught : generated places in which the best expert is looked for.
-    share : of the episodes in places of tasks.
-    rounds : of DAgger, by which the experts are cloned.
+    seeds : number of generated places that episodes are drawn from.
+    taught : number of generated places with an expert policy.
+    share : share of the episodes in places of tasks.
+    rounds : of DAgger, which clones the expert policies.
     """
 
     people: int
@@ -135,18 +126,18 @@ class GeneratedPlaces:
         check_fields("places", self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TrainingConfig:
     """Every parameter of a training run; ``config.json`` of a run holds the same names.
 
     Parameters
     ----------
-    backend : what trains.
-    task : name of the task; None = a scenario that is no task.
+    backend : library that trains.
+    task : name of the task; None = a scenario without a task.
     scenario : name or file of the place.
     options : of the scenario.
     people : pedestrians of an environment.
-    routing : options of `RoutingVectorEnv`, for a controller; None = a policy of people's own steps.
+    routing : options of `RoutingVectorEnv`, for a controller; None = a policy of each pedestrian's steps.
     places : generated places; None = one place.
     strategy : routing strategy.
     scheme : contact scheme.
@@ -162,7 +153,7 @@ class TrainingConfig:
     action : kind of action, by name or as a table.
     observation : table of an `ObservationLayout`.
     reward : table of `RewardWeights`.
-    start : what learning starts from: "rule", "nothing", or a policy of rules that is cloned.
+    start : start of learning: "rule", "nothing", or the name of a policy of rules to clone.
     ppo : hyperparameters.
     eval_every : steps between two evaluations.
     eval_runs : validation draws of an evaluation.
@@ -173,16 +164,16 @@ class TrainingConfig:
     Raises
     ------
     ValueError
-        If a field holds something else, or is out of range.
+        If a field is of a wrong type or out of range.
     """
 
-    backend: str
-    task: str | None
+    backend: str = "native"
+    task: str | None = None
     scenario: str
     options: Plain
     people: int
-    routing: Plain | None
-    places: GeneratedPlaces | None
+    routing: Plain | None = None
+    places: GeneratedPlaces | None = None
     strategy: str
     scheme: str
     seed: Annotated[int, SEEDS]
@@ -190,20 +181,20 @@ class TrainingConfig:
     steps: int
     minutes: Positive
     dt: Annotated[float, LEAST_DT]
-    decision_dt: Positive
+    decision_dt: Positive = DECISION_DT
     manner: str | Plain
     outline: str | Plain
-    frame: str
-    action: str | Plain
-    observation: Plain
-    reward: Plain
+    frame: str = "path"
+    action: str | Plain = "continuous"
+    observation: Plain = field(default_factory=lambda: ObservationLayout().as_table())
+    reward: Plain = field(default_factory=lambda: {"weights": {"progress": 0.5, "time": 1.0}, "team_share": 0.5})
     start: str
-    ppo: PPOSettings
-    eval_every: int
-    eval_runs: int
-    validation_seed: Natural
-    held_out_seed: Natural
-    versions: Plain
+    ppo: PPOSettings = PPOSettings()
+    eval_every: int = 1_500_000
+    eval_runs: int = 500
+    validation_seed: Natural = VALIDATION_SEED
+    held_out_seed: Natural = HELD_OUT_SEED
+    versions: Plain = field(default_factory=versions)
 
     def __post_init__(self) -> None:
         check_fields("", self)
@@ -229,10 +220,10 @@ def default_config(
     routing: Plain | None = None,
     start: str = RULE,
 ) -> TrainingConfig:
-    """Return every parameter of a run in a scenario that is no task.
+    """Return every parameter of a run in a scenario without a task.
 
-    Unless given, ``dt`` [s] is the scheme's own; manner, outline and number of people are the scenario's.  With ``routing``,
-    options of `RoutingVectorEnv`, a controller is trained that sends people to exits.
+    By default ``dt`` [s] is that of the scheme; manner, outline and number of pedestrians are those of the scenario.  With
+    ``routing``, options of `RoutingVectorEnv`, a controller learns to send pedestrians to exits.
 
     Raises
     ------
@@ -241,45 +232,33 @@ def default_config(
     """
     options = dict(options or {})
     place = training_place(scenario, options, people)
-    return TrainingConfig(
-        backend="native",
-        task=None,
+    config = TrainingConfig(
         scenario=scenario,
         options=options,
         people=place.population.people,
-        routing=None if routing is None else dict(routing),
-        places=None,
-        strategy=place.strategy_of_run() if routing is None else "fastest",
+        strategy=place.strategy_of_run(),
         scheme=scheme,
         seed=seed,
         envs=envs,
         steps=steps,
         minutes=minutes,
         dt=physics_step(Physics(_scheme(scheme), outline=outline), place) if dt is None else dt,
-        decision_dt=DECISION_DT,
         manner=Headway.plain_of(place.behavior(Headway, manner)),
         outline=Outline.plain_of(place.behavior(Outline, outline)),
-        frame="path",
-        action="continuous",
-        observation=ObservationLayout().as_table(),
-        reward={"weights": {"progress": 0.5, "time": 1.0}, "team_share": 0.5},
         start=start,
-        ppo=PPOSettings() if routing is None else ROUTING_PPO,
-        eval_every=1_500_000 if routing is None else 8192,
-        eval_runs=500 if routing is None else 50,
-        validation_seed=VALIDATION_SEED,
-        held_out_seed=HELD_OUT_SEED,
-        versions=versions(),
     )
+    if routing is None:
+        return config
+    return replace(config, routing=dict(routing), strategy="fastest", ppo=ROUTING_PPO, eval_every=8192, eval_runs=50)
 
 
 def task_config(task: str, seed: int = 0, **given: Any) -> TrainingConfig:
-    """Return every parameter of a run on a task: those of its preset, but for what is ``given``.
+    """Return every parameter of a run on a task: ``given`` ones, and else those of its preset.
 
     Parameters
     ----------
     given : any of ``people``, ``scheme``, ``dt`` [s], ``manner``, ``outline``, ``start``, ``envs``, ``steps``, ``minutes``,
-        ``routing``; None = as the preset has it.  With ``routing`` there is no preset: it is trained in the task as it stands.
+        ``routing``; None = that of the preset.  A training with ``routing`` uses the task itself instead of a preset.
 
     Raises
     ------
@@ -288,14 +267,16 @@ def task_config(task: str, seed: int = 0, **given: Any) -> TrainingConfig:
     """
     given = {name: value for name, value in given.items() if value is not None}
     judged, preset = make_task(task), None if "routing" in given else make_preset(task)
-    begun = preset or judged
-    usual: dict[str, Any] = {"scheme": judged.scheme, "people": begun.people, "manner": judged.manner}
-    if given.get("scheme", judged.scheme) == judged.scheme:
-        usual["dt"] = begun.dt
-    usual |= {"envs": preset.envs, "steps": preset.steps, "minutes": MINUTES} if preset else ROUTING_BUDGET
-    usual |= {"start": preset.start if preset else RULE}
-    options = {**judged.options, **(preset.options if preset else {})}
-    config = default_config(judged.scenario, seed=seed, options=options, **(usual | given))
+    usual: dict[str, Any] = {name: getattr(judged, name) for name in ("scheme", "manner", "people", "dt", "options")}
+    if preset is None:
+        usual |= ROUTING_BUDGET
+    else:
+        usual |= {name: getattr(preset, name) for name in ("people", "dt", "envs", "steps", "start")}
+        usual |= {"minutes": MINUTES, "options": {**judged.options, **preset.options}}
+    chosen = usual | given
+    if chosen["scheme"] != judged.scheme and "dt" not in given:
+        del chosen["dt"]  # the other scheme's own
+    config = default_config(judged.scenario, seed=seed, **chosen)
     config = replace(config, task=task, strategy=judged.rule, decision_dt=judged.decision_dt)
     if preset is None:
         return config
@@ -311,18 +292,17 @@ def task_config(task: str, seed: int = 0, **given: Any) -> TrainingConfig:
 
 
 def generalist_config(seed: int = 0, **given: Any) -> TrainingConfig:
-    """Return every parameter of a training in all places: those of the preset "generated", but for what is ``given``.
+    """Return every parameter of a training in all places: ``given`` ones, and else those of the preset "generated".
 
     Parameters
     ----------
-    given : any of ``people``, of the largest places, ``envs``, ``steps`` and ``minutes`` of PPO; None = as the preset has it.
+    given : any of ``people``, of the largest places, and ``envs``, ``steps`` and ``minutes`` of PPO.
     """
-    preset = {**GENERALIST, **{name: value for name, value in given.items() if value is not None}}
+    preset = {**GENERALIST["places"], **GENERALIST, **given}
     budget = {name: preset[name] for name in ("envs", "steps", "minutes")}
-    places = GeneratedPlaces(**preset["places"])
     return replace(
         default_config(GENERATED_PLACES, "nsm2", seed, **budget, start=NOTHING),
-        places=replace(places, people=preset.get("people", places.people)),
+        places=GeneratedPlaces(**{one.name: preset[one.name] for one in fields(GeneratedPlaces)}),
         observation=ObservationLayout(terms=tuple(preset["terms"])).as_table(),
         ppo=PPOSettings(**preset["ppo"]),
         **{name: preset[name] for name in ("action", "reward", "eval_every", "eval_runs")},
@@ -330,12 +310,12 @@ def generalist_config(seed: int = 0, **given: Any) -> TrainingConfig:
 
 
 def place_of(config: TrainingConfig) -> Scenario:
-    """Return the scenario that is trained in."""
+    """Return the scenario of the training."""
     return training_place(config.scenario, config.options, config.people)
 
 
 def task_of(config: TrainingConfig) -> Task:
-    """Return what a run is judged on: its task, or the scenario, steps and scheme that it was trained in."""
+    """Return the task that judges a run: its own, or one of the scenario, steps and scheme of the training."""
     if config.task is not None:
         return make_task(config.task)
     place = place_of(config)
@@ -352,7 +332,7 @@ def task_of(config: TrainingConfig) -> Task:
 
 
 def law_of(config: TrainingConfig) -> ContactScheme:
-    """Return the contact scheme that a run is trained and judged under, which may be the user's own."""
+    """Return the contact scheme of training and evaluation, which may be defined in a file of the user."""
     return _scheme(config.scheme)
 
 
@@ -361,38 +341,38 @@ def _scheme(name: str) -> ContactScheme:
 
 
 def start_of(config: TrainingConfig) -> WalkingRule:
-    """Return the rule that a run begins by cloning.
+    """Return the rule that a run clones first.
 
     Raises
     ------
     ValueError
-        If it is no rule of walking.
+        If the start is no rule of walking.
     """
     names = [name for name, kind in POLICIES.items() if issubclass(kind, WalkingRule)]
     return cast(WalkingRule, make_policy(known("start", config.start, [RULE, NOTHING, *names])))
 
 
 def judged_place(config: TrainingConfig) -> Scenario:
-    """Return the scenario that a run is judged in: of a task with all its people, else what is trained in."""
+    """Return the scenario of the evaluations: of a task with all its pedestrians, else that of the training."""
     place = place_of(config) if config.task is None else make_task(config.task).place()
     return replace(place, manner=config.manner, outline=config.outline)
 
 
 def physics_of(config: TrainingConfig) -> Plain:
-    """Return the options of `evaluate` under which a run is validated: those it was trained with."""
+    """Return the options of the environments in training and validation."""
     return {"scheme": law_of(config)} | {name: getattr(config, name) for name in _PHYSICS}
 
 
 def facts_of(config: TrainingConfig) -> Plain:
-    """Return what the file of a network holds about its training."""
+    """Return the facts of the training in the file of a network."""
     task = None if config.task is None else task_of(config).identity()
     task = task if config.places is None else dict(ALL_PLACES)
     return {"task": task, **{name: getattr(config, name) for name in _OF_NETWORK}}
 
 
 def make_env(config: TrainingConfig, envs: int | None = None, threads: int = 1) -> WalkingBatch | RoutingVectorEnv:
-    """Return the training batch, of ``envs`` environments if that is given, on ``threads`` threads."""
-    num_envs = config.envs if envs is None else envs
+    """Return the training batch on ``threads`` threads, by default with the number of environments of the config."""
+    num_envs = envs or config.envs
     if config.routing is not None:
         physics = {name: getattr(config, name) for name in ("dt", "manner", "outline")}
         options = {"scheme": law_of(config), "threads": threads, **physics, **config.routing}
@@ -412,20 +392,20 @@ def make_env(config: TrainingConfig, envs: int | None = None, threads: int = 1) 
 
 
 def check_libraries() -> None:
-    """Raise ModuleNotFoundError now, not after the training, if a library is missing; say how to install it."""
+    """Raise ModuleNotFoundError if a library that training needs is missing; the message holds the command to install it."""
     with needed_for("training", "stable-baselines3 tensorboard torch"):
         for library in ("torch", "stable_baselines3", "tensorboard"):
             import_module(library)
 
 
 def check_budget(**options: float) -> None:
-    """Raise ValueError unless all of these are > 0 and finite."""
+    """Raise ValueError unless all of these numbers are positive and finite."""
     for name, value in options.items():
         number(f"--{name}", value, POSITIVE)
 
 
 def check_config(config: TrainingConfig) -> None:
-    """Raise ValueError if nothing can be trained with these parameters; one environment is made to see."""
+    """Raise ValueError if these parameters allow no training; the check makes one environment."""
     people = place_of(config).population.people
     if config.envs * people > MOST_PEOPLE:
         raise ValueError(
@@ -449,7 +429,7 @@ def read_config(path: Path) -> TrainingConfig:
     Raises
     ------
     ValueError
-        If the file is missing, or lacks or holds something that a run cannot have.
+        If the file is missing, lacks a parameter, or holds one that is out of range.
     """
     table = read_json(path)
     if not isinstance(table, dict):
@@ -472,20 +452,20 @@ def resumed(config: TrainingConfig, given: Plain, curve: Sequence[Mapping[str, f
     Parameters
     ----------
     config : of the run.
-    given : options beside ``--resume``: ``minutes`` and ``steps`` replace the budget, in all; the others may only repeat what
-        the run was begun with.
+    given : options beside ``--resume``: ``minutes`` and ``steps`` replace the total budget; each other option must equal the
+        parameter of the run.
     curve : of the run so far.
     name : of the run.
 
     Raises
     ------
     ValueError
-        If an option would change what is trained, or a budget leaves nothing to do.
+        If an option differs from a parameter of the run, or a budget leaves nothing to do.
     """
     routing = config.routing or {}
     begun = {**config.as_table(), **routing, "exit": config.options.get("exits"), "unit": config.options.get("unit")}
     begun |= {"place": config.task or config.scenario, "decides": "routing" if routing else "walking"}
-    words = {"manner": "walking", "place": "task"} | {one: f"set {one}" for one in ("dt", "outline")}
+    words = {"manner": "walking", "place": "task", "dt": "set dt", "outline": "set outline"}
     budget = {option: given[option] for option in ("minutes", "steps") if option in given}
     for option, value in given.items():
         if option not in budget and value != begun.get(option):

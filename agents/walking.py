@@ -1,45 +1,58 @@
-"""Rules of walking that keep bodies apart: what a learned crowd has to beat beside the stampede.
+"""Rules of walking that keep bodies apart: baselines of learned policies beside full speed.
 
-Each is a policy of constants that acts through the same actions as a learned one, every decision step (0.1 s), and returns a
-share of each desired speed along the shortest path, never more than all of it.
+Each rule is a policy of constants.  Like a learned policy it acts every decision step (0.1 s).  Its action is a share of each
+desired speed along the shortest path, at most 1.
 """
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from crowd_env import ObservationLayout, ObservationTerm, Walking
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.behaviors.headway import Headway, Manner
-from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
+from crowd_env.core.checks import NotNegative, Positive, Range, Share, check_fields
 from crowd_env.envs.observation.neighbors import DENSITY_RADIUS, DENSITY_SCALE
 from crowd_env.envs.observation.view import SPEED_SCALE, TIME_SCALE
 
 from .plain import Plain
 from .surroundings import LEADER, PREDECESSOR, read_leader
 
-WEIGHT = Range(-100.0, 100.0)  # of weights that a search may set
+WEIGHT = Range(-100.0, 100.0)
+Weight = Annotated[float, WEIGHT]
 _WEIGHTS = ("own", "far", "density", "close", "match", "crowd", "always")  # of `Evolved`, in the order of `inputs`
-_SLOWEST, _FASTEST = 0.05, 3.0  # 2 m/s, of a desired speed that is divided by; and times one's own
+_SLOWEST = 0.05  # 2 m/s  lower bound of a desired speed in a denominator
+_FASTEST = 3.0  # upper bound of a relative speed
 
 
 class WalkingRule(ABC):
-    """A rule that acts along and to the left of the shortest path, from the terms of an observation."""
+    """A rule that acts along and to the left of the shortest path, from the terms of an observation.
+
+    Subclasses are frozen dataclasses, whose fields are the constants of the rule.
+
+    Raises
+    ------
+    ValueError
+        If a constant is out of range.
+    """
 
     name: ClassVar[str]
     terms: ClassVar[tuple[str | ObservationTerm, ...]]
-    full_state: ClassVar[bool] = False  # it knows more than what is within 3 m
+    full_state: ClassVar[bool] = False  # it observes pedestrians beyond 3 m
     steady: ClassVar[bool] = True  # see `Policy`
+
+    def __post_init__(self) -> None:
+        check_fields(self.name, self)
 
     @property
     def env_options(self) -> Plain:
-        """Options of `CrowdEnv`: the terms that the rule sees, and the axes in which it acts."""
+        """Options of `CrowdEnv`: the terms that the rule observes, and its kind of action."""
         return {"observation": ObservationLayout(terms=self.terms), "action": "continuous"}
 
-    def reset(self, env_mask: np.ndarray) -> None:  # noqa: B027  a hook: most rules remember nothing
-        """Nothing to forget."""
+    def reset(self, env_mask: np.ndarray) -> None:  # noqa: B027  a hook: these rules have no memory
+        """Do nothing: there is no memory to clear."""
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
         """Return the actions (P, 2) along and left of the shortest path.
@@ -68,30 +81,20 @@ class WalkingRule(ABC):
 class RuleAtShare(WalkingRule):
     """Walk the shortest path at a fixed share of the desired speed.
 
-    Lin, Ma, Qin, Dong (2016) find that a crowd may clear sooner when it hurries less.  The share is given, or None: then
-    whatever evaluates the policy looks for the best in that scenario under that scheme, see
-    `crowd_env.agents.drivers.best_share`.
+    Lin, Ma, Qin, Dong (2016) find that a crowd may clear sooner when it hurries less.
 
     Parameters
     ----------
-    share : of the desired speed, 0 to 1.
-
-    Raises
-    ------
-    ValueError
-        If the share is out of range.
+    share : of the desired speed, 0 to 1.  None = an evaluation searches the best share in its scenario under its scheme, see
+        `crowd_env.agents.drivers.best_share`.
     """
 
     name = "rule-best-speed"
     terms = ("desired_speed",)
-    share: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.share is not None:
-            check_fields(self.name, self, share=SHARE)
+    share: Share | None = None
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
-        """Return the share, whatever is seen."""
+        """Return the share for every pedestrian."""
         if self.share is None:
             raise ValueError(f"policy {self.name!r} has no share of speed; give one, or let agents.evaluate find it")
         return np.tile([self.share, 0.0], (len(observation), 1))
@@ -101,30 +104,22 @@ class RuleAtShare(WalkingRule):
 class DensityCap(WalkingRule):
     """Walk the shortest path, slowly where it is dense: ``V = min(v_0, c)`` if the density exceeds ``rho``, else ``v_0``.
 
-    Sees the terms ``density`` (people within 1 m of the own center, oneself included) and ``desired_speed`` (known up to
-    2 m/s).  It is the simplest rule that slows down at the door alone; a step where Weidmann (1993) has a smooth curve.
+    It observes the terms ``density`` (pedestrians within 1 m of the body's center, itself included) and ``desired_speed`` (up to
+    2 m/s).  It is the simplest rule that slows down only at the door: a step in place of the smooth curve of Weidmann (1993).
 
     Parameters
     ----------
     density : 1/m2, ``rho``.
     speed : m/s, ``c``.
-
-    Raises
-    ------
-    ValueError
-        If a constant is not positive.
     """
 
     name = "density-cap"
     terms = ("density", "desired_speed")
-    density: float = 2.0
-    speed: float = 1.0
-
-    def __post_init__(self) -> None:
-        check_fields(self.name, self, density=POSITIVE, speed=POSITIVE)
+    density: Positive = 2.0
+    speed: Positive = 1.0
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
-        """Return full speed, or the cap where it is dense."""
+        """Return full speed, and the cap where the density is high."""
         people = np.rint(observation[:, layout["density"]][:, 0] * (np.pi * DENSITY_RADIUS**2 * DENSITY_SCALE))
         dense = people > self.density * np.pi * DENSITY_RADIUS**2
         return along(np.where(dense, self.speed, np.inf), desired_speed(observation, layout))
@@ -132,15 +127,15 @@ class DensityCap(WalkingRule):
 
 @dataclass(frozen=True)
 class HeadwayRule(WalkingRule):
-    """Keep a distance and step aside, as `crowd_env.core.behaviors.headway` says: the manner of
-    ``CrowdEnv(walking=...)`` as a policy.
+    """Keep a distance and step aside: the manner of ``CrowdEnv(walking=...)`` as a policy.
 
-    It wants the shortest path at full speed, in an environment that it asks to be made with its manner: how fast and on which
-    side of that path people walk, the compiled rule decides.  It sees pedestrians in front within 2 m that no wall hides.
+    The policy acts at full speed along the shortest path, in an environment with its manner.  The compiled rule of
+    `crowd_env.core.behaviors.headway` then sets speed and side of each pedestrian.  It observes pedestrians in front within 2 m
+    that no wall hides.
 
     Parameters
     ----------
-    manner : a name in ``MANNERS``, a Headway, or a table of its parameters; it goes before that of the scenario or the run.
+    manner : a name in ``MANNERS``, a Headway, or a table of its parameters; it overrides the manner of scenario and run.
 
     Raises
     ------
@@ -150,7 +145,7 @@ class HeadwayRule(WalkingRule):
 
     name = "headway"
     steady = False
-    terms = ("desired_speed",)  # nobody reads it
+    terms = ("desired_speed",)  # unused: an observation needs a term
     manner: Manner = "hurried"
 
     def __post_init__(self) -> None:
@@ -158,11 +153,11 @@ class HeadwayRule(WalkingRule):
 
     @property
     def env_options(self) -> Plain:
-        """Options of `CrowdEnv`, the manner among them: without it people would walk on at full speed."""
+        """Options of `CrowdEnv` with the manner, without which pedestrians would keep full speed."""
         return {**super().env_options, "walking": Walking(self.manner)}
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
-        """Return full speed along the shortest path, whatever is seen: the rest is done by the environment."""
+        """Return full speed along the shortest path; the environment applies the manner."""
         return np.tile([1.0, 0.0], (len(observation), 1))
 
 
@@ -172,32 +167,24 @@ class Follow(WalkingRule):
 
         V = clip(u + (s_i - s_j - d) / T, -b v_0, v_0)
 
-    with the rest s of the way to the exit and the speed u of the leader j along the leader's way; full speed with none in
-    front.  Linear car following with relative speed (Helly 1959, with the rest of the way for the position in the lane), which
-    merges streams: pedestrians from different sides follow one another as in one lane.  Sees ``desired_speed`` (known up
-    to 2 m/s) and the term `LEADER`.  The constants are found by a search in Lin's room, see docs/training.md.
+    Here s is the distance to the exit along the way, and u is the speed of the leader j along its way.  Without a leader V is
+    full speed.  This is linear car following with relative speed (Helly 1959), with s as the position in the lane.  It merges
+    streams: pedestrians from different sides follow one another as in one lane.  It observes ``desired_speed`` (up to 2 m/s)
+    and the term `LEADER`.  A search in Lin's room found the constants, see docs/training.md.
 
     Parameters
     ----------
-    spacing : m, ``d``, kept from center to center along the way.
-    time : s, ``T``, in which a difference from that is made up for.
-    back : ``b``, share of the desired speed at which one steps back at most.
-
-    Raises
-    ------
-    ValueError
-        If a constant is out of range.
+    spacing : m, ``d``, between centers along the way.
+    time : s, ``T``, relaxation time of the distance.
+    back : ``b``, largest backward speed as a share of the desired speed.
     """
 
     name = "follow"
     leader: ClassVar[ObservationTerm] = LEADER
     terms: ClassVar[tuple[str | ObservationTerm, ...]] = ("desired_speed", LEADER)
-    spacing: float = 0.53
-    time: float = 0.3
-    back: float = 0.33
-
-    def __post_init__(self) -> None:
-        check_fields(self.name, self, spacing=NOT_NEGATIVE, time=POSITIVE, back=SHARE)
+    spacing: NotNegative = 0.53
+    time: Positive = 0.3
+    back: Share = 0.33
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
         """Return the speed that keeps the distance to the leader, full speed without a leader."""
@@ -208,61 +195,53 @@ class Follow(WalkingRule):
 
 @dataclass(frozen=True)
 class Zipper(Follow):
-    """Follow, in the order of distance to the exit, the pedestrian next nearer, wherever in the room that is.
+    """Follow the pedestrian next nearer to the exit, anywhere in the room.
 
-    `Follow` with one order of everyone on the same route instead of the people within 3 m: one after the other through the
-    door, as zips close.  That order is full state, which no pedestrian sees: the term `PREDECESSOR`.  A bound to aim at, and
-    no rule that people could walk by.  Where a route leads to several exits, people of all of them stand in one order.
+    This is `Follow` with one order of all pedestrians on the same route, instead of the pedestrians within 3 m: one after the
+    other through the door, like the teeth of a zipper.  That order is full state (the term `PREDECESSOR`), which no pedestrian
+    can observe.  The rule is a bound for comparison, not a model of walking.  Where a route leads to several exits, the
+    pedestrians of all of them stand in one order.
     """
 
     name = "zipper"
     leader = PREDECESSOR
     terms = ("desired_speed", PREDECESSOR)
     full_state = True
-    spacing: float = 0.43
-    time: float = 0.3
-    back: float = 0.5
+    spacing: NotNegative = 0.43
+    back: Share = 0.5
 
 
 @dataclass(frozen=True)
 class Evolved(WalkingRule):
-    """A weighted sum of what is seen: no gap to keep and no leader to follow is written down.
+    """A weighted sum of observed terms, without a built-in distance or leader.
 
         V = v_0 clip(1 + w . x, -1, 1)
 
-    along the way, with the desired speed v_0.  x is what learned policies see too, people within 3 m of those on the same way,
-    through compiled terms of the observation, as they are scaled there.  With all weights 0 it is full speed, where a search
-    begins (`crowd_env.agents.learned.evolution`).  The weights were found for ``competitive-door``, from nothing: they come
-    close to the linear car following of Helly (1959), which `Follow` was given.
+    along the way, with the desired speed v_0.  The inputs x are terms that learned policies observe as well, in their scaling,
+    about pedestrians within 3 m on the same way.  Zero weights are full speed, where a search begins
+    (`crowd_env.agents.learned.evolution`).  A search from zero in ``competitive-door`` found these weights.  They are close to
+    the linear car following of Helly (1959), which is built into `Follow`.
 
     Parameters
     ----------
     own : weight of the own speed along the way, as a share of v_0.
     far : of the term ``travel_time``.
     density : of the term ``density``.
-    close : of the closeness of the next person nearer to the exit, 0 if there is none.
-    match : of the speed of that person along the way, as a share of v_0, at most 3.
-    crowd : of the number of pedestrians nearer to the exit, as the term ``ahead`` has it.
-    always : added in any case.
-
-    Raises
-    ------
-    ValueError
-        If a weight is out of range.
+    close : of the closeness of the pedestrian next nearer to the exit, 0 if there is none.
+    match : of the speed of that pedestrian along the way, as a share of v_0, at most 3.
+    crowd : of the number of pedestrians nearer to the exit, as in the term ``ahead``.
+    always : constant.
     """
 
     name = "evolution"
     terms: ClassVar[tuple[str, ...]] = ("velocity", "desired_speed", "travel_time", "density", "ahead")
-    own: float = -3.0
-    far: float = 2.64
-    density: float = 2.29
-    close: float = -8.9
-    match: float = 3.99
-    crowd: float = -3.89
-    always: float = 6.21
-
-    def __post_init__(self) -> None:
-        check_fields(self.name, self, **dict.fromkeys(_WEIGHTS, WEIGHT))
+    own: Weight = -3.0
+    far: Weight = 2.64
+    density: Weight = 2.29
+    close: Weight = -8.9
+    match: Weight = 3.99
+    crowd: Weight = -3.89
+    always: Weight = 6.21
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
         """Return the speed along the way."""
@@ -273,48 +252,38 @@ class Evolved(WalkingRule):
 
 @dataclass(frozen=True)
 class YieldWhenStuck(Evolved):
-    """Full speed for pedestrians that get on, `Evolved` for all that have not got on for ``patience``.
+    """Full speed for pedestrians that make progress, and `Evolved` for pedestrians without progress for ``patience``.
 
-    Streams that press against each other, or pedestrians that arch in front of a door, stand for good at full speed: all that
-    are stuck go on pushing.  `Evolved` steps back from the next one ahead, which loosens them.  It sees the term ``stood`` too.
+    At full speed, opposing streams block each other for good, and so do arches in front of a door.  `Evolved` steps back from
+    the pedestrian ahead, which dissolves them.  The rule also observes the term ``stood``.
 
     Parameters
     ----------
-    patience : s, within which one has to get nearer to the end of the way than ever before; set by hand.
-
-    Raises
-    ------
-    ValueError
-        If a constant is out of range.
+    patience : s, time without coming nearer to the end of the way than ever before; set by hand.
     """
 
     name = "yield-when-stuck"
     steady = False
     terms: ClassVar[tuple[str, ...]] = (*Evolved.terms, "stood")
-    patience: float = 2.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_fields(self.name, self, patience=NOT_NEGATIVE)
+    patience: NotNegative = 2.0
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
-        """Return full speed, or what loosens a crowd that is stuck."""
+        """Return full speed, and the actions of `Evolved` for pedestrians without progress."""
         stuck = observation[:, layout["stood"]] > self.patience / (self.patience + TIME_SCALE)
         return np.where(stuck, super().decide(observation, layout), [1.0, 0.0])
 
 
 def inputs(observation: np.ndarray, layout: ObservationLayout) -> Floats:
-    """Return what `Evolved` weighs (P, 7), from an observation that holds its terms."""
+    """Return the inputs (P, 7) of `Evolved` from an observation that holds its terms."""
     seen = {name: observation[:, layout[name]].astype(np.float64) for name in Evolved.terms}
     desired, ahead = np.maximum(seen["desired_speed"][:, 0], _SLOWEST), seen["ahead"]
     match = np.minimum(ahead[:, 1] / desired, _FASTEST)
-    own, always = seen["velocity"][:, 0] / desired, np.ones(len(observation))
-    columns = own, seen["travel_time"][:, 0], seen["density"][:, 0], ahead[:, 0], match, ahead[:, 2], always
-    return np.column_stack(columns)
+    own, far, density = seen["velocity"][:, 0] / desired, seen["travel_time"], seen["density"]
+    return np.column_stack([own, far, density, ahead[:, 0], match, ahead[:, 2], np.ones(len(own))])
 
 
 def desired_speed(observation: np.ndarray, layout: ObservationLayout) -> Floats:
-    """Return the desired speed (P,) [m/s] as observed, up to 2 m/s; a tiny number for pedestrians that are out."""
+    """Return the observed desired speed (P,) [m/s], up to 2 m/s; a tiny number for pedestrians outside."""
     return np.maximum(SPEED_SCALE * observation[:, layout["desired_speed"]][:, 0].astype(np.float64), 1e-9)
 
 

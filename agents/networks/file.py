@@ -1,7 +1,7 @@
-"""The file of a network: one ``.safetensors`` with the float32 tensors and, in its header, what they are for.
+"""The file of a network: one ``.safetensors`` with float32 tensors and, in its header, the facts about them.
 
-The format (https://github.com/huggingface/safetensors) holds numbers and text alone.  The facts stand in the header's metadata
-as one JSON text: weights and what they mean cannot get apart, and one atomic write suffices.
+The format (https://github.com/huggingface/safetensors) holds only numbers and text.  The metadata of the header holds the facts
+as one JSON text.  So weights and their meaning cannot be separated, and one atomic write suffices.
 """
 
 import hashlib
@@ -19,7 +19,7 @@ from ..plain import Plain
 from .network import MLP, BetaMLP, BetweenMLP, Network
 
 NETWORK = "best.safetensors"  # file in the folder of a training
-# Kind, as files call it -> network.
+# Kind, as files name it -> network.
 NETWORKS: dict[str, type[Network]] = {one.kind: one for one in (MLP, BetaMLP, BetweenMLP)}
 FORMAT, VERSION = "crowd_env network", 2
 _FACTS = "crowd_env"  # key of the metadata
@@ -27,10 +27,10 @@ _MOST_BYTES = 2**28  # of a file: a hundred times the networks made here
 
 
 def write_network(path: Path, network: Network, facts: Plain) -> None:
-    """Write a network and what there is to know of it, whole or not at all."""
-    made_of = {"kind": network.kind, **network.settings()}
-    header = {"format": FORMAT, "version": VERSION, **facts, "network": made_of}
-    # The library reads memory as it lies: an array in another order would be written wrongly.
+    """Write a network and its facts, whole or not at all."""
+    settings = {"kind": network.kind, **network.settings()}
+    header = {"format": FORMAT, "version": VERSION, **facts, "network": settings}
+    # The library reads raw memory: it would write an array of another order wrongly.
     tensors = {name: np.ascontiguousarray(one, dtype=np.float32) for name, one in network.tensors().items()}
     content = save(tensors, {_FACTS: json.dumps(header, allow_nan=False)})
     with written(path) as part:
@@ -38,12 +38,12 @@ def write_network(path: Path, network: Network, facts: Plain) -> None:
 
 
 def read_network(path: Path) -> tuple[Network, Plain]:
-    """Read what `write_network` wrote; nothing in the file is executed, whatever it holds.
+    """Read the file of a network and return network and facts; nothing in the file is executed.
 
     Raises
     ------
     ValueError
-        If the file is missing, or no such network.
+        If the file is missing, or holds no network of this format.
     """
     try:
         size = path.stat().st_size
@@ -65,10 +65,10 @@ def read_network(path: Path) -> tuple[Network, Plain]:
     except OSError as error:
         raise ValueError(f"cannot read the network {path}: {error.strerror or error}") from None
     except Exception as error:  # a damaged file fails in many places: header, JSON, shapes
-        said = f"it does not say its {error}" if isinstance(error, KeyError) else error
-        raise ValueError(f"{path} is not a network saved by a training: {said}") from None
+        reason = f"it does not say its {error}" if isinstance(error, KeyError) else error
+        raise ValueError(f"{path} is not a network saved by a training: {reason}") from None
 
 
 def network_digest(path: Path) -> str:
-    """Return the hash by which results and cards name the network that they are about."""
+    """Return the hash that identifies a network in results and cards."""
     return hashlib.sha256(path.read_bytes()).hexdigest()

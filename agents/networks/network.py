@@ -1,4 +1,4 @@
-"""Networks as numbers: what every kind has, layers of units, and such that end in Beta distributions or between two speeds."""
+"""Networks as arrays of numbers: their interface, multilayer perceptrons, and heads for Beta distributions and speeds."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -14,25 +14,26 @@ from crowd_env.envs.action import SpeedTable
 
 from ..plain import Plain
 
-# Multiplications at once, of the largest layer: larger products are shared out to threads, which costs more than it saves, ten
-# times as much on busy cores.
+# Multiplications of the largest layer in one product.  NumPy shares larger products among threads, which costs more than it
+# saves: ten times as much on busy cores.
 _AT_ONCE = 60 * 64 * 64
-# Activation, as files call it -> what it does.
+# Activation, as files name it -> function.
 ACTIVATIONS: dict[str, Callable[[Floats], Floats]] = {"tanh": np.tanh, "relu": lambda sums: np.maximum(sums, 0.0)}
-# Both parameters of a Beta distribution are at least this.  Below 1 the density is largest at a bound, which then is the mode.
+# Lower bound of both parameters of a Beta distribution.  Where one is below 1 the density is largest at a bound: the mode.
 LEAST = 0.8
+_ARRAYS = ("weight", "bias")  # of a layer, as files name them
 
 
 class Network(ABC):
-    """Turns rows of numbers into rows of numbers, each row for itself.
+    """A function from rows of numbers to rows of numbers, each row by itself.
 
-    A kind is a class with a line in `crowd_env.agents.networks.NETWORKS`.  What it holds are its `tensors` and
-    `settings`; `of` makes it
-    from them again.  It calculates in double precision and rounds at the end: a row comes out the same in a batch of any size.
+    A kind is a class with a line in `crowd_env.agents.networks.NETWORKS`.  It consists of its `tensors` and `settings`; `of`
+    restores it from them.  It computes in double precision and rounds at the end: the result of a row does not depend on the
+    size of its batch.
 
     Attributes
     ----------
-    kind : what its file calls it.
+    kind : name in files.
     """
 
     kind: ClassVar[str]
@@ -40,30 +41,30 @@ class Network(ABC):
     @property
     @abstractmethod
     def inputs(self) -> int:
-        """How many numbers it takes."""
+        """Number of inputs I."""
 
     @property
     @abstractmethod
     def outputs(self) -> int:
-        """How many numbers it returns."""
+        """Number of outputs O."""
 
     @abstractmethod
     def tensors(self) -> dict[str, np.ndarray]:
-        """Return its arrays by name; files hold them in single precision."""
+        """Return the arrays by name; files hold them in single precision."""
 
     @abstractmethod
     def settings(self) -> dict[str, object]:
-        """Return what the tensors do not say, as JSON can hold it."""
+        """Return what the tensors do not hold, as plain data for JSON."""
 
     @classmethod
     @abstractmethod
     def of(cls, tensors: Mapping[str, np.ndarray], settings: Plain) -> "Network":
-        """Return the network of these tensors and settings, which may come from any file.
+        """Return the network of tensors and settings, which may come from any file.
 
         Raises
         ------
         ValueError
-            If they are others than a network of this kind has, or do not fit one another.
+            If this kind has other tensors or settings, or they do not fit one another.
         """
 
     @abstractmethod
@@ -73,7 +74,7 @@ class Network(ABC):
     def __call__(self, rows: np.ndarray) -> np.ndarray:
         """Return the outputs (K, O) float32 for inputs (K, I)."""
         out = np.empty((len(rows), self.outputs), dtype=np.float32)
-        some = np.asarray(rows).any(axis=1)  # rows of zeros, of people who are out, are all alike
+        some = np.asarray(rows).any(axis=1)  # rows of zeros, of pedestrians outside, have one common output
         out[~some] = self.forward(np.zeros((1, self.inputs)))
         where = np.flatnonzero(some)
         rows_at_once = max(1, _AT_ONCE // max(array.size for array in self.tensors().values()))
@@ -85,7 +86,7 @@ class Network(ABC):
 
 @dataclass(frozen=True, eq=False)
 class MLP(Network):
-    """Layers of units with a linear one at the end.
+    """A multilayer perceptron: layers of units, the last one linear.
 
     Parameters
     ----------
@@ -108,32 +109,36 @@ class MLP(Network):
         known("activation", self.activation, ACTIVATIONS)
         if not self.weights or len(self.weights) != len(self.biases):
             raise ValueError(f"{len(self.weights)} arrays of weights and {len(self.biases)} of biases")
-        object.__setattr__(self, "weights", tuple(np.array(one, dtype=np.float64) for one in self.weights))
-        object.__setattr__(self, "biases", tuple(np.array(one, dtype=np.float64) for one in self.biases))
-        size = None
-        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            if weight.ndim != 2 or bias.shape != weight.shape[:1] or size not in (None, weight.shape[1]):
+        for name in ("weights", "biases"):
+            object.__setattr__(self, name, tuple(np.array(one, dtype=np.float64) for one in getattr(self, name)))
+        size = self.weights[0].shape[-1:]
+        for k, (weight, bias) in enumerate(self.layers):
+            if weight.ndim != 2 or bias.shape != weight.shape[:1] or size != weight.shape[1:]:
                 raise ValueError(f"layer {k} has weights {weight.shape} and biases {bias.shape}, which do not fit")
             if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
                 raise ValueError(f"layer {k} holds numbers that are not finite")
-            size = weight.shape[0]
+            size = bias.shape
+
+    @property
+    def layers(self) -> list[tuple[Floats, Floats]]:
+        """Weights (outputs, inputs) and biases (outputs,) of each layer."""
+        return list(zip(self.weights, self.biases, strict=True))
 
     @property
     def inputs(self) -> int:
-        """How many numbers it takes."""
+        """Number of inputs I."""
         return int(self.weights[0].shape[1])
 
     @property
     def outputs(self) -> int:
-        """How many numbers it returns."""
+        """Number of outputs O."""
         return int(self.weights[-1].shape[0])
 
     def tensors(self) -> dict[str, np.ndarray]:
         """Return ``weight0``, ``bias0``, ``weight1``, ..."""
-        found: dict[str, np.ndarray] = {}
-        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            found |= {f"weight{k}": weight, f"bias{k}": bias}
-        return found
+        return {
+            f"{name}{k}": one for k, layer in enumerate(self.layers) for name, one in zip(_ARRAYS, layer, strict=True)
+        }
 
     def settings(self) -> dict[str, object]:
         """Return the activation."""
@@ -146,29 +151,28 @@ class MLP(Network):
             raise ValueError(
                 f"its settings are {dict(settings)}; a network {cls.kind!r} has an activation and no other"
             )
-        layers = range(max(1, len(tensors) // 2))
-        expected = [f"{array}{k}" for k in layers for array in ("weight", "bias")]
-        if set(tensors) != set(expected):
+        names = [[f"{array}{k}" for k in range(max(1, len(tensors) // 2))] for array in _ARRAYS]
+        if set(tensors) != {*names[0], *names[1]}:
             raise ValueError(
                 f"its tensors are {', '.join(sorted(tensors)) or 'none'} instead of weight0, bias0, weight1, ..."
             )
-        weights, biases = (tuple(tensors[f"{array}{k}"] for k in layers) for array in ("weight", "bias"))
+        weights, biases = (tuple(tensors[name] for name in some) for some in names)
         return cls(weights, biases, settings["activation"])
 
     def forward(self, rows: Floats) -> Floats:
         """Return the outputs (K, O) for inputs (K, I)."""
-        bend = ACTIVATIONS[self.activation]
-        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            rows = bend(rows @ weight.T + bias)
-        return np.asarray(rows @ self.weights[-1].T + self.biases[-1])
+        *hidden, last = self.layers
+        for weight, bias in hidden:
+            rows = ACTIVATIONS[self.activation](rows @ weight.T + bias)
+        return np.asarray(rows @ last[0].T + last[1])
 
 
 @dataclass(frozen=True, eq=False)
 class BetaMLP(MLP):
-    """An `MLP` whose outputs are the parameters of a Beta distribution for each number of an action, over [-1, 1].
+    """An `MLP` with the parameters of a Beta distribution over [-1, 1] for each component of an action.
 
-    The layers end in 2 A numbers for A of an action: ``alpha = LEAST + softplus`` of the first A, ``beta`` likewise of the
-    others (Chou, Maturana, Scherer 2017, whose parameters are at least 1: no mode of theirs is a bound).
+    The layers end in 2 A numbers for the A components of an action.  ``alpha = LEAST + softplus`` of the first A, and ``beta``
+    likewise of the others.  In Chou, Maturana, Scherer (2017) both parameters are at least 1, so that no mode is a bound.
 
     Raises
     ------
@@ -185,7 +189,7 @@ class BetaMLP(MLP):
 
     @property
     def outputs(self) -> int:
-        """How many numbers of an action it returns."""
+        """Number A of components of an action."""
         return super().outputs // 2
 
     def forward(self, rows: Floats) -> Floats:
@@ -196,21 +200,21 @@ class BetaMLP(MLP):
 
 @dataclass(frozen=True, eq=False)
 class BetweenMLP(MLP):
-    """An `MLP` over the choices of a `SpeedTable` that acts between two of its speeds.
+    """An `MLP` over the choices of a `SpeedTable` whose command lies between two of its speeds.
 
-    The layers end in a logit for each choice.  The heading is that of the likeliest choice.  The speed is the mean, weighted by
-    their odds, of that choice and of the likelier of the two with the speeds beside it.  A teacher whose speed the table lacks
-    is learned as shares of the two beside it (`crowd_env.agents.learned.cloning`): their mean is what it wanted, and the
-    likelier of them alone is too fast or too slow.
+    The layers end in a logit for each choice.  The heading is that of the most likely choice.  The speed is the mean of this
+    choice and of the more likely of its two neighbors in speed, weighted by their odds.  Cloning labels a speed that the table
+    lacks with shares of its two neighbors (`crowd_env.agents.learned.cloning`).  Their mean is the speed of the expert policy;
+    the more likely one alone is too fast or too slow.
 
     Parameters
     ----------
-    table : what the choices mean.
+    table : speeds and headings of the choices.
 
     Raises
     ------
     ValueError
-        As an `MLP`, or if the layers do not end in as many numbers as there are choices.
+        As an `MLP`, or if the number of outputs of the layers is not the number of choices.
     """
 
     kind: ClassVar[str] = "between-mlp"
@@ -218,21 +222,18 @@ class BetweenMLP(MLP):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if len(self.biases[-1]) != self._choices:
-            raise ValueError(f"its layers end in {len(self.biases[-1])} numbers; its table has {self._choices} choices")
-
-    @property
-    def _choices(self) -> int:
-        return len(self.table.speeds) * len(self.table.headings)
+        outputs, choices = len(self.biases[-1]), len(self.table.commands)
+        if outputs != choices:
+            raise ValueError(f"its layers end in {outputs} numbers; its table has {choices} choices")
 
     @property
     def outputs(self) -> int:
-        """How many numbers of a command it returns."""
+        """Number of components of a command."""
         return 2
 
     @cached_property
     def commands(self) -> Floats:
-        """The command of each of K choices, and one that stands for no choice (K + 1, 2)."""
+        """The command of each of K choices, and a placeholder for no choice (K + 1, 2)."""
         return np.vstack([self.table.commands, np.zeros(2)])
 
     @cached_property
@@ -242,7 +243,7 @@ class BetweenMLP(MLP):
         order = np.array([-1, *np.argsort(speeds), -1])
         rank = 1 + np.argsort(np.argsort(speeds))
         speed = order[np.stack([rank - 1, rank + 1])][:, :, None]
-        found = np.where(speed < 0, self._choices, speed * len(headings) + headings)
+        found = np.where(speed < 0, speeds.size * headings.size, speed * headings.size + headings)
         return np.asarray(found.reshape(2, -1), dtype=np.int64)
 
     def settings(self) -> dict[str, object]:
@@ -268,7 +269,7 @@ class BetweenMLP(MLP):
 
 
 def beta_mode(alpha: Floats, beta: Floats) -> Floats:
-    """Return where the density of a Beta distribution over [0, 1] is largest; of two such bounds that nearer to its mean.
+    """Return the mode of Beta distributions over [0, 1]; where both bounds are modes, the one nearer to the mean.
 
     ``(alpha - 1) / (alpha + beta - 2)`` where both are above 1; else 1 where alpha is larger, 0 where beta is.
     """
