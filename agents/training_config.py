@@ -32,6 +32,7 @@ from crowd_env.envs.settings import arguments_of, physics_step
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.scheme import DECISION_DT
 from crowd_env.physics.settings import Physics
+from crowd_env.scenarios.generated import Conditions
 
 from . import POLICIES, make_policy
 from .evaluation.entries import RULE
@@ -39,9 +40,8 @@ from .evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
 from .mixed import MixedEnv
 from .plain import Plain
 from .runs import versions
-from .tasks import Task, make_preset, make_task
-from .tasks.presets import ALL_PLACES, GENERALIST, training_place
-from .training_places import places_of_tasks
+from .tasks import TASKS, Task, make_preset, make_task
+from .tasks.presets import ALL_PLACES, GENERALIST, PRESETS, training_place
 from .walking import Evolved, WalkingRule
 
 # Pedestrians simulated side by side in training: a rollout of more takes many gigabytes.
@@ -55,6 +55,7 @@ _OF_NETWORK = (
     *("scenario", "options", "people", "scheme", "dt", "decision_dt", "manner", "outline", "start", "seed", "versions"),
 )
 _MOST_CELLS = 10_000  # of a grid: the names of more cells fill memory
+_LONGEST = 150.0  # s  limit of a run in the place of a task, in a training in all places
 LEAST_DT = Range(1e-5)  # s  a decision of 0.1 s is ten thousand steps of these
 RUNS = Range(1, HELD_OUT_SEED - 1)  # held-out draws of an evaluation
 SEEDS = Range(0, HELD_OUT_SEED - 1).because("larger ones are kept for evaluation")
@@ -380,7 +381,7 @@ def make_env(config: TrainingConfig, envs: int | None = None, threads: int = 1) 
     learned: dict[str, Any] = {name: getattr(config, name) for name in ("action", "observation", "reward")}
     if config.places is not None:
         own = {name: getattr(config.places, name) for name in ("people", "seeds", "share")}
-        own["beside"] = [(one.place, one.conditions) for one in places_of_tasks(config.places.people)]
+        own["beside"] = places_of_tasks(config.places.people)
         learned |= {"observation": ObservationLayout(**config.observation), "decision_dt": config.decision_dt}
         return GeneratedCrowds(num_envs, threads=threads, **own, **learned)
     arguments = arguments_of({"threads": threads, **physics_of(config), "frame": config.frame, **learned})
@@ -389,6 +390,21 @@ def make_env(config: TrainingConfig, envs: int | None = None, threads: int = 1) 
     if share is None:
         return CrowdEnv(place_of(config), **arguments)
     return MixedEnv(place_of(config), share=share, **arguments)
+
+
+def places_of_tasks(people: int) -> list[tuple[Scenario, Conditions]]:
+    """Return the places of all tasks of at most ``people`` pedestrians, and the training places of their presets."""
+    found = []
+    for name, task in TASKS.items():
+        if task.learned_share is not None or task.selfish or task.people > people:
+            continue
+        places, preset = [task.place()], PRESETS.get(name)
+        if preset and (preset.people, preset.options) != (task.people, {}):
+            places.append(training_place(task.scenario, {**task.options, **preset.options}, preset.people))
+        for place in places:
+            place = replace(place, time_limit=min(place.time_limit, _LONGEST), strategy=task.rule)
+            found.append((place, Conditions(task.scheme, str(task.manner), 0.0)))
+    return found
 
 
 def check_libraries() -> None:

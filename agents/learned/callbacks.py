@@ -1,4 +1,4 @@
-"""Evaluation callbacks: what every training asks between its updates, whatever learns.
+"""Evaluation callbacks, which every training calls between its updates.
 
 stable-baselines3, the evolution search, and RLlib each call `EvaluationCallback.on_update` before every update.
 """
@@ -26,7 +26,7 @@ from ..trained import LearnedController, LearnedPolicy
 from ..training_config import TrainingConfig, judged_place, physics_of, task_of
 from .curve import CURVE, SEARCH, best_row, figures_in_plans, figures_of, read_curve, write_curve
 
-START = "start.safetensors"  # the network that training began with
+START = "start.safetensors"  # the first network of a training
 
 Trained = LearnedPolicy | LearnedController
 Learner = TypeVar("Learner", contravariant=True)
@@ -36,9 +36,9 @@ class EvaluationCallback(ABC, Generic[Learner]):
     """Evaluates a policy during its training, and ends the training."""
 
     @property
-    @abstractmethod
     def progress(self) -> float:
         """Share of the budget that is spent: the learning rate falls with it."""
+        return 0.0
 
     @property
     def stopped(self) -> bool:
@@ -47,34 +47,34 @@ class EvaluationCallback(ABC, Generic[Learner]):
 
     @abstractmethod
     def on_update(self, steps: int, policy: Callable[[], Learner], returns: Sequence[float] = ()) -> bool:
-        """Evaluate the policy if that is due; return whether to go on training.
+        """Evaluate the policy if that is due; return whether to continue the training.
 
         Parameters
         ----------
         steps : decision steps of pedestrians so far.
-        policy : returns the policy as it is now, which later training must not change.
+        policy : returns the present policy; later training must not change it.
         returns : of the episodes that have ended since the last call.
         """
 
 
 class RunCallback(EvaluationCallback[Trained]):
-    """Evaluates a training on validation draws; keeps in its folder the curve, the first network, and the best.
+    """Evaluates a training on validation draws; writes the curve, the first network, and the best to its folder.
 
-    Of a selfish task the last network is kept.  Used as a context it shows a bar, and ends the training in time, or at the
-    first Ctrl-C or SIGTERM; a second one ends it at once.
+    For a selfish task it keeps the last network instead of the best.  As a context manager it shows a progress bar.  It ends
+    the training at its time limit, or at the first Ctrl-C or SIGTERM; a second one ends it at once.
 
     Parameters
     ----------
     folder, config : of the run.
-    keep : takes each new row of the curve, before its file says that training can be resumed there: it writes a checkpoint.
+    keep : writes a checkpoint; it takes each new row of the curve, before the file of the curve holds the row.
     threads : of the evaluations.
 
     Attributes
     ----------
-    curve : a row for each evaluation, of earlier parts of the run too.
+    curve : a row for each evaluation, including earlier parts of the run.
     steps : decision steps of all slots so far.
-    cpu_elsewhere : s, spent in other processes.
-    interrupted : whether Ctrl-C or SIGTERM came.
+    cpu_elsewhere : s, processor time of other processes.
+    interrupted : whether Ctrl-C or SIGTERM has arrived.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class RunCallback(EvaluationCallback[Trained]):
         self._context.close()
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
-        """End the training as soon as possible; called a second time, at once."""
+        """End the training as soon as possible; at once if called a second time."""
         if self.interrupted:
             raise KeyboardInterrupt
         self.interrupted = True
@@ -131,22 +131,22 @@ class RunCallback(EvaluationCallback[Trained]):
     def progress(self) -> float:
         """Share of the steps that is spent, or of the second half of the time.
 
-        Training that needs less than half of its time depends on its seed alone, and not on what else the machine does.
+        So a training that needs less than half of its time depends on its seed alone, not on the load of the machine.
         """
         return max(self.steps / self.config.steps, 2.0 * self._time_share - 1.0)
 
     @property
     def stopped(self) -> bool:
-        """Whether the time is over, or the training was interrupted."""
+        """Whether the time limit is over, or the training was interrupted."""
         return self.interrupted or self._time_share > 1.0
 
     @property
     def over(self) -> bool:
-        """Whether nothing is left of the budget, or the training was interrupted."""
+        """Whether the budget is spent, or the training was interrupted."""
         return self.stopped or self.steps >= self.config.steps
 
     def on_update(self, steps: int, policy: Callable[[], Trained], returns: Sequence[float] = ()) -> bool:
-        """Evaluate the policy if that is due, and at the very start; return whether to go on training."""
+        """Evaluate the policy if that is due, and before the first update; return whether to continue the training."""
         self.steps = steps
         self._returns += returns
         if not self.curve or (self._due <= steps and not self.over):
@@ -157,15 +157,14 @@ class RunCallback(EvaluationCallback[Trained]):
         self._bar.update(self._task, completed=done, figures=f"{rate:.0f} steps/s, best {best:.2f} s")
         return not self.over
 
-    def on_end(self, steps: int, policy: Callable[[], Trained], returns: Sequence[float] = ()) -> None:
+    def on_end(self, steps: int, policy: Callable[[], Trained]) -> None:
         """Evaluate the policy after its last update."""
         self.steps = steps
-        self._returns += returns
         if self.curve[-1]["steps"] < steps:
             self.evaluate(policy())
 
     def evaluate(self, policy: Trained) -> None:
-        """Add a row to the curve, and keep the policy if it is the first, or the best by now."""
+        """Add a row to the curve; save the policy if it is the first, or the best so far."""
         row = self._row(policy, self.steps)
         self._returns.clear()
         self._due = self.steps + self.config.eval_every
@@ -184,44 +183,38 @@ class RunCallback(EvaluationCallback[Trained]):
             )
 
     def on_search(self, steps: int, policy: Policy) -> None:
-        """Add the best policy of a search so far to the curve of the search."""
+        """Add the present best policy of a search to the curve of the search."""
         self._searched.append(self._row(policy, steps))
         write_curve(self.folder / SEARCH, self._searched)
 
     def _row(self, policy: Policy | LearnedController, steps: int) -> dict[str, float]:
-        spent = {
-            "steps": float(steps),
-            "seconds": self.seconds,
-            "cpu_seconds": time.process_time() - self._cpu_seconds + self.cpu_elsewhere,
-        }
-        earned = {
-            "reward": float(np.mean(self._returns)) if self._returns else np.nan,
-            "episodes": float(len(self._returns)),
-        }
-        return spent | self._figures(policy) | earned
-
-    def _figures(self, policy: Policy | LearnedController) -> dict[str, float]:
-        config, runs = self.config, self.config.eval_runs
+        config, runs, cpu = self.config, self.config.eval_runs, time.process_time() - self._cpu_seconds
+        row = {"steps": float(steps), "seconds": self.seconds, "cpu_seconds": cpu + self.cpu_elsewhere}
         if config.places is not None:
-            return figures_in_plans([judge_plan(cast(Policy, policy), VALIDATION_SEED + k) for k in range(runs)])
-        options = arguments_of({**physics_of(config), "threads": self._threads})
-        options |= {"learned_share": task_of(config).learned_share}
-        return figures_of(evaluate(policy, judged_place(config), runs=runs, first_seed=VALIDATION_SEED, **options))
+            plans = range(VALIDATION_SEED, VALIDATION_SEED + runs)
+            row |= figures_in_plans([judge_plan(cast(Policy, policy), seed) for seed in plans])
+        else:
+            options = arguments_of({**physics_of(config), "threads": self._threads})
+            options |= {"learned_share": task_of(config).learned_share}
+            result = evaluate(policy, judged_place(config), runs=runs, first_seed=VALIDATION_SEED, **options)
+            row |= figures_of(result)
+        reward = float(np.mean(self._returns)) if self._returns else np.nan
+        return row | {"reward": reward, "episodes": float(len(self._returns))}
 
 
 class ComparisonCallback(EvaluationCallback[Policy]):
-    """Ends a training when its budget of processor time is spent, and judges the policy on the way.
+    """Ends a training after a budget of processor time, and judges the policy at checkpoints.
 
     Parameters
     ----------
-    seconds : of processor time of this process, without what ``judge`` takes.
-    judge : takes a policy and returns figures, the smaller ``order`` the better.
-    checkpoints : how often the policy is judged beside the start; the last time is at the end.
+    seconds : of processor time of this process, without the time in ``judge``.
+    judge : takes a policy and returns figures; a smaller ``order`` is better.
+    checkpoints : number of judgements after the one at the start; the last one is at the end.
 
     Attributes
     ----------
-    curve : a row for each judgement: ``steps``, ``seconds`` of processor time, and what ``judge`` returned.
-    best : the policy of the best row, and its number.
+    curve : a row for each judgement: ``steps``, ``seconds`` of processor time, and the figures of ``judge``.
+    best : the policy of the best row, and the number of the row.
     """
 
     def __init__(self, seconds: float, judge: Callable[[Policy], Plain], checkpoints: int) -> None:
@@ -237,7 +230,7 @@ class ComparisonCallback(EvaluationCallback[Policy]):
         return min((time.process_time() - self._begun) / self.seconds, 1.0)
 
     def on_update(self, steps: int, policy: Callable[[], Policy], returns: Sequence[float] = ()) -> bool:
-        """Judge the policy if that is due; return whether processor time is left."""
+        """Judge the policy if that is due; return whether processor time remains."""
         spent = time.process_time() - self._begun
         if len(self.curve) <= self.checkpoints * min(spent / self.seconds, 1.0):
             found = policy()
@@ -245,5 +238,5 @@ class ComparisonCallback(EvaluationCallback[Policy]):
             if self.best is None or row["order"] < self.curve[self.best[1]]["order"]:
                 self.best = found, len(self.curve)
             self.curve.append(row)
-            self._begun = time.process_time() - spent  # judging is no training
+            self._begun = time.process_time() - spent  # without the time of the judgement
         return spent < self.seconds

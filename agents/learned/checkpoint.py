@@ -1,4 +1,4 @@
-"""Where training is resumed: weights, the state of the optimizer, and the steps; numbers alone, no pickled objects."""
+"""Checkpoints, from which training is resumed: weights, state of the optimizer, and steps; only numbers, no pickled objects."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ _PARTS = {"policy": "policy", "optimizer": "policy.optimizer"}  # name in files 
 
 
 def write_checkpoint(path: Path, model: PPO) -> None:
-    """Write what `read_checkpoint` needs, whole or not at all."""
+    """Write a checkpoint, whole or not at all."""
     parameters = model.get_parameters()
     content = {name: parameters[part] for name, part in _PARTS.items()}
     with written(path) as part:
@@ -20,7 +20,7 @@ def write_checkpoint(path: Path, model: PPO) -> None:
 
 
 def read_checkpoint(path: Path, model: PPO) -> None:
-    """Put a checkpoint into an equal model.  Only numbers are read: a file with anything else in it is refused.
+    """Load a checkpoint into a model of the same network.  A file that holds more than numbers is refused.
 
     Raises
     ------

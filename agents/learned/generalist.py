@@ -1,14 +1,14 @@
-"""One policy for every place, from nothing: the best expert policy of each place is cloned, and PPO goes on in all of them.
+"""One policy for every place, from nothing: cloning of the best expert policy of each place, then PPO in all of them.
 
-Experts are full speed, the weights that a search found from nothing, and specialists that were trained from nothing for a
-task.  All of them walk in each place; the best leaves the fewest people, then takes the least time.  One network learns from
-all experts at once (DAgger; Ross, Gordon, Bagnell 2011), each in its places, and sees neither the place nor the contact law.
-PPO then trains it in generated places and those of the tasks.
+Expert policies are full speed, the weights from a search from nothing, and specialists that were trained from nothing for a
+task.  All of them walk in each place.  The best one leaves the fewest pedestrians inside, then takes the least time.  One
+network learns from all experts at once (DAgger; Ross, Gordon, Bagnell 2011), each in its places.  It observes neither the place
+nor the contact law.  PPO then trains it in generated places and in places of tasks.
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,97 +19,86 @@ from crowd_env import GeneratedCrowds, ObservationLayout, Scenario
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.console import progress_bar, say
 from crowd_env.core.executors import Executor, Processes, Serial
-from crowd_env.core.executors.executor import never
 from crowd_env.core.files.json_file import read_json, write_json
 from crowd_env.envs.action import make_action
-from crowd_env.envs.rollout import run_episodes
+from crowd_env.scenarios.generated import Conditions
 
 from .. import make_policy
-from ..drivers import drive
+from ..drivers import DrivenCrowd
 from ..evaluation.entries import RULE
-from ..evaluation.goals import at_goals
+from ..evaluation.evaluation import Evaluation, evaluate_crowds
 from ..evaluation.plans import BLOCK, judge_plans
 from ..policy import Policy
 from ..rules import StrategyPolicy
-from ..training_config import GeneratedPlaces
-from ..training_places import TaskPlace, places_of_tasks
+from ..training_config import GeneratedPlaces, places_of_tasks
 from .cloning import batch_of, clone
 
 EXPERTS = (RULE, "yield-when-stuck", "evolution", "hertz-room/ppo", "narrow-door/ppo", "counter-flow/ppo")
 KEPT = "teachers.json"
-_DRAWS = 12  # of each place of a task, below those that are held out
+_DRAWS = 12  # of each place of a task, below the held-out ones
+_expert = cache(make_policy)
 
 
 class BestExperts(NamedTuple):
-    """The best expert of each place."""
+    """The best expert policy of each place, as ``teachers.json`` holds it."""
 
-    of_seed: Mapping[int, str]  # of a generated place
+    of_seed: Mapping[str, str]  # seed of a generated place -> name
     of_beside: Sequence[str]  # of the places of tasks
 
     def of(self, place: int) -> str:
-        """Return the best expert of a place as `GeneratedCrowds.place_of_env` has it."""
-        return self.of_beside[-1 - place] if place < 0 else self.of_seed[place]
+        """Return the best expert of a place, numbered as in `GeneratedCrowds.place_of_env`."""
+        return self.of_beside[-1 - place] if place < 0 else self.of_seed[str(place)]
 
 
 def find_experts(places: GeneratedPlaces, folder: Path | None, threads: int = 1) -> BestExperts:
-    """Return the best expert of each place; the ``folder`` of a run keeps it, with all evacuations that were compared."""
-    kept = None if folder is None else folder / KEPT
-    if kept is not None and kept.exists():
-        found = read_json(kept)
-        return BestExperts({int(seed): name for seed, name in found["of_seed"].items()}, found["of_beside"])
+    """Return the best expert of each place; the ``folder`` of a run keeps it with all compared evacuations."""
+    kept = folder and folder / KEPT
+    if kept and kept.exists():
+        return BestExperts(**read_json(kept))
     executor: Executor = Processes(threads) if threads > 1 else Serial()
     of_beside = _best_beside(places_of_tasks(places.people), executor)
     plans = _taught(places)
     with progress_bar("finding experts, evacuations", plans * len(EXPERTS)) as progress:
         judged = judge_plans(
             EXPERTS, plans, first=0, most=places.people, executor=executor, progress=progress,
-            folder=None if folder is None else folder / "teachers",
+            folder=folder and folder / "teachers",
         )  # fmt: skip
-    # The time is infinite where somebody was left or strayed.
+    # The time is infinite where a pedestrian was left inside or strayed.
     cost = np.array([np.where(np.isinf(one.time), 1e6 * (one.left + one.strayed), one.time) for one in judged.values()])
     walked = np.flatnonzero(~np.isnan(cost).any(axis=0))
     best = np.argmin(cost[:, walked], axis=0)
-    experts = BestExperts({int(seed): EXPERTS[k] for seed, k in zip(walked, best, strict=True)}, of_beside)
-    if kept is not None:
-        write_json(
-            kept, {"of_seed": {str(seed): name for seed, name in experts.of_seed.items()}, "of_beside": of_beside}
-        )
+    experts = BestExperts({str(seed): EXPERTS[k] for seed, k in zip(walked, best, strict=True)}, of_beside)
+    if kept:
+        write_json(kept, experts._asdict())
     return experts
 
 
 def _taught(places: GeneratedPlaces) -> int:
-    """Return how many generated places have an expert: whole blocks."""
+    """Return the number of generated places with an expert: whole blocks."""
     return -(-places.taught // BLOCK) * BLOCK
 
 
-def _best_beside(places: Sequence[TaskPlace], executor: Executor) -> list[str]:
-    pieces = [(one, name) for one in places for name in EXPERTS]
-    costs: dict[int, tuple[float, float]] = {}
-    with progress_bar("finding experts of tasks", len(pieces)) as progress:
-
-        def done(k: int, cost: tuple[float, float]) -> None:
-            costs[k] = cost
-            progress(1)
-
-        executor.run(_cost_beside, pieces, done)
-    count = len(EXPERTS)
-    every = [[costs[p * count + k] for k in range(count)] for p in range(len(places))]
-    return [EXPERTS[one.index(min(one))] for one in every]
+def _best_beside(places: Sequence[tuple[Scenario, Conditions]], executor: Executor) -> list[str]:
+    """Return the best expert of each place of a task, over some draws."""
+    pairs = [(p, name) for p in range(len(places)) for name in EXPERTS]
+    crowds, found = [_crowd(name, *places[p]) for p, name in pairs], dict[int, Evaluation]()
+    with progress_bar("finding experts of tasks, evacuations", _DRAWS * len(crowds)) as progress:
+        evaluate_crowds(
+            crowds, runs=_DRAWS, first_seed=0, executor=executor, finished=found.__setitem__, progress=progress
+        )
+    cost = {pair: (found[k].column("unfinished").sum(), found[k].ended.mean()) for k, pair in enumerate(pairs)}
+    return [min(EXPERTS, key=lambda name: cost[p, name]) for p in range(len(places))]
 
 
-def _cost_beside(piece: tuple[TaskPlace, str], stopped: Callable[[], bool] = never) -> tuple[float, float]:
-    """Return how many people a policy leaves in some draws of a place, and the mean time of the last [s]."""
-    (_, place, conditions), name = piece
-    way, law, walking = place.strategy_of_run(), conditions.law, conditions.manner
-    driver = drive(_policy(name, place), place, physics=law, walking=walking, routing=way)
-    driver = replace(driver, passes_rest=True)
-    episodes = [at_goals(one, place) for one in run_episodes(place, _DRAWS, driver=driver)]
-    left = float(sum(episode.metrics.unfinished for episode in episodes))
-    return left, float(np.mean([episode.end for episode in episodes]))
+def _crowd(name: str, place: Scenario, conditions: Conditions) -> DrivenCrowd:
+    way = place.strategy_of_run()
+    return DrivenCrowd(
+        _policy(name, way), place, {"physics": conditions.law, "walking": conditions.manner, "routing": way}
+    )
 
 
-def _policy(name: str, place: Scenario) -> Policy:
-    return StrategyPolicy(place.strategy_of_run(), name=RULE) if name == RULE else make_policy(name)
+def _policy(name: str, strategy: str) -> Policy:
+    return StrategyPolicy(strategy, name=RULE) if name == RULE else make_policy(name)
 
 
 class ExpertOfEachPlace:
@@ -117,15 +106,14 @@ class ExpertOfEachPlace:
 
     Parameters
     ----------
-    env : where people walk.
-    experts : the best of each place.
+    env : the batch of places.
+    experts : the best expert of each place.
     """
 
     name = "the best expert of each place"
 
     def __init__(self, env: GeneratedCrowds, experts: BestExperts) -> None:
         self._env, self._experts = env, experts
-        self._acts: dict[str, _Acting] = {}
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> Floats:
         """Return commands (P, 2) along and to the left of the path, as multiples of each desired speed."""
@@ -134,26 +122,12 @@ class ExpertOfEachPlace:
         for name in dict.fromkeys(names.tolist()):
             if name == RULE:
                 continue
-            rows = np.flatnonzero((names == name)[self._env.env_of_person])
-            if name not in self._acts:
-                self._acts[name] = _acting(name, layout)
-            wanted[rows] = self._acts[name](observation[rows], rng)
+            options = _expert(name).env_options
+            rows, own = np.flatnonzero((names == name)[self._env.env_of_person]), options["observation"]
+            seen = observation[rows][:, np.r_[tuple(layout[term] for term in own.names)]]
+            action = np.asarray(_expert(name).act(seen, own, rng))
+            wanted[rows] = make_action(options["action"]).decoded(action)[0]
         return wanted
-
-
-_Acting = Callable[[np.ndarray, np.random.Generator], Floats]
-
-
-def _acting(name: str, layout: ObservationLayout) -> _Acting:
-    """Return what turns rows of a larger observation into the commands of a policy."""
-    policy = make_policy(name)
-    own, kind = policy.env_options["observation"], make_action(policy.env_options["action"])
-    columns = np.concatenate([np.arange(layout[term].start, layout[term].stop) for term in own.names])
-
-    def commands(rows: np.ndarray, rng: np.random.Generator) -> Floats:
-        return np.asarray(kind.decoded(np.asarray(policy.act(rows[:, columns], own, rng)))[0], dtype=np.float64)
-
-    return commands
 
 
 def distill(model: PPO, places: GeneratedPlaces, seed: int, folder: Path | None, threads: int = 1) -> None:

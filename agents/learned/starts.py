@@ -1,4 +1,4 @@
-"""What a training starts from: full speed, a rule that is cloned, what a search finds, or the experts of all places."""
+"""The start of a training: full speed, a cloned rule, the result of a search, or the expert policies of all places."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
@@ -20,13 +20,13 @@ from .generalist import distill
 FOUND = "search.json"  # weights, in the folder of a run
 MOST, SHOWN = 150, 20  # generations of a search, and between two rows of its curve
 
-OnSearch = Callable[[int, Evolved], object]  # takes the decisions so far, and the best policy by then
+OnSearch = Callable[[int, Evolved], object]  # takes the number of decisions so far, and the present best policy
 
 
 def begin(
     model: PPO, config: TrainingConfig, folder: Path | None = None, threads: int = 1, on_search: OnSearch | None = None
 ) -> None:
-    """Let the policy of a new model start as the config of a run says."""
+    """Give the policy of a new model the start of the config."""
     if config.places is not None:
         distill(model, config.places, config.seed, folder, threads)
         return
@@ -39,38 +39,33 @@ def begin(
 def first_rule(
     config: TrainingConfig, folder: Path | None = None, threads: int = 1, on_search: OnSearch | None = None
 ) -> WalkingRule | None:
-    """Return the rule whose clone a training starts from; None: it starts at full speed.
+    """Return the rule that a training clones first; None: it starts at full speed.
 
-    From nothing it is what a search finds, in a minute of a core.  The ``folder`` of a run keeps it, so that a resumed run does
-    not search again.  ``on_search`` is shown the best policy now and then.
+    For the start "nothing" a search finds the rule, in a minute of one core.  The ``folder`` of a run keeps it, so that a
+    resumed run does not search again.  ``on_search`` receives the best policy every `SHOWN` generations.
     """
     if config.start == RULE:
         return None
     if config.start != NOTHING:
         return start_of(config)
-    kept = None if folder is None else folder / FOUND
-    if kept is not None and kept.exists():
+    kept = folder and folder / FOUND
+    if kept and kept.exists():
         return Evolved(**read_json(kept))
     callback = _SearchCallback(on_search)
     evolve(place_of(config), {**physics_of(config), "threads": threads}, config.seed, callback)
-    if kept is not None:
+    if kept:
         write_json(kept, asdict(callback.best))
     return callback.best
 
 
 class _SearchCallback(EvaluationCallback[Evolved]):
-    """Ends a search after so many generations, and keeps the best policy."""
+    """Ends a search after `MOST` generations, and keeps the best policy."""
 
     def __init__(self, on_search: OnSearch | None) -> None:
         self._on_search, self._generations = on_search, 0
 
-    @property
-    def progress(self) -> float:
-        """Share of the generations that are over."""
-        return self._generations / MOST
-
     def on_update(self, steps: int, policy: Callable[[], Evolved], returns: Sequence[float] = ()) -> bool:
-        """Show the best policy now and then; return whether to go on."""
+        """Show the best policy every `SHOWN` generations; return whether to continue."""
         self.best = policy()
         if self._generations % SHOWN == 0:
             say(f"searching from nothing: {self._generations} generations")

@@ -1,6 +1,6 @@
-"""A training run: the network of a config learns by stable-baselines3's PPO, between the calls of an evaluation callback.
+"""A training run: stable-baselines3's PPO trains the network of a config and calls an evaluation callback between updates.
 
-Policies of people's own steps and controllers that send people to exits are trained alike.
+It trains policies of pedestrians' steps, and controllers that send pedestrians to exits.
 """
 
 from collections.abc import Callable
@@ -33,7 +33,7 @@ from .cloning import DECISIONS, ROUNDS, clone
 from .ppo import FallingRate, make_ppo
 from .starts import begin
 
-_ENDLESS = 10**12  # steps: the callback ends the training
+_ENDLESS = 10**12  # steps: the evaluation callback ends the training
 Learner = TypeVar("Learner")
 
 
@@ -64,7 +64,8 @@ def train_here(folder: Path, config: TrainingConfig, threads: int = 1) -> bool:
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     if not (callback.curve and callback.over):
         with callback:
-            learn(model, callback, policy, config.steps - model.num_timesteps)
+            updates = _Updates(callback, policy)
+            model.learn(config.steps - model.num_timesteps, callback=updates, reset_num_timesteps=False)
             callback.on_end(model.num_timesteps, policy)
     return not callback.interrupted
 
@@ -78,45 +79,36 @@ def train_ppo(
     *,
     central: bool = False,
 ) -> None:
-    """Train by PPO until the ``callback`` ends it, which counts decisions of pedestrians inside.
+    """Train by PPO until the ``callback`` ends it; the callback counts decisions of pedestrians inside.
 
     Parameters
     ----------
     env : made with ``autoreset=True``.
-    start : a rule that is cloned first, which counts as training, with the decisions of everyone.
+    start : a rule to clone first.  Cloning counts as training, with the decisions of all pedestrians.
     central : train by MAPPO, see `make_ppo`.
     """
     model, decided = make_ppo(env, settings, seed, central=central), 0
     if start is not None:
         clone(model, start, seed)
         decided = ROUNDS * DECISIONS * env.num_people
-    learn(model, callback, lambda: LearnedPolicy(network_of(model), env_options_of(env)), decided=decided)
-
-
-def learn(
-    model: PPO,
-    callback: EvaluationCallback[Learner],
-    policy: Callable[[], Learner],
-    steps: int = _ENDLESS,
-    *,
-    decided: int | None = None,
-) -> None:
-    """Let a model learn until ``steps`` are over, or the ``callback`` ends the training of ``policy``.
-
-    Parameters
-    ----------
-    decided : decisions of pedestrians inside before: the callback counts these; None = it counts steps of all slots.
-    """
-    model.learn(steps, callback=_Updates(callback, policy, decided), reset_num_timesteps=False)
+    updates = _Updates(callback, lambda: LearnedPolicy(network_of(model), env_options_of(env)), decided)
+    model.learn(_ENDLESS, callback=updates, reset_num_timesteps=False)
 
 
 class _Updates(BaseCallback, Generic[Learner]):
-    """Hands the updates of stable-baselines3 on to an evaluation callback."""
+    """Calls an evaluation callback between the updates of stable-baselines3.
+
+    Parameters
+    ----------
+    callback : the evaluation callback.
+    policy : returns the present policy.
+    decided : earlier decisions of pedestrians inside, if the callback counts these; None = it counts steps of all slots.
+    """
 
     model: PPO
 
     def __init__(
-        self, callback: EvaluationCallback[Learner], policy: Callable[[], Learner], decided: int | None
+        self, callback: EvaluationCallback[Learner], policy: Callable[[], Learner], decided: int | None = None
     ) -> None:
         super().__init__()
         self.callback, self.policy, self.decided = callback, policy, decided
@@ -147,7 +139,7 @@ class _Updates(BaseCallback, Generic[Learner]):
 def trained_in(
     env: WalkingBatch | RoutingVectorEnv, network: Network, config: TrainingConfig, std: list[float] | None = None
 ) -> Trained:
-    """Return the policy or controller that a network is after training in ``env``, with the ``std`` of a Gaussian action.
+    """Return the policy or controller of a network trained in ``env``; ``std`` is that of a Gaussian action.
 
     A policy of all places acts between the speeds of its table.
     """
@@ -162,23 +154,23 @@ def trained_in(
 
 
 def env_options_of(env: WalkingBatch) -> dict[str, object]:
-    """Return what a policy trained in ``env`` must know of it."""
+    """Return the options of ``env`` that a policy trained in it keeps."""
     return {"frame": env.action_kind.frame, "action": env.action_kind, "observation": env.layout}
 
 
 def saturation(buffer: RolloutBuffer, space: gymnasium.Space[np.ndarray]) -> dict[str, float]:
-    """Return how far a Gaussian policy runs into the bounds of its actions; nothing of other spaces than a Box.
+    """Return how far a Gaussian policy exceeds the bounds of its actions; nothing for other spaces than a Box.
 
-    A mean beyond the bound means that the policy no longer explores the other side of it.
+    A mean beyond a bound means that the policy no longer explores the other side of the bound.
 
     Parameters
     ----------
-    buffer : a full rollout; of one with a ``mask`` the masked samples alone.
+    buffer : a full rollout; with a ``mask``, only the masked samples count.
 
     Returns
     -------
-    ``clipped_share``, of the actions of which a component lay beyond its bounds, and ``raw_action_<k>``, the mean of each
-    component as it was drawn, before it was clipped.
+    ``clipped_share``, the share of actions with a component beyond its bounds, and ``raw_action_<k>``, the mean of each
+    component before clipping.
     """
     if not isinstance(space, gymnasium.spaces.Box):
         return {}

@@ -1,17 +1,20 @@
 """One policy for all places: the best expert of each, what a teacher wants, and places of one's own between generated ones."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from late import late
 
 from crowd_env import CrowdEnv, GeneratedCrowds, ObservationLayout, make_scenario
 from crowd_env.agents import make_policy, training_config
+from crowd_env.agents.evaluation.evaluation import evaluate_crowds
 from crowd_env.agents.evaluation.plans import Outcomes
 from crowd_env.agents.tasks import TASKS
 from crowd_env.agents.walking import Evolved, RuleAtShare
 from crowd_env.scenarios.generated import Conditions
 
-generalist, places = late("crowd_env.agents.learned.generalist"), late("crowd_env.agents.training_places")
+generalist = late("crowd_env.agents.learned.generalist")
 
 LAYOUT = ObservationLayout(terms=tuple(training_config.GENERALIST["terms"]))
 ROOM = make_scenario("room-v0", people=12)
@@ -60,7 +63,7 @@ def test_an_expert_acts_as_it_does_alone(name):
     env = crowds(0.5, num_envs=6)
     seen, _ = env.reset(seed=2)
     assert -1 in env.place_of_env and max(env.place_of_env) >= 0
-    seeds = {place: "rule" for place in env.place_of_env if place >= 0}
+    seeds = {str(place): "rule" for place in env.place_of_env if place >= 0}
     expert = generalist.ExpertOfEachPlace(env, generalist.BestExperts(seeds, [name]))
     wanted = expert.act(seen, env.layout, np.random.default_rng(0))
     policy = make_policy(name)
@@ -77,16 +80,24 @@ def test_an_expert_acts_as_it_does_alone(name):
 
 
 def test_all_tasks_of_everyone_that_are_small_enough_are_trained_in():
-    names = {one.name for one in places.places_of_tasks(150)}
-    assert names == {name for name, task in TASKS.items() if task.people <= 150 and not task.selfish}
-    assert all(one.place.time_limit <= 150.0 for one in places.places_of_tasks(150))
+    small = [task for task in TASKS.values() if task.people <= 150 and not task.selfish]
+    found = [(place, conditions) for place, conditions in training_config.places_of_tasks(150)]
+    there = {(place.name, place.population.people, place.strategy, law) for place, (law, *_) in found}
+    assert there >= {(task.place().name, task.people, task.rule, task.scheme) for task in small}
+    assert len(small) < len(found) <= 2 * len(small) and all(place.time_limit <= 150.0 for place, _ in found)
 
 
 def test_the_best_expert_leaves_the_fewest_people_then_takes_the_least_time(monkeypatch):
     times = {"rule": (0.0, 30.0), "evolution": (0.0, 20.0), "hertz-room/ppo": (3.0, 1.0)}
-    monkeypatch.setattr(generalist, "_cost_beside", lambda piece, stopped: times.get(piece[1], (9.0, 9.0)))
-    beside = [places.TaskPlace("a", ROOM, OURS), places.TaskPlace("b", ROOM, OURS)]
-    assert generalist._best_beside(beside, generalist.Serial()) == ["evolution", "evolution"]
+
+    def evaluated(crowds, *, finished, **options):
+        for k, crowd in enumerate(crowds):
+            left, time = times.get(crowd.name, (9.0, 9.0))
+            column = np.array([left, 0.0])
+            finished(k, SimpleNamespace(column={"unfinished": column}.get, ended=np.full(2, time)))
+
+    monkeypatch.setattr(generalist, "evaluate_crowds", evaluated)
+    assert generalist._best_beside([(ROOM, OURS)] * 2, generalist.Serial()) == ["evolution", "evolution"]
 
 
 def test_an_expert_that_lets_people_stray_is_no_better_than_one_that_leaves_them(monkeypatch):
@@ -105,10 +116,20 @@ def test_an_expert_that_lets_people_stray_is_no_better_than_one_that_leaves_them
 
 
 def test_in_a_task_who_steps_back_through_the_entrance_is_left(monkeypatch):
-    monkeypatch.setattr(generalist, "_policy", lambda name, place: RuleAtShare(0.0) if name == "rule" else BACK)
-    monkeypatch.setattr(generalist, "_DRAWS", 2)
-    place = places.TaskPlace("counter-flow", make_scenario("counter-flow-v0", people=8), OURS)
-    assert [generalist._cost_beside((place, name))[0] for name in ("rule", "back")] == [16.0, 16.0]
+    left = {}
+
+    def evaluated(crowds, *, runs, finished, **options):
+        def noted(k, result):
+            left[result.policy] = result.column("unfinished").sum()
+            finished(k, result)
+
+        evaluate_crowds(crowds, runs=2, finished=noted, **options)
+
+    monkeypatch.setattr(generalist, "evaluate_crowds", evaluated)
+    monkeypatch.setattr(generalist, "EXPERTS", ("rule", "back"))
+    monkeypatch.setattr(generalist, "_policy", lambda name, way: {"rule": RuleAtShare(0.0), "back": BACK}[name])
+    place = make_scenario("counter-flow-v0", people=8)
+    assert generalist._best_beside([(place, OURS)], generalist.Serial()) and list(left.values()) == [16.0, 16.0]
 
 
 def test_the_parameters_of_a_training_in_all_places_are_plain_and_checked():

@@ -22,8 +22,7 @@ from crowd_env.agents.learned.generalist import KEPT  # noqa: E402
 from crowd_env.agents.learned.rllib import training  # noqa: E402  (these load RLlib)
 from crowd_env.agents.learned.rllib.runner import _Seen  # noqa: E402
 from crowd_env.agents.trained import LearnedPolicy  # noqa: E402
-from crowd_env.agents.training_config import generalist_config, make_env, task_config  # noqa: E402
-from crowd_env.agents.training_places import places_of_tasks  # noqa: E402
+from crowd_env.agents.training_config import generalist_config, make_env, places_of_tasks, task_config  # noqa: E402
 from crowd_env.core.files.json_file import write_json  # noqa: E402
 
 MEMORY = {"object_store_memory": 150_000_000}
