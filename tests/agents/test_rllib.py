@@ -134,7 +134,7 @@ def test_it_begins_as_the_native_training(kind, tmp_path):
     from ray.rllib.algorithms.ppo.torch.default_ppo_torch_rl_module import DefaultPPOTorchRLModule
     from ray.rllib.core.rl_module.rl_module import RLModuleSpec
 
-    from crowd_env.agents.learned.rllib.module import first_policy, model_config, policy_in, state_with
+    from crowd_env.agents.learned.rllib.algorithm import first_policy, model_config, policy_in, state_with
 
     settings = replace(config().ppo, rule_logit=2.0)
     told = config(action=kind, start="rule", ppo=settings)
@@ -158,9 +158,9 @@ def test_it_begins_as_the_native_training(kind, tmp_path):
 
 
 def test_stretches_end_where_people_leave_and_where_an_evacuation_begins_anew():
-    env = make_env(config(), envs=1)
-    seen = _Seen.of(6, np.zeros((2, env.layout.size), dtype=np.float32), env)
-    seen = seen._replace(inputs=np.zeros((6, 2, 5), dtype=np.float32))
+    numbers, views = np.zeros((6, 2), dtype=np.float32), np.zeros((6, 2, 5), dtype=np.float32)
+    flags = [np.zeros((6, 2), dtype=np.bool_) for _ in range(3)]
+    seen = _Seen(views, views, np.zeros((6, 2), dtype=np.int64), numbers, numbers.copy(), views, *flags)
     seen.inside[:] = [[1, 1], [1, 1], [0, 1], [0, 1], [1, 1], [1, 1]]
     seen.terminated[1, 0] = seen.terminated[3, 1] = True  # both get out; then everybody begins anew
     seen.reward[:] = np.arange(12).reshape(6, 2)

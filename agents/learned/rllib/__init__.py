@@ -1,1 +1,1 @@
-"""Training with RLlib on the nodes of a Ray cluster; Ray is loaded by the files of this folder, and by none besides."""
+"""Training with RLlib on the nodes of a Ray cluster; only the files of this folder load Ray."""

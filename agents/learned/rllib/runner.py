@@ -1,7 +1,7 @@
-"""The environment runner of RLlib: a batch of crowds stepped over arrays, and an episode of RLlib for each pedestrian.
+"""The environment runner of RLlib: steps a batch of crowds over arrays, and returns an RLlib episode of each pedestrian.
 
-RLlib's own runner of many agents goes through dictionaries, agent by agent, for every decision.  Here the whole batch is one
-call of the environment and one of the network, and only whole stretches of a pedestrian's steps become objects.
+RLlib's own runner for many agents handles dictionaries, agent by agent, in every decision.  Here a decision of the whole batch
+is one call of the environment and one of the network.  Only whole stretches of a pedestrian's steps become objects.
 """
 
 import time
@@ -14,7 +14,7 @@ from ray.rllib.core.columns import Columns
 from ray.rllib.env.single_agent_env_runner import SingleAgentEnvRunner
 from ray.rllib.env.single_agent_episode import SingleAgentEpisode
 
-from crowd_env.core.arrays.state import Bools
+from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.envs.protocol import WalkingBatch
 
 from ...training_config import SEEDS, TrainingConfig, make_env
@@ -23,7 +23,7 @@ _APART = 7919  # between the seeds of two runners
 
 
 class Spaces(gymnasium.vector.VectorEnv):
-    """The spaces of a batch of which RLlib sees nothing else."""
+    """The spaces of a batch, as RLlib requires them."""
 
     def __init__(self, observation: gymnasium.Space, action: gymnasium.Space) -> None:
         self.num_envs = 1
@@ -33,9 +33,9 @@ class Spaces(gymnasium.vector.VectorEnv):
 
 
 class CrowdEnvRunner(SingleAgentEnvRunner):
-    """Steps crowds and returns the experience of every pedestrian: from the start, or the last call, to the exit.
+    """Steps crowds and returns the experience of every pedestrian, from the start or the last call to the exit.
 
-    ``env_config`` holds ``run``, the parameters of a training run, and ``envs``, how many environments this runner has.
+    ``env_config`` holds ``run``, the parameters of a training run, and ``envs``, the number of environments of this runner.
     """
 
     def make_env(self) -> None:
@@ -48,30 +48,25 @@ class CrowdEnvRunner(SingleAgentEnvRunner):
         self._last: np.ndarray = np.empty(0)  # observation (P, D)
 
     def _sample(self, *, explore: bool, force_reset: bool = False, **_: object) -> list[SingleAgentEpisode]:
-        """Return the experience of the next decision steps, however many RLlib asks for."""
-        begun = time.process_time()
-        crowd, steps = self.crowd, self._run.ppo.n_steps
+        """Return the experience of the next ``n_steps`` decision steps; RLlib's own number does not count."""
+        begun, crowd, steps = time.process_time(), self.crowd, self._run.ppo.n_steps
+        space, rows = crowd.single_action_space, list[tuple[np.ndarray, ...]]()
         if self._needs_initial_reset or force_reset:
             seed = self._run.seed + _APART * (self.worker_index or 0)
             self._last, _info = crowd.reset(int(seed % SEEDS.high))
             self._needs_initial_reset = False
             self._return = np.zeros(crowd.num_people)
-        seen = _Seen.of(steps, self._last, crowd)
         for t in range(steps):
-            seen.inside[t] = crowd.active & crowd.learned
-            acted = np.flatnonzero(seen.inside[t])
-            seen.observation[t] = self._last
-            action, seen.log_prob[t, acted], inputs = self._act(self._last[acted], explore)
-            if seen.inputs is None:
-                seen = seen._replace(inputs=np.zeros((steps, crowd.num_people, inputs.shape[1]), dtype=np.float32))
-            assert seen.inputs is not None
-            seen.action[t, acted], seen.inputs[t, acted] = action, inputs
-            step = crowd.step(seen.clipped(t, crowd.single_action_space))
-            seen.after[t] = step.info.get("final_observation", step.observation)
-            seen.reward[t], seen.terminated[t], seen.truncated[t] = step.reward, step.terminated, step.truncated
+            observation, inside = self._last.copy(), crowd.active & crowd.learned
+            action, log_prob, inputs = (_spread(part, inside) for part in self._act(observation[inside], explore))
+            bounded = np.clip(action, space.low, space.high) if isinstance(space, gymnasium.spaces.Box) else action
+            step = crowd.step(bounded)
             self._last = step.observation
-            self._count_returns(seen, t, step.info["finished"])
-        episodes = seen.episodes()
+            after, reward = step.info.get("final_observation", step.observation), step.reward.astype(np.float32)
+            ended = step.terminated.copy(), step.truncated.copy()
+            rows.append((observation, after.copy(), action, reward, log_prob, inputs, inside, *ended))
+            self._count_returns(reward, t, step.info["finished"])
+        episodes = _Seen(*(np.stack(column) for column in zip(*rows, strict=True))).episodes()
         self._log_env_steps(metric=self._metrics_num_env_steps_sampled, num_steps=steps * crowd.num_people)
         self.metrics.log_value("slot_steps", steps * crowd.num_people, reduce="sum")
         self.metrics.log_value("cpu_seconds", time.process_time() - begun, reduce="sum")
@@ -79,7 +74,7 @@ class CrowdEnvRunner(SingleAgentEnvRunner):
         return episodes
 
     def _act(self, observation: np.ndarray, explore: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return actions, their log-probabilities and the parameters of their distribution, a row each."""
+        """Return actions, their log-probabilities and the parameters of their distributions, for observations (K, D)."""
         with torch.no_grad():
             batch = {Columns.OBS: torch.from_numpy(np.ascontiguousarray(observation, dtype=np.float32))}
             inputs = self.module.forward_exploration(batch)[Columns.ACTION_DIST_INPUTS]
@@ -87,49 +82,38 @@ class CrowdEnvRunner(SingleAgentEnvRunner):
             action = drawn.sample() if explore else drawn.to_deterministic().sample()
             return action.numpy(), drawn.logp(action).numpy(), inputs.numpy()
 
-    def _count_returns(self, seen: "_Seen", t: int, finished: Bools) -> None:
-        """Tell RLlib the mean return of the people of every evacuation that has ended."""
-        self._return += seen.reward[t]
+    def _count_returns(self, reward: Floats, t: int, finished: Bools) -> None:
+        """Log the mean return of the pedestrians of every finished evacuation."""
+        self._return += reward
         for e in np.flatnonzero(finished):
             people = self.crowd.people(int(e))
             self._log_episode_metrics(t + 1, float(self._return[people].mean()), 0.0)
             self._return[people] = 0.0
 
 
+def _spread(rows: np.ndarray, inside: Bools) -> np.ndarray:
+    """Return rows (K, ...) of pedestrians inside as rows of all slots (P, ...), 0 elsewhere."""
+    found = np.zeros((len(inside), *rows.shape[1:]), rows.dtype)
+    found[inside] = rows
+    return found
+
+
 class _Seen(NamedTuple):
-    """Experience of P slots of pedestrians in T decision steps; rows of those that are out mean nothing."""
+    """Experience of P slots of pedestrians in T decision steps; rows of pedestrians outside have no meaning."""
 
     observation: np.ndarray  # (T, P, D)
     after: np.ndarray  # (T, P, D)  after the step; at the end of an evacuation its last
-    action: np.ndarray  # (T, P, ...)  as it was drawn
+    action: np.ndarray  # (T, P, ...)  as drawn
     reward: np.ndarray  # (T, P)
     log_prob: np.ndarray  # (T, P)
-    inside: np.ndarray  # (T, P)  when the step began
+    inputs: np.ndarray  # (T, P, K)  parameters of the distributions of the actions
+    inside: np.ndarray  # (T, P)  at the beginning of the step
     terminated: np.ndarray  # (T, P)
     truncated: np.ndarray  # (T, P)
-    inputs: np.ndarray | None = None  # (T, P, K)  parameters of the distributions that actions were drawn from
-
-    @classmethod
-    def of(cls, steps: int, observation: np.ndarray, crowd: WalkingBatch) -> "_Seen":
-        """Return space for so many steps."""
-        rows, space = (steps, len(observation)), crowd.single_action_space
-        flags = [np.zeros(rows, dtype=np.bool_) for _ in range(3)]
-        numbers = [np.zeros(rows, dtype=np.float32) for _ in range(2)]
-        views = [np.zeros((*rows, observation.shape[1]), dtype=np.float32) for _ in range(2)]
-        action = np.zeros((*rows, *(space.shape or ())), dtype=space.dtype)
-        return cls(views[0], views[1], action, numbers[0], numbers[1], flags[0], flags[1], flags[2])
-
-    def clipped(self, t: int, space: gymnasium.Space) -> np.ndarray:
-        """Return the actions of a step as the environment takes them."""
-        if isinstance(space, gymnasium.spaces.Box):
-            return np.clip(self.action[t], space.low, space.high)
-        return self.action[t]
 
     def episodes(self) -> list[SingleAgentEpisode]:
-        """Return an episode of RLlib for every pedestrian, and a second one where the environment has restarted."""
-        assert self.inputs is not None
-        found = []
-        over = self.terminated | self.truncated
+        """Return an RLlib episode of every pedestrian, and a second one where the environment has restarted."""
+        found, over = [], self.terminated | self.truncated
         for p in range(self.inside.shape[1]):
             begin = 0
             for end in (*(np.flatnonzero(over[:, p]) + 1), len(over)):
@@ -140,7 +124,6 @@ class _Seen(NamedTuple):
         return found
 
     def _episode(self, p: int, begin: int, end: int) -> SingleAgentEpisode:
-        assert self.inputs is not None
         part = slice(begin, end)
         return SingleAgentEpisode(
             observations=np.concatenate([self.observation[part, p], self.after[end - 1 : end, p]]),

@@ -1,4 +1,4 @@
-"""Training a shared policy with RLlib: learning curve, checkpoints and the best network, as the native training leaves them."""
+"""Training a shared policy with RLlib, with the learning curve, checkpoints and best network of the native training."""
 
 import os
 import shutil
@@ -12,29 +12,28 @@ from ...training_config import TrainingConfig, make_env
 from ..callbacks import RunCallback, Trained
 from ..ppo import FallingRate
 from ..training import trained_in
-from .algorithm import begin_with, make_algorithm, policy_of, set_rate
-from .module import first_policy
+from .algorithm import begin_with, first_policy, make_algorithm, policy_of, set_rate
 
-CHECKPOINT = "rllib"  # folder below that of the run
+CHECKPOINT = "rllib"  # folder within that of the run
 _LEARNER = 1  # cores that runners leave to the learner
-_PATIENCE = 600.0  # s  without a step of any runner, until the training is given up
+_PATIENCE = 600.0  # s  without a step of any runner, after which the training fails
 
 
 def train_on_cluster(folder: Path, config: TrainingConfig, runners: int | None = None, threads: int = 1) -> bool:
     """Train, or resume training, in ``folder`` on a Ray cluster; False if it was interrupted.
 
-    The policy starts as the native one does; RLlib draws the first values at random.
+    The policy starts as the native one; RLlib draws the first critic at random.
 
     Parameters
     ----------
-    runners : processes that simulate, a core each; by default as many as the cluster has cores, less one that learns.
-    threads : of the evaluations in between, here.
+    runners : processes that simulate, one core each; by default all cores of the cluster but one, which learns.
+    threads : of the evaluations, on this machine.
 
     Raises
     ------
     ValueError
-        If the cluster cannot be reached, all of its runners have failed and none restarts, or actions are to follow a
-        distribution that RLlib lacks.
+        If the cluster cannot be reached, all of its runners have failed and none restarts, or RLlib lacks the distribution of
+        the actions.
     """
     distribution = config.ppo.distribution
     if distribution != "gaussian":
@@ -49,16 +48,15 @@ def train_on_cluster(folder: Path, config: TrainingConfig, runners: int | None =
 
 
 class _Training:
-    """One part of a training, from its start or last checkpoint to the end of its budget, or Ctrl-C."""
+    """One part of a training, from its start or last checkpoint to the end of its budget or Ctrl-C."""
 
     def __init__(self, folder: Path, config: TrainingConfig, runners: int, threads: int) -> None:
         self.folder, self.config, self.threads = folder, config, threads
         self.callback = RunCallback(folder, config, self._write_checkpoint, threads)
-        self.env = make_env(config, envs=1)
+        self.env, self.steps = make_env(config, envs=1), self.callback.steps
         say(f"{runners} runners simulate; compiling the physics takes half a minute of each node the first time")
         self.algorithm = make_algorithm(config, runners)
         self.rate = FallingRate(config.ppo.learning_rate)
-        self.steps = self.callback.steps
         self._alive = time.monotonic()  # when a runner last made a step
 
     def run(self) -> bool:
@@ -83,7 +81,7 @@ class _Training:
         return trained_in(self.env, policy_of(self.algorithm), self.config)
 
     def _iterate(self) -> list[float]:
-        """Let all runners simulate, and learn from it; return the mean return of the episodes that ended."""
+        """Simulate on all runners, and learn; return the mean return of the episodes that ended, if any."""
         self.rate.spent = self.callback.progress
         set_rate(self.algorithm, self.rate(1.0))
         healthy = self.algorithm.env_runner_group.num_healthy_remote_workers()
@@ -101,7 +99,7 @@ class _Training:
         return [float(found["episode_return_mean"])] if "episode_return_mean" in found else []
 
     def _write_checkpoint(self, row: dict[str, float]) -> None:
-        """Write what RLlib needs to resume; a new checkpoint takes the place of the old one when it is whole."""
+        """Write a checkpoint of RLlib; it replaces the old one when it is whole."""
         path, new = (self.folder / f"{CHECKPOINT}{ending}" for ending in ("", ".new"))
         shutil.rmtree(new, ignore_errors=True)
         self.algorithm.save_to_path(str(new.absolute()))
