@@ -1,4 +1,4 @@
-"""Controllers for ``crowd_env/routing-v0`` that need no learning: what a learned one has to beat."""
+"""Controllers for ``crowd_env/routing-v0`` without learning: baselines of learned ones."""
 
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -11,15 +11,15 @@ from .plain import Plain
 
 
 class Controller(Protocol):
-    """Says where people go, in every evacuation of a batch at once."""
+    """Sends pedestrians to exits, in all evacuations of a batch at once."""
 
     @property
     def options(self) -> Plain:
-        """Options of `RoutingBatch`: when and where it decides, what it observes."""
+        """Options of `RoutingBatch`: regions, interval and observation."""
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Name in tables."""
 
     def act(self, observation: np.ndarray, batch: RoutingBatch, rng: np.random.Generator) -> np.ndarray:
         """Return the actions (E, R + D) for observations (E, D)."""
@@ -27,7 +27,7 @@ class Controller(Protocol):
 
 @dataclass
 class RandomController:
-    """Draw every choice uniformly, every time."""
+    """Draw every choice uniformly in every decision."""
 
     options: Plain = field(default_factory=dict)
     name = "random"
@@ -45,7 +45,7 @@ class FixedSplit:
     name = "split"
 
     def act(self, observation: np.ndarray, batch: RoutingBatch, rng: np.random.Generator) -> np.ndarray:
-        """Return the same choices whatever is observed."""
+        """Return the same choices for every observation."""
         geometry, routes = batch.scenario.geometry, batch.layout.routes
         middle = geometry.exits.mean(axis=1)[:, 0]
         left, right = (routes.index(geometry.exit_names[k]) for k in (middle.argmin(), middle.argmax()))

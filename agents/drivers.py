@@ -1,12 +1,14 @@
-"""What drives a rollout beside the rules of the environment: a policy, or a controller that sends people to exits."""
+"""Drivers of rollouts: a policy that moves pedestrians, or a controller that sends them to exits."""
 
 from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from typing_extensions import Unpack
 
 from crowd_env import CrowdEnv, Physics, Scenario, Step, Walking
+from crowd_env.envs.observation.observer import Observer
 from crowd_env.envs.rollout import Driver, run_episodes
 from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.envs.settings import EnvArguments, arguments_of
@@ -16,31 +18,70 @@ from .mixed import BatchArguments, MixedEnv
 from .plain import Plain
 from .policy import Policy
 from .rules import ShortestPath
-from .sight import Sight
 from .walking import RuleAtShare
 
 SAMPLE = 0.1  # s  between two measurements of a crowd
-INTERVAL = 2.0  # s  between two decisions of a controller that does not say otherwise
+INTERVAL = 2.0  # s  between two decisions of a controller, by default
 
 SHARES = tuple(k / 10 for k in range(10, 1, -1))  # of the desired speed
-SEARCH_RUNS, SEARCH_SEED = 10, 10_000  # draws of `best_share`, below those that are held out
+SEARCH_RUNS, SEARCH_SEED = 10, 10_000  # draws of `best_share`, below the held-out ones
 
-REST, AT_REST = 1e-4, 3.0  # m/s, s: a crowd in which everyone has been slower for so long is at rest
+REST, AT_REST = 1e-4, 3.0  # m/s, s: a crowd is at rest if all pedestrians have been slower for this time
 
-_NOISE = 8  # beside its seed: what disturbs the senses in a run
+_NOISE, _HIDDEN = 8, 9  # second words of a run's seed, for the noise and for hidden pedestrians
 
 
 class Hindrance(NamedTuple):
-    """What disturbs the senses and decisions of a policy; the rule of the environment and a manner are not disturbed."""
+    """Disturbances of the observations and decisions of a policy; they do not affect the environment's rule or a manner."""
 
-    noise: float = (
-        0.0  # standard deviation of what is added to every number seen that is not 0; the sum stays in [-1, 1]
-    )
-    delay: float = 0.0  # s, after which a decision takes effect; until the first does, people follow the rule
-    unseen: float = 0.0  # share of the others that a pedestrian does not see, drawn for every decision, see `Sight`
+    noise: float = 0.0  # standard deviation of noise on every observed number but 0; the sum stays in [-1, 1]
+    delay: float = 0.0  # s, until a decision takes effect; before the first one pedestrians follow the rule
+    unseen: float = 0.0  # share of the others that a pedestrian does not see, drawn in every decision, see `Sight`
 
 
 UNHINDERED = Hindrance()
+
+
+class Sight:
+    """The observations of pedestrians of whom each misses a share of the others.
+
+    In every decision the pedestrians of an environment form n random cohorts.  A cohort does not see the next one.  So each
+    pedestrian misses each other one with a probability of 1 / n.  This holds for all terms about others: density, nearest
+    neighbors, pedestrians ahead, queues.  Contacts, walls and ways remain known.
+
+    Parameters
+    ----------
+    env : of the pedestrians that observe.
+    share : of the others that a pedestrian does not see, 1 / n.
+
+    Raises
+    ------
+    ValueError
+        If the share is not 1 / n of a whole n from 2 on.
+    """
+
+    def __init__(self, env: CrowdEnv, share: float) -> None:
+        self.cohorts = round(1.0 / share) if 0.0 < share <= 0.5 else 0
+        if self.cohorts < 2 or abs(self.cohorts * share - 1.0) > 1e-9:
+            raise ValueError(f"unseen is {share:g}; it must be 1 / n of a whole n from 2 on, such as 0.5 or 0.2")
+        self.env = env
+        ways, in_world = env.observer.view.fields.ways, env.action_kind.frame == "world"
+        # All pairs: the cells of the physics would show all pedestrians inside.
+        self._observer = Observer(env.simulation, env.layout, ways, in_world=in_world, all_pairs=env.num_people)
+
+    def reset(self, seeds: list[int]) -> None:
+        """Start again; the seed of an environment alone determines the cohorts there."""
+        self._rngs = [np.random.default_rng((seed, _HIDDEN)) for seed in seeds]
+
+    def observe(self) -> NDArray[np.float32]:
+        """Return the observation (P, D) of a decision; zero for pedestrians outside."""
+        people, active = np.diff(self.env.env_start).tolist(), self.env.active
+        cohort = np.concatenate([rng.integers(self.cohorts, size=n) for rng, n in zip(self._rngs, people, strict=True)])
+        found = np.zeros((self.env.num_people, self.env.layout.size), dtype=np.float32)
+        for k in range(self.cohorts):
+            mine = active & (cohort == k)
+            found[mine] = self._observer.observe(active & (cohort != (k + 1) % self.cohorts))[mine]
+        return found
 
 
 class PolicyDriver(Driver):
@@ -48,9 +89,9 @@ class PolicyDriver(Driver):
 
     Parameters
     ----------
-    others : moves the others of a mixed crowd.
-    hindrance : of the policy; a run's seed alone draws it.
-    passes_rest : where people have come to rest for good, pass over the wait until the exits count as blocked.
+    others : policy of the other pedestrians in a mixed crowd.
+    hindrance : of the policy; the seed of a run alone draws it.
+    passes_rest : skip the wait for blocked exits where a crowd is at rest for good.
     """
 
     def __init__(
@@ -70,18 +111,18 @@ class PolicyDriver(Driver):
         self._rests = passes_rest and not disturbed and rests_for_good(env, policy, others)
 
     def reset(self, seeds: list[int]) -> None:
-        """Start new evacuations, each from its seed."""
+        """Start new evacuations, one for each seed."""
         self._observation, _ = self.env.reset(seeds)
         self.policy.reset(np.ones(len(seeds), dtype=np.bool_))
         self._rng = np.random.default_rng(seeds[0])
         if self._sight is not None:
             self._sight.reset(seeds)
         self._noises = [np.random.default_rng((seed, _NOISE)) for seed in seeds]
-        self._decided: list[np.ndarray | None] = [None] * self._late  # what is yet to take effect
-        self._moved = np.zeros(len(seeds))  # s  when someone was last faster than `REST`
+        self._decided: list[np.ndarray | None] = [None] * self._late  # decisions before their effect
+        self._moved = np.zeros(len(seeds))  # s  last time of a pedestrian faster than `REST`
 
     def step(self) -> Step:
-        """Let the policy act on the pedestrians that it moves."""
+        """Let the policy decide, and advance by one decision step."""
         self._decided.append(self.policy.act(self._seen(), self.env.layout, self._rng))
         step = self.env.step(self._decided.pop(0))
         self._observation = step.observation
@@ -90,7 +131,7 @@ class PolicyDriver(Driver):
         return step
 
     def _seen(self) -> np.ndarray:
-        """Return the observation that the policy is given."""
+        """Return the observation of the policy."""
         observation = self._observation if self._sight is None else self._sight.observe()
         if not self.noise:
             return observation
@@ -103,7 +144,7 @@ class PolicyDriver(Driver):
         return np.where(observation != 0.0, np.clip(seen, -1.0, 1.0), 0.0)
 
     def _pass_rest(self) -> None:
-        """Let the wait be over where people are at rest for good, and have all begun to walk."""
+        """Skip the wait where all pedestrians have begun to walk and the crowd is at rest for good."""
         env, state, response = self.env, self.env.simulation.state, self.env.simulation.bodies.response_time
         moves = (np.hypot(*state.velocity.T) > REST) | (response > state.time[env.env_of_person])
         moved = np.logical_or.reduceat(env.active & moves, env.env_start[:-1])
@@ -113,7 +154,7 @@ class PolicyDriver(Driver):
 
 
 def rests_for_good(env: CrowdEnv, *policies: Policy | None) -> bool:
-    """Return whether a crowd at rest stays so: all policies are steady, and no way, door or sign changes."""
+    """Return whether a crowd at rest stays at rest: all policies are steady, and no way, door or sign changes."""
     steady = all(getattr(one, "steady", False) for one in policies if one is not None)
     changes = (place.is_dynamic or place.plan.rules or place.plan.events for place in env.route_set)
     return (
@@ -124,11 +165,11 @@ def rests_for_good(env: CrowdEnv, *policies: Policy | None) -> bool:
 class ControllerDriver(Driver):
     """A batch of evacuations in which a controller of ``crowd_env/routing-v0`` sends pedestrians to exits.
 
-    A step may be shorter than the interval between two decisions, so that crowds are measured in between.
+    A step may be shorter than the interval between two decisions, for measurements in between.
 
     Parameters
     ----------
-    arguments : of `RoutingBatch`; the controller's own override them.
+    arguments : of `RoutingBatch`; those of the controller override them.
     """
 
     def __init__(self, controller: Controller, scenario: Scenario, **arguments: Unpack[BatchArguments]) -> None:
@@ -141,14 +182,14 @@ class ControllerDriver(Driver):
         super().__init__(self.batch.env)
 
     def reset(self, seeds: list[int]) -> None:
-        """Start new evacuations, each from its seed."""
+        """Start new evacuations, one for each seed."""
         self._observation = self.batch.reset(seeds)
         self._rng = np.random.default_rng(seeds[0])
         self._left = np.zeros(self.env.num_people, dtype=np.bool_)
         self._count = 0
 
     def step(self) -> Step:
-        """Tell people where to go if an interval has passed, and let them walk for a sample."""
+        """Send pedestrians if an interval has passed, and advance by one sample."""
         if self._count % self.batch.samples == 0:
             self.batch.send(self.controller.act(self._observation, self.batch, self._rng))
             self._left[:] = False
@@ -166,19 +207,19 @@ def _divides(part: float, whole: float) -> bool:
 
 @dataclass(frozen=True)
 class DrivenCrowd:
-    """A scenario with what drives its pedestrians, a policy or a controller: makes the batches of a rollout.
+    """A scenario with the policy or controller of its pedestrians; makes the batches of a rollout.
 
     Parameters
     ----------
-    policy : that drives.
-    scenario : where.
-    arguments : of `CrowdEnv`; the policy's own override them.  A controller chooses routes, and decides at its own interval.
-    name : what tables call it; by default that of the policy.
-    learned_share : of the people whom the policy moves, and the manner of the run is that of the others alone, see `MixedEnv`.
-        None: all, and a manner is everyone's.
-    others : moves the others; None: the rule does.
+    policy : the policy or controller.
+    scenario : the place.
+    arguments : of `CrowdEnv`; those of the policy override them.  A controller has routes and an interval of its own.
+    name : name in tables; by default that of the policy.
+    learned_share : share of the pedestrians that the policy moves; the manner of the run is that of the others alone, see
+        `MixedEnv`.  None: it moves all, and a manner is that of all.
+    others : policy of the others; None: the rule.
     hindrance : see `PolicyDriver`; a controller is not hindered.
-    passes_rest : see `PolicyDriver`: the figures are those of the whole wait, but no recorder sees it.
+    passes_rest : see `PolicyDriver`.  The figures include the wait, but no recorder sees it.
     """
 
     policy: Policy | Controller
@@ -195,27 +236,27 @@ class DrivenCrowd:
 
     @property
     def physics(self) -> Physics:
-        """What bodies do when they touch."""
+        """The physics of the contacts."""
         return Physics.of(self.env_arguments.get("physics", "nsm2"))
 
     @property
     def walking(self) -> Walking:
-        """How people walk before they touch."""
+        """The walking behavior before contacts."""
         return Walking.of(self.env_arguments.get("walking"))
 
     @property
     def env_arguments(self) -> Plain:
-        """Arguments of `CrowdEnv`, with those that the policy was made for."""
-        return {**self.arguments, **(own_arguments(self.policy) if isinstance(self.policy, Policy) else {})}
+        """Arguments of `CrowdEnv`, including those of the policy."""
+        return {**self.arguments, **own_arguments(self.policy)}
 
     @property
     def constants(self) -> dict[str, object]:
-        """Constants of a policy that is made of them, ready for JSON."""
+        """Constants of a policy that is a dataclass, as plain data."""
         made_of = isinstance(self.policy, Policy) and is_dataclass(self.policy)
         return asdict(self.policy) if made_of else {}  # type: ignore[call-overload]  # an instance, no class
 
     def settled(self) -> "DrivenCrowd":
-        """Return the same crowd; a `RuleAtShare` without a share has the best one here, see `best_share`."""
+        """Return the same crowd; a `RuleAtShare` without a share gets the best one, see `best_share`."""
         if not isinstance(self.policy, RuleAtShare) or self.policy.share is not None:
             return self
         return replace(self, policy=RuleAtShare(best_share(self)))
@@ -231,7 +272,7 @@ class DrivenCrowd:
         if self.learned_share is None:
             env = CrowdEnv(self.scenario, **arguments)
         else:
-            if self.others is not None:  # the larger observation holds the smaller one
+            if self.others is not None:  # the larger observation includes the smaller one
                 layouts = [own_arguments(one).get("observation") for one in (self.policy, self.others)]
                 arguments["observation"] = max((one for one in layouts if one is not None), key=lambda one: one.size)
             env = MixedEnv(self.scenario, share=self.learned_share, others=self.others, **arguments)
@@ -240,24 +281,24 @@ class DrivenCrowd:
         )
 
 
-def own_arguments(policy: Policy) -> Plain:
-    """Return the arguments of `CrowdEnv` that a policy was made for; a strategy by its name alone leaves signs off."""
-    own = policy.env_options
+def own_arguments(policy: Policy | Controller) -> Plain:
+    """Return the arguments of `CrowdEnv` that belong to a policy; a strategy by its name alone switches signs off."""
+    own: Plain = getattr(policy, "env_options", {})
     return arguments_of({"rules": False, **own} if "strategy" in own else own)
 
 
 def drive(policy: Policy | Controller, scenario: Scenario, **arguments: Unpack[EnvArguments]) -> DrivenCrowd:
-    """Return the `DrivenCrowd` of a policy in a scenario under arguments of `CrowdEnv`, its best share found."""
+    """Return the settled `DrivenCrowd` of a policy in a scenario under arguments of `CrowdEnv`."""
     return DrivenCrowd(policy, scenario, arguments).settled()
 
 
 def best_share(crowd: DrivenCrowd) -> float:
-    """Return the share of the desired speed at which the rule "walk the shortest path" empties a scenario soonest.
+    """Return the share of the desired speed at which walking the shortest path empties a scenario soonest.
 
-    Every share in `SHARES` is tried, from full speed downwards, on the same `SEARCH_RUNS` draws.  Neither judging nor training
-    uses these draws.  The number of pedestrians left inside in all of them counts first, then the mean time of the last one,
-    over the runs that cleared: no time limit stands for a time.  The search ends at the first share under which everyone gets
-    out, but later than under the best: slower walking takes longer still.
+    It tries every share in `SHARES`, from full speed downwards, on the same `SEARCH_RUNS` draws, which neither evaluations nor
+    trainings use.  The number of pedestrians left inside in all runs counts first.  Then counts the mean time of the last
+    pedestrian over the runs that cleared, so that no time limit stands for a time.  The search ends at the first share that
+    clears all runs, but later than the best: slower walking takes longer still.
     """
     found, best = 1.0, (np.inf, np.inf)
     for share in SHARES:

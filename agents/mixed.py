@@ -1,4 +1,4 @@
-"""Crowds of which actions move a part: the others walk at full speed, or as another policy says."""
+"""Mixed crowds: actions move a part of the pedestrians; the others walk at full speed or by another policy."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,13 +16,13 @@ from crowd_env.physics.settings import Walking
 
 from .policy import Policy
 
-_MIXED = 7  # beside its seed: draws which pedestrians have learned in a run
+_MIXED = 7  # second word of a run's seed, for the draw of the pedestrians that actions move
 
 
 def learned_people(seeds: Sequence[int], people: int, share: float) -> Bools:
-    """Return which pedestrians have learned (R, N) in runs of these seeds: ``share`` of each, at least one pedestrian.
+    """Return which pedestrians actions move (R, N) in runs of these seeds: ``share`` of each, at least one pedestrian.
 
-    A run's seed alone draws them: the same pedestrians under every policy and scheme.  A larger share holds a smaller one.
+    The seed of a run alone draws them: the same pedestrians under every policy and scheme.  A larger share includes a smaller.
     """
     return np.array([_drawn(np.random.default_rng((seed, _MIXED)), people, share) for seed in seeds])
 
@@ -34,14 +34,14 @@ def _drawn(rng: np.random.Generator, people: int, share: float) -> Bools:
 
 
 class BatchArguments(EnvArguments, total=False):
-    """The arguments of a batch of environments of pedestrians: those of one, and how the batch is stepped."""
+    """The arguments of a batch of environments: those of one, their number, and whether they restart."""
 
     num_envs: int
     autoreset: bool
 
 
 class MixedEnv(CrowdEnv):
-    """A batch of evacuations in which actions move some of the people, others in every episode.
+    """A batch of evacuations in which actions move some of the pedestrians, other ones in every episode.
 
     No observation shows which they are.  A reset by a list of seeds draws them as `learned_people` does.  A manner is that of
     the others alone.
@@ -50,7 +50,7 @@ class MixedEnv(CrowdEnv):
     ----------
     scenario, arguments : as `CrowdEnv` takes them.
     share : of the pedestrians of each environment that actions move, at least one.
-    others : moves the others, by what this environment lets people observe; None = they walk at full speed along their route.
+    others : policy of the others, on the observations of this environment; None = they walk at full speed along their route.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class MixedEnv(CrowdEnv):
     Raises
     ------
     ValueError
-        If the others act in the axes of the world, or choose exits.
+        If the policy of the others acts in the axes of the world, or chooses exits.
     """
 
     learned: Bools
@@ -75,7 +75,7 @@ class MixedEnv(CrowdEnv):
         arguments["walking"] = replace(Walking.of(arguments.get("walking")), acts_on="scripted")
         super().__init__(scenario, **arguments)
         self.share, self.others, self.learned = share, others, np.ones(self.num_people, dtype=np.bool_)
-        self._rng = np.random.default_rng(0)  # of others that draw their actions
+        self._rng = np.random.default_rng(0)  # for actions that the others draw
         if others is not None:
             self._kind = make_action(arguments_of(others.env_options).get("action", "continuous"))
             if self._kind.frame != "path" or self._kind.routes is not None:

@@ -1,4 +1,4 @@
-"""The door by which every policy enters, rule or network."""
+"""The protocol of every policy, rule or network."""
 
 from typing import Protocol, runtime_checkable
 
@@ -11,25 +11,25 @@ from .plain import Plain
 
 @runtime_checkable
 class Policy(Protocol):
-    """Decides for all people of a batch at once.
+    """Decides for all pedestrians of a batch at once.
 
     Attributes
     ----------
-    name : what tables and plots call it.
-    env_options : arguments of `CrowdEnv` the policy was made for (action, observation, walking); empty if any will do.
-    steady : optional; true where what it asks for follows from what it is shown alone, so that a crowd at rest stays so.
+    name : name in tables and plots.
+    env_options : arguments of `CrowdEnv` that the policy requires (action, observation, walking); empty if it requires none.
+    steady : optional; true if its actions follow from the observation alone, so that a crowd at rest stays at rest.
     """
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Name in tables."""
 
     @property
     def env_options(self) -> Plain:
-        """Options of `CrowdEnv` the policy was made for."""
+        """Options of `CrowdEnv` that the policy requires."""
 
     def reset(self, env_mask: np.ndarray) -> None:
-        """Forget what belongs to the environments (E,) that start anew."""
+        """Clear the memory of the environments (E,) that restart."""
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
-        """Return actions (P, A) in [-1, 1] for observations (P, D); None leaves everyone to the rule of the environment."""
+        """Return actions (P, A) in [-1, 1] for observations (P, D); None: all pedestrians follow the rule of the environment."""

@@ -1,4 +1,4 @@
-"""Policies that need no learning: what a learned one has to beat."""
+"""Policies without learning: baselines of learned ones."""
 
 import numpy as np
 
@@ -8,29 +8,29 @@ from .plain import Plain
 
 
 class ShortestPath:
-    """Leave everyone to the rule of the environment: by default to walk the shortest path at full desired speed."""
+    """Leave all pedestrians to the rule of the environment: by default the shortest path at full desired speed."""
 
     name = "shortest"
-    steady = True  # a crowd at rest is asked for the same again and again
+    steady = True
 
     def __init__(self) -> None:
         self.env_options: Plain = {}
 
     def reset(self, env_mask: np.ndarray) -> None:
-        """Nothing to forget."""
+        """Do nothing: there is no memory to clear."""
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
-        """Leave everyone to the environment."""
+        """Return no actions."""
         return None
 
 
 class StrategyPolicy(ShortestPath):
-    """Let everyone walk as a strategy of the environment says.
+    """Let all pedestrians follow a strategy of the environment.
 
     Parameters
     ----------
     strategy : see `Scenario.route_set`.
-    rules : whether the control rules of the scenario are in force.
+    rules : whether the control rules of the scenario apply.
     """
 
     def __init__(self, strategy: str, *, rules: bool = False, name: str = "") -> None:
@@ -40,7 +40,7 @@ class StrategyPolicy(ShortestPath):
 
 
 class StandStill(ShortestPath):
-    """Want to stay where one is."""
+    """Keep the desired velocity at zero."""
 
     name = "stand-still"
 

@@ -1,4 +1,4 @@
-"""Folders of training runs, and what the versions in them were."""
+"""Folders of training runs, and the versions of the software in them."""
 
 from pathlib import Path
 
@@ -30,5 +30,5 @@ def new_folder(root: Path, name: str) -> Path:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of everything that can change a result."""
+    """Return the versions of all software that can change a result."""
     return versions_of("gymnasium", "pettingzoo", "stable-baselines3", "torch")

@@ -9,11 +9,10 @@ from evaluations import SMALL, hall, random_policy
 
 from crowd_env import CrowdEnv, ObservationLayout
 from crowd_env.agents import Follow
-from crowd_env.agents.drivers import DrivenCrowd, Hindrance, PolicyDriver
+from crowd_env.agents.drivers import DrivenCrowd, Hindrance, PolicyDriver, Sight
 from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.evaluation.evaluation import evaluate_crowd
 from crowd_env.agents.rules import ShortestPath
-from crowd_env.agents.sight import Sight
 
 FOLLOW, NETWORK = Follow(), random_policy(0)
 
