@@ -56,9 +56,9 @@ def _mappo(config: TrainingConfig, callback: "ComparisonCallback") -> None:
 
 
 def _evolution(config: TrainingConfig, callback: "ComparisonCallback") -> None:
-    from .learned.evolution import EvolutionSettings, evolve
+    from .learned.evolution import evolve
 
-    evolve(place_of(config), physics_of(config), config.seed, callback, EvolutionSettings(endless=True))
+    evolve(place_of(config), physics_of(config), config.seed, callback, endless=True)
 
 
 class Algorithm(NamedTuple):

@@ -1,7 +1,7 @@
 """Networks as ONNX graphs, for programs without Python.
 
 The graph is built from the numbers of a network, without a learning library.  It takes ``observation`` (N, D) float32 and
-returns ``action`` in single precision, as the policy does here.  For choices it also returns ``logits``; the largest one counts.
+returns ``action`` in single precision, as the policy does here.  For choices it also returns ``logits``.
 """
 
 import json

@@ -32,4 +32,4 @@ class Policy(Protocol):
         """Clear the memory of the environments (E,) that restart."""
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
-        """Return actions (P, A) in [-1, 1] for observations (P, D); None: all pedestrians follow the rule of the environment."""
+        """Return actions (P, A) in [-1, 1] for observations (P, D); None: all follow the rule of the environment."""

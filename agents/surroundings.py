@@ -5,6 +5,7 @@ exit, which rules that let others pass need.  `LEADER` is local: 3 m, like the s
 compares all pedestrians in the room.  Both look through walls.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ class Leader(NamedTuple):
 def write_leader(view: View, out: np.ndarray) -> None:
     """Write the `Leader` of each pedestrian among those in front on the same route, within 3 m between centers."""
     way, inside, start = view.distance_to_go, view.seen & view.state.active, view.bodies.env_start
-    for begin, end in zip(start[:-1], start[1:], strict=True):
+    for begin, end in pairwise(start.tolist()):
         rows = begin + np.flatnonzero(inside[begin:end])
         if not len(rows):
             continue

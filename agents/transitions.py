@@ -62,7 +62,8 @@ def runs_of(policy: Policy, task: Task, runs: int, seed: int = 0) -> Iterator[tu
     whole("seed", seed, Range(0, HELD_OUT_SEED - runs).because("later draws are held out for evaluation"))
     reward = PRESETS[task.name].reward if task.name in PRESETS else None
     env = CrowdEnv(task.place(), **{**task.arguments(), "reward": reward, **own_arguments(policy)})
-    rule = np.broadcast_to(np.asarray(env.action_kind.neutral), (env.num_people, *env.single_action_space.shape))
+    neutral = np.asarray(env.action_kind.neutral)
+    rule = np.broadcast_to(neutral, (env.num_people, *neutral.shape))
     facts = {
         "task": task.identity(),
         "policy": policy.name,

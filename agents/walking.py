@@ -104,8 +104,9 @@ class RuleAtShare(WalkingRule):
 class DensityCap(WalkingRule):
     """Walk the shortest path, slowly where it is dense: ``V = min(v_0, c)`` if the density exceeds ``rho``, else ``v_0``.
 
-    It observes the terms ``density`` (pedestrians within 1 m of the body's center, itself included) and ``desired_speed`` (up to
-    2 m/s).  It is the simplest rule that slows down only at the door: a step in place of the smooth curve of Weidmann (1993).
+    It observes the terms ``density`` (pedestrians within 1 m of the body's center, itself included) and ``desired_speed``
+    (up to 2 m/s).  It is the simplest rule that slows down only at the door, with a step in place of the smooth curve of
+    Weidmann (1993).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Training with stable-baselines3 and torch; the only place in agents that knows them.  What is learned needs neither."""
+"""Training with stable-baselines3 and torch, the only part of agents that imports them; learned policies need neither."""
 
 from ..training_config import PPOSettings
 from .ppo import make_ppo

@@ -1,8 +1,7 @@
-"""The actor-critic policy of pedestrians and controllers: a critic that reads what the actor sees, nothing computed twice."""
+"""The actor-critic policy of pedestrians and controllers: the critic shares the first layer of the actor."""
 
 from typing import ClassVar, Self
 
-import gymnasium
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.distributions import CategoricalDistribution, DiagGaussianDistribution
@@ -16,14 +15,14 @@ from ..networks import MLP
 
 
 class Layers(nn.Module):
-    """Two layers of rectified units for actions; for values one layer on top of the first of these.
+    """Two layers of rectified units for the actor; for the critic one layer on top of the first of these.
 
-    The critic reads the first layer and does not change it: actions that were cloned stay as they are while it still knows
-    nothing.  Its way back through the layers costs a third of that of a network of its own.
+    The critic reads the first layer without changing it: cloned actions stay as they are while the critic is untrained.  Its
+    backward pass costs a third of that of a separate network.
 
     Attributes
     ----------
-    latent_dim_pi, latent_dim_vf : units of the last layers, as stable-baselines3 asks for them.
+    latent_dim_pi, latent_dim_vf : units of the last layers, as stable-baselines3 requires them.
     """
 
     def __init__(self, inputs: int, hidden: int) -> None:
@@ -47,7 +46,7 @@ class Layers(nn.Module):
 
 
 class Choices(CategoricalDistribution):
-    """A categorical distribution by its log probabilities alone: torch's own checks and normalises them thrice."""
+    """A categorical distribution by its log probabilities; torch's own checks and normalizes them three times."""
 
     logits: Tensor  # (K, A)  normalised
 
@@ -65,34 +64,28 @@ class Choices(CategoricalDistribution):
         return -(self.logits * self.logits.exp()).sum(dim=1)
 
     def sample(self) -> Tensor:
-        """Return random actions (K,): the largest of logits with noise of a Gumbel distribution."""
+        """Return random actions (K,): the largest logits plus Gumbel noise."""
         return (self.logits - torch.empty_like(self.logits).exponential_().log_()).argmax(dim=1)
 
     def mode(self) -> Tensor:
-        """Return the likeliest actions (K,)."""
+        """Return the most likely actions (K,)."""
         return self.logits.argmax(dim=1)
 
 
 class CrowdPolicy(ActorCriticPolicy):
     """An actor-critic policy on `Layers` of ``net_arch[0]`` units.
 
-    Rows of zeros, of pedestrians who are out, are computed and drawn once for all.
+    Rows of zeros, of pedestrians outside, share one computation and one draw.
     """
 
-    mlp_extractor: Layers  # type: ignore[assignment]  # has what stable-baselines3 uses of its MlpExtractor
+    mlp_extractor: Layers  # type: ignore[assignment]  # has the attributes of MlpExtractor that stable-baselines3 uses
     kind: ClassVar[type[MLP]] = MLP
     activation: ClassVar[str] = "relu"
 
-    def __init__(
-        self,
-        observation_space: gymnasium.Space,
-        action_space: gymnasium.Space,
-        lr_schedule: Schedule,
-        **options: object,
-    ) -> None:
-        super().__init__(observation_space, action_space, lr_schedule, **options)  # type: ignore[arg-type]  # as PPO has them
+    def _build(self, lr_schedule: Schedule) -> None:
         if isinstance(self.action_dist, CategoricalDistribution):
             self.action_dist = Choices(self.action_dist.action_dim)
+        super()._build(lr_schedule)
 
     def _build_mlp_extractor(self) -> None:
         self.mlp_extractor = Layers(self.features_dim, self.net_arch[0])  # type: ignore[index,arg-type]  # a list here
@@ -107,25 +100,23 @@ class CrowdPolicy(ActorCriticPolicy):
 
 
 def network_of(model: PPO) -> MLP:
-    """Return the actor of a model as plain numbers: what it does without drawing actions at random.
+    """Return the actor of a model as plain numbers, with its most likely actions.
 
     Raises
     ------
     ValueError
-        If its policy is another than a `CrowdPolicy` on flat observations.
+        If its policy is no `CrowdPolicy` on flat observations.
     """
     policy = model.policy
     if not isinstance(policy, CrowdPolicy) or not isinstance(policy.pi_features_extractor, FlattenExtractor):
         raise ValueError(f"its network is no {CrowdPolicy.__name__} on flat observations")
-    layers = [policy.mlp_extractor.first, policy.mlp_extractor.second, policy.action_net]
-    weights, biases = (
-        tuple(getattr(one, name).detach().cpu().numpy() for one in layers) for name in ("weight", "bias")
-    )
-    return policy.kind(weights, biases, policy.activation)
+    layers = policy.mlp_extractor.first, policy.mlp_extractor.second, policy.action_net
+    weights, biases = ([getattr(one, name).detach().cpu().numpy() for one in layers] for name in ("weight", "bias"))
+    return policy.kind(tuple(weights), tuple(biases), policy.activation)
 
 
 def std_of(model: PPO) -> list[float] | None:
-    """Return the standard deviations of the components of a Gaussian action; None of another distribution."""
+    """Return the standard deviations of the components of a Gaussian action; None for another distribution."""
     if not isinstance(model.policy.action_dist, DiagGaussianDistribution):
         return None
     return [float(one) for one in model.policy.log_std.detach().exp()]

@@ -1,4 +1,4 @@
-"""A policy of stable-baselines3 whose actions follow Beta distributions: bounded, with a mode that can be the bound."""
+"""A policy of stable-baselines3 with Beta distributions of actions: bounded, with a mode that can be the bound."""
 
 from typing import ClassVar, Self
 
@@ -13,16 +13,16 @@ from torch.nn.functional import softplus
 from crowd_env.core.arrays.state import Floats
 
 from ..networks import MLP, BetaMLP
-from ..networks.network import LEAST
+from ..networks.network import LEAST, beta_mode
 from .actor_critic import CrowdPolicy
 
-_MARGIN = 1e-6  # of samples from the bounds, where densities are infinite or zero
+_MARGIN = 1e-6  # between samples and the bounds, where densities are infinite or zero
 _CONCENTRATION = 3.0  # at first: alpha + beta - 2
 _LOG_WIDTH = 0.6931471805599453  # log 2: actions are in [-1, 1], Beta distributions over [0, 1]
 
 
 class BetaActions(Distribution):
-    """Independent Beta distributions over [-1, 1], see `crowd_env.agents.networks.network.BetaMLP` for their parameters."""
+    """Independent Beta distributions over [-1, 1] with the parameters of `crowd_env.agents.networks.network.BetaMLP`."""
 
     alpha: Tensor  # (K, A)
     beta: Tensor  # (K, A)
@@ -32,7 +32,7 @@ class BetaActions(Distribution):
         return nn.Linear(latent_dim, 2 * outputs)
 
     def proba_distribution(self, parameters: Tensor) -> Self:
-        """Take parameters (K, 2 A) as the last layer has them."""
+        """Take the outputs (K, 2 A) of the last layer."""
         self.alpha, self.beta = (LEAST + softplus(parameters)).chunk(2, dim=-1)
         self._inner = torch.distributions.Beta(self.alpha, self.beta, validate_args=False)
         return self
@@ -52,18 +52,15 @@ class BetaActions(Distribution):
             return 2.0 * self._inner.sample().clamp(_MARGIN, 1.0 - _MARGIN) - 1.0
 
     def mode(self) -> Tensor:
-        """Return the likeliest actions (K, A), see `crowd_env.agents.networks.network.beta_mode`."""
-        over, under = (self.alpha - 1.0).clamp(min=0.0), (self.beta - 1.0).clamp(min=0.0)
-        inner = (over + under) > 0.0
-        share = over / torch.where(inner, over + under, 1.0)
-        return torch.where(inner, 2.0 * share - 1.0, (self.alpha - self.beta).sign())
+        """Return the most likely actions (K, A)."""
+        return 2.0 * torch.as_tensor(beta_mode(self.alpha.detach().numpy(), self.beta.detach().numpy())) - 1.0
 
     def actions_from_params(self, parameters: Tensor, deterministic: bool = False) -> Tensor:
-        """Return actions of parameters (K, 2 A)."""
+        """Return actions for parameters (K, 2 A)."""
         return self.proba_distribution(parameters).get_actions(deterministic)
 
     def log_prob_from_params(self, parameters: Tensor) -> tuple[Tensor, Tensor]:
-        """Return random actions of parameters (K, 2 A), and their log density."""
+        """Return random actions for parameters (K, 2 A), and their log density."""
         actions = self.actions_from_params(parameters)
         return actions, self.log_prob(actions)
 
@@ -71,8 +68,8 @@ class BetaActions(Distribution):
 class BetaPolicy(CrowdPolicy):
     """An actor-critic policy with `BetaActions`, for a Box over [-1, 1].
 
-    A Gaussian whose mean lies beyond a bound draws nothing but the bound: what is clipped away has no gradient, and nothing
-    else is tried any more.  A Beta distribution has all of its mass inside.
+    A Gaussian with a mean beyond a bound draws only the bound: clipping removes the gradient, and the policy explores nothing
+    else any more.  A Beta distribution has all of its mass inside.
 
     Raises
     ------
@@ -83,22 +80,18 @@ class BetaPolicy(CrowdPolicy):
     kind: ClassVar[type[MLP]] = BetaMLP
     action_dist: BetaActions
 
-    def __init__(
-        self,
-        observation_space: gymnasium.Space,
-        action_space: gymnasium.Space,
-        lr_schedule: Schedule,
-        **options: object,
-    ) -> None:
-        if not isinstance(action_space, gymnasium.spaces.Box):
-            raise ValueError(f"a Beta distribution is of continuous actions, not of {action_space}")
-        super().__init__(observation_space, action_space, lr_schedule, **options)
+    def _build(self, lr_schedule: Schedule) -> None:
+        if not isinstance(self.action_space, gymnasium.spaces.Box):
+            raise ValueError(f"a Beta distribution is of continuous actions, not of {self.action_space}")
+        super()._build(lr_schedule)
         del self.log_std
         self.action_dist = BetaActions()
-        last = self.action_dist.proba_distribution_net(self.mlp_extractor.latent_dim_pi, outputs=action_space.shape[0])
+        outputs = self.action_space.shape[0]
+        self.action_net = last = self.action_dist.proba_distribution_net(
+            self.mlp_extractor.latent_dim_pi, outputs=outputs
+        )
         nn.init.orthogonal_(last.weight, gain=0.01)
         nn.init.zeros_(last.bias)
-        self.action_net = last
         self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)  # type: ignore[call-arg]  # of Adam
 
     def _get_action_dist_from_latent(self, latent_pi: Tensor) -> Distribution:
@@ -106,7 +99,7 @@ class BetaPolicy(CrowdPolicy):
 
 
 def bias_at(action: Floats) -> Floats:
-    """Return the outputs (2 A,) of the last layer at which the likeliest action (A,) is this one, in [-1, 1]."""
+    """Return the outputs (2 A,) of the last layer for a most likely action (A,) in [-1, 1]."""
     share = (np.asarray(action, dtype=np.float64) + 1.0) / 2.0
     parameters = 1.0 + _CONCENTRATION * np.concatenate([share, 1.0 - share])
     return np.asarray(np.log(np.expm1(parameters - LEAST)))

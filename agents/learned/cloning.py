@@ -1,8 +1,8 @@
-"""Behavior cloning of an expert policy: learning from rewards then starts at something better than the shortest path.
+"""Behavior cloning of an expert policy, so that learning from rewards starts at a better policy than full speed.
 
-A reward that each pedestrian earns alone has several equilibria.  PPO that starts at full speed finds one in which people wait
-in a cluster and dash through the door one by one.  The same reward pays more where they follow each other closely, and PPO
-that starts there stays there.
+A reward for each pedestrian alone has several equilibria.  PPO from full speed finds one in which pedestrians wait in a cluster
+and dash through the door one by one.  The same reward is larger if they follow each other closely, and PPO that starts there
+stays there.
 """
 
 from typing import Protocol, cast
@@ -12,7 +12,6 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.distributions import CategoricalDistribution, DiagGaussianDistribution
-from stable_baselines3.common.vec_env import VecEnvWrapper
 from torch import Tensor
 from torch.nn import functional
 
@@ -24,18 +23,18 @@ from crowd_env.envs.protocol import WalkingBatch
 
 from .actor_critic import CrowdPolicy
 
-ROUNDS, DECISIONS, EPOCHS = 8, 300, 4  # of DAgger: decision steps of each, and passes over all that is kept
-KEPT = 0.25  # of the samples: neighboring decisions are much alike
+ROUNDS, DECISIONS, EPOCHS = 8, 300, 4  # of DAgger; decision steps of each round, and passes over all samples
+KEPT = 0.25  # of the samples: successive decisions are much alike
 _LEARNING_RATE, _BATCH = 1e-3, 4096
-_EXPERT_ROUNDS = 3  # until the policy acts for itself
+_EXPERT_ROUNDS = 3  # until only the policy acts
 
 
 class Expert(Protocol):
-    """What can be cloned: a `WalkingRule`, or the best policy of each place."""
+    """An expert policy: a `WalkingRule`, or the best policy of each place."""
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Name in messages."""
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
         """Return commands (P, 2), along and to the left of the path."""
@@ -51,17 +50,16 @@ def clone(
     kept: float = KEPT,
     cooled: float = 0.0,
 ) -> float:
-    """Let the policy of a model do as an expert does; return the loss of the last pass.
+    """Train the policy of a model to imitate an expert; return the loss of the last minibatch.
 
-    DAgger (Ross, Gordon, Bagnell 2011): who acts changes from the expert to the policy within three rounds.  Each situation
-    that this leads to is labelled with what the expert would have done.  Of discrete actions two share the label: the nearest
-    to what the expert wants and the one beyond it.
+    DAgger (Ross, Gordon, Bagnell 2011): control passes from the expert to the policy within three rounds.  The command of the
+    expert labels each situation.  Of discrete actions two share the label: the one nearest to the command, and one beyond it.
 
     Parameters
     ----------
     model : on a `CrowdVecEnv` whose observations hold the terms of the expert.
-    expert : what is cloned; it acts along and to the left of the path.
-    seed : of the draws and of who acts.
+    expert : acts along and to the left of the path.
+    seed : of the draws.
     rounds, decisions : of DAgger, and decision steps of each.
     kept : share of the samples that is kept.
     cooled : share of the rounds, the last ones, over which the learning rate falls to a tenth.
@@ -74,8 +72,8 @@ def clone(
     """
     env, policy = batch_of(model), cast(CrowdPolicy, model.policy)
     if env.action_kind.frame != "path":
-        frame = env.action_kind.frame
-        raise ValueError(f"policy {expert.name!r} cannot be cloned: it acts in the frame 'path', not in {frame!r}")
+        frames = f"it acts in the frame 'path', not in {env.action_kind.frame!r}"
+        raise ValueError(f"policy {expert.name!r} cannot be cloned: {frames}")
     if not isinstance(policy.action_dist, CategoricalDistribution | DiagGaussianDistribution):
         kind = type(policy.action_dist).__name__
         raise ValueError(f"policy {expert.name!r} cannot be cloned into a policy of {kind}")
@@ -93,11 +91,13 @@ def clone(
             seen.append(observation[rows])
             wanted.append(command[rows])
             observation = env.step(_mixed(policy, env, observation, command, share, rng)).observation
-        optimizer.param_groups[0]["lr"] = _LEARNING_RATE * _cooling((round_ + 1) / rounds, cooled)
+        cooling = max(0.0, (round_ + 1) / rounds - (1.0 - cooled)) / cooled if cooled else 0.0
+        optimizer.param_groups[0]["lr"] = _LEARNING_RATE * (1.0 - 0.9 * cooling)
         inputs = torch.as_tensor(np.concatenate(seen))
         labels = torch.as_tensor(_labels(env, np.concatenate(wanted)), dtype=torch.float32)
         for _ in range(EPOCHS):
-            for part in torch.randperm(len(inputs), generator=_generator(rng)).split(_BATCH):
+            generator = torch.Generator().manual_seed(int(rng.integers(2**31)))
+            for part in torch.randperm(len(inputs), generator=generator).split(_BATCH):
                 loss = _loss(policy, env, inputs[part], labels[part])
                 optimizer.zero_grad()
                 loss.backward()
@@ -105,21 +105,9 @@ def clone(
     return loss.item()
 
 
-def _cooling(share: float, cooled: float) -> float:
-    """Return the factor of the learning rate when this share of the rounds is over."""
-    return 1.0 - 0.9 * max(0.0, share - (1.0 - cooled)) / cooled if cooled > 0.0 else 1.0
-
-
 def batch_of(model: PPO) -> WalkingBatch:
-    """Return the batch that a model learns in."""
-    venv = model.get_env()
-    while isinstance(venv, VecEnvWrapper):
-        venv = venv.venv
-    return cast(CrowdVecEnv, venv).env
-
-
-def _generator(rng: np.random.Generator) -> torch.Generator:
-    return torch.Generator().manual_seed(int(rng.integers(2**31)))
+    """Return the batch of a model."""
+    return cast(CrowdVecEnv, model.get_env()).env
 
 
 def _head(policy: CrowdPolicy, observation: Tensor) -> Tensor:
@@ -135,9 +123,9 @@ def _loss(policy: CrowdPolicy, env: WalkingBatch, inputs: Tensor, labels: Tensor
 
 
 def _labels(env: WalkingBatch, command: Floats) -> Floats:
-    """Return the labels of commands (K, 2): themselves, or the shares (K, A) of two choices whose mean they nearly are.
+    """Return the labels of commands (K, 2): themselves, or shares (K, A) of two choices with nearly this mean.
 
-    An expert keeps to the present route: actions that choose another one have a share of 0.
+    An expert keeps the present route: choices of another route have a share of 0.
     """
     space = env.single_action_space
     if not isinstance(space, gymnasium.spaces.Discrete):
@@ -145,12 +133,12 @@ def _labels(env: WalkingBatch, command: Floats) -> Floats:
     choices = cast(SpeedTable, env.action_kind.decode).commands
     rows = np.arange(len(command))
     first = np.linalg.norm(command[:, None] - choices, axis=2).argmin(axis=1)
-    way = choices - choices[first][:, None]  # (K, A, 2) from the nearest choice to each other one
+    way = choices - choices[first][:, None]  # (K, A, 2) from the nearest choice to each choice
     rest = command - choices[first]
     length = (way * way).sum(axis=2)
     part = np.clip((way * rest[:, None]).sum(axis=2) / np.where(length > 0.0, length, 1.0), 0.0, 1.0)
     missed = np.linalg.norm(rest[:, None] - part[:, :, None] * way, axis=2)
-    second = (missed + 1e-6 * length).argmin(axis=1)  # of equally good ones the one that is less far
+    second = (missed + 1e-6 * length).argmin(axis=1)  # of equally good ones the nearer one
     found = np.zeros((len(command), int(space.n)))
     found[rows, second] = part[rows, second]
     found[rows, first] += 1.0 - part[rows, second]
@@ -166,7 +154,7 @@ def _mixed(
     share: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the actions of all: a random ``share`` of pedestrians does as the expert wants, the others as the policy does."""
+    """Return actions (P, ...): those of the expert for a random ``share`` of pedestrians, else those of the policy."""
     out = _head(policy, torch.as_tensor(observation)).numpy()
     by_expert = rng.random(env.num_people) < share
     if isinstance(env.single_action_space, gymnasium.spaces.Discrete):

@@ -1,4 +1,4 @@
-"""The learning curve of a training: its rows, its file, and which row is best."""
+"""The learning curve of a training: its rows, its file, and its best row."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -13,11 +13,11 @@ from ..evaluation.evaluation import Evaluation
 from ..evaluation.plans import Outcome
 
 CURVE = "learning_curve.csv"
-SEARCH = "search_curve.csv"  # of a search that came before, in the same columns
+SEARCH = "search_curve.csv"  # of a search before the training, with the same columns
 MARGIN = 0.5  # s: a smaller difference of evacuation times does not count
 
-# evacuation_time and its standard error are over all validation draws, people left inside count as in
-# `Evaluation.times_of_all`; reward is the mean return of the episodes that ended since the row before.
+# evacuation_time and its standard error are over all validation draws; pedestrians left inside count as in
+# `Evaluation.times_of_all`.  reward is the mean return of the episodes that ended since the row before.
 CURVE_COLUMNS = (
     *("steps", "seconds", "cpu_seconds", "evacuation_time", "standard_error"),
     *("unfinished", "contact_impulse", "reward", "episodes"),
@@ -25,7 +25,7 @@ CURVE_COLUMNS = (
 
 
 def figures_of(result: Evaluation) -> dict[str, float]:
-    """Return the figures of an evaluation that a learning curve shows."""
+    """Return the figures of an evaluation in a learning curve."""
     times = last_times(result)
     return {
         "evacuation_time": float(times.mean()),
@@ -36,10 +36,10 @@ def figures_of(result: Evaluation) -> dict[str, float]:
 
 
 def figures_in_plans(outcomes: Sequence[Outcome]) -> dict[str, float]:
-    """Return the figures of evacuations in generated places that a learning curve shows.
+    """Return the figures of evacuations in generated places in a learning curve.
 
-    ``unfinished`` counts places in which somebody was left or strayed.  ``evacuation_time`` is the interquartile mean over
-    places, with the standard error of a mean of the middle half.
+    ``unfinished`` is the number of places with a pedestrian left inside or astray.  ``evacuation_time`` is the interquartile
+    mean over places, with the standard error of a mean of the middle half.
     """
     missing = np.array([one.left + one.strayed for one in outcomes]) > 0.0
     times = np.sort(np.where(missing, np.inf, [one.time for one in outcomes]))
@@ -54,12 +54,12 @@ def figures_in_plans(outcomes: Sequence[Outcome]) -> dict[str, float]:
 
 
 def score(row: Mapping[str, float]) -> tuple[float, float]:
-    """Return what ranks a row: fewer people left inside first, then a shorter evacuation."""
+    """Return the key that ranks a row: fewer pedestrians left inside first, then a shorter evacuation."""
     return row["unfinished"], row["evacuation_time"]
 
 
 def best_row(curve: Sequence[dict[str, float]]) -> dict[str, float]:
-    """Return the best row: of those at most `MARGIN` later than the shortest evacuation so far the one with least contact."""
+    """Return the best row: the one with least contact within `MARGIN` of the shortest evacuation so far."""
     best, soonest = curve[0], score(curve[0])
 
     def near(row: Mapping[str, float]) -> bool:
@@ -78,12 +78,12 @@ def write_curve(path: Path, curve: Sequence[Mapping[str, float]]) -> None:
 
 
 def read_curve(path: Path) -> list[dict[str, float]]:
-    """Read what `write_curve` wrote; no file is an empty curve.
+    """Read a learning curve; a missing file is an empty curve.
 
     Raises
     ------
     ValueError
-        If the file has other columns, or something in it is no number.
+        If the file has other columns, or an entry is no number.
     """
     if not path.exists():
         return []

@@ -1,12 +1,12 @@
-"""CMA-ES over the weights of a rule that all pedestrians share: no gradients, no network, and nothing to start from.
+"""CMA-ES over the weights of a rule that all pedestrians share: no gradients, no network, and no rule to start from.
 
 All weights are 0 at first, which is full speed.  All pedestrians of an environment deviate from it together.  So the search
-tries what pays only where everyone does it, such as a gap that all keep.  The noise by which PPO explores is drawn for each
-pedestrian alone, and averages to nothing over the half second in which a body follows.
+tests changes that pay only if all pedestrians make them, such as a common distance.  The exploration noise of PPO is drawn for
+each pedestrian alone, and averages out within the half second in which a body follows.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -24,31 +24,15 @@ from .callbacks import EvaluationCallback
 if TYPE_CHECKING:
     from cma import CMAEvolutionStrategy
 
-SHARE = 0.5  # of the people: the same order clears a door for half of them, and four times the candidates are tried meanwhile
-_PATIENCE = 10.0  # s without anyone getting out, after which a run is given up
-_SECONDS = 1.5  # s a person, which a run may take: exits of 0.7 people a second
-_STEP = 1.0  # of the weights at first, and at every new beginning
-_LAST = 12  # generations with everybody: what half of the people find is nearly it ...
+SHARE = 0.5  # of the pedestrians: the same order clears a door for half of them, and allows four times the candidates
+_PATIENCE = 10.0  # s without an exit, after which a run ends
+_SECONDS = 1.5  # s a pedestrian, time limit of a run: exits of 0.7 pedestrians a second
+_STEP = 1.0  # of the weights at first, and at every restart
+_LAST = 12  # generations with all pedestrians: the result with half of them is close ...
 _LAST_STEP = 0.3  # ... and their first step
-_WINDOW = 10  # generations whose mean is held against that of as many before
-_BETTER = 0.98  # of the cost: what is more is no gain, but the luck of a draw
-_PAYS = 0.9  # of the cost of full speed: at the door of the task order costs 0.65 of it, and what luck finds 0.98
-
-
-@dataclass(frozen=True)
-class EvolutionSettings:
-    """Budget of a search.
-
-    Parameters
-    ----------
-    population : candidates of a generation, all judged on the same draws.
-    draws : of a generation; the next one has others.
-    endless : go on after a restart was in vain.
-    """
-
-    population: int = 12
-    draws: int = 6
-    endless: bool = False
+_WINDOW = 10  # generations whose mean is compared with that of the window before
+_BETTER = 0.98  # of the cost: a smaller gain may be the luck of a draw
+_PAYS = 0.9  # of the cost of full speed: at the door of the task order costs 0.65 of it, and luck reaches 0.98
 
 
 def evolve(
@@ -56,31 +40,35 @@ def evolve(
     options: Plain,
     seed: int,
     callback: EvaluationCallback[Evolved],
-    settings: EvolutionSettings | None = None,
+    *,
+    population: int = 12,
+    draws: int = 6,
+    endless: bool = False,
 ) -> None:
-    """Search the weights of `Evolved` that let the last person out soonest, until the ``callback`` ends the search.
+    """Search the weights of `Evolved` that let the last pedestrian out soonest, until the ``callback`` ends the search.
 
-    The cost is the mean time of the last person over the draws of a generation.  A run in which somebody is left inside costs
-    its time limit and a second for each of them.  All candidates run side by side in one batch, with half of the people.
+    The cost is the mean time of the last pedestrian over the draws of a generation.  A run that leaves pedestrians inside costs
+    its time limit and a second for each of them.  All candidates run side by side in one batch, with half of the pedestrians.
 
-    A search that has stalled restarts where it is with its first step size: what looks like an end is often a loose crowd that
-    waits.  When that was in vain, the last generations have all the people.  If the crowd is hardly better than at full speed,
-    the search restarts from zero weights with doubled step size.
+    A stalled search restarts at its mean with its first step size: an apparent end is often a loose crowd that waits.  If the
+    restart is in vain, the last generations have all pedestrians.  If the crowd is hardly better than at full speed, the search
+    restarts from zero weights with doubled step size.
 
     Parameters
     ----------
-    place : what is trained in.
+    place : scenario of the training.
     options : of `CrowdEnv`.
     seed : of the search, and of its draws.
-    callback : is given the best policy so far.
+    callback : receives the present best policy.
+    population : candidates of a generation, on the same draws.
+    draws : of a generation; the next one has others.
+    endless : continue after a restart in vain.
 
     Raises
     ------
     ModuleNotFoundError
         If the library cma is not installed.
     """
-    settings = settings or EvolutionSettings()
-    population, draws = settings.population, settings.draws
     everybody = place.population.people
     env = _rooms(place, options, max(1, round(SHARE * everybody)), population * draws)
     nothing, far = np.zeros(len(fields(Evolved))), _STEP
@@ -95,7 +83,7 @@ def evolve(
         if left == np.inf and stalled(course):
             reached, step = float(np.mean(course[-_WINDOW:])), _STEP
             better = former if reached > before else best
-            if reached <= _BETTER * before or settings.endless:
+            if reached <= _BETTER * before or endless:
                 best = better
             elif _pays(env, better, first + draws):
                 best, left, step = better, _LAST - 1, _LAST_STEP
@@ -120,7 +108,7 @@ def _rule(weights: Floats) -> Evolved:
 
 
 def _pays(env: CrowdEnv, weights: Floats, first: int) -> bool:
-    """Return whether weights are clearly better than full speed, on draws that a search has not had the luck of."""
+    """Return whether weights are clearly better than full speed, on draws that the search has not used."""
     rooms = np.arange(env.num_envs)
     seeds = min(first, HELD_OUT_SEED - env.num_envs) + rooms // 2
     costs, _ = _race(env, np.where(rooms[:, None] % 2, 0.0, weights), seeds.tolist())
@@ -128,11 +116,11 @@ def _pays(env: CrowdEnv, weights: Floats, first: int) -> bool:
 
 
 def stalled(course: Sequence[float]) -> bool:
-    """Return whether a search has stopped getting better: the best of its last generations are those of the ones before.
+    """Return whether a search has stalled: the best costs of its last generations equal those of the window before.
 
     Parameters
     ----------
-    course : the cost of the best candidate of each generation since the search began.
+    course : cost of the best candidate of each generation since the last restart.
     """
     if len(course) < 2 * _WINDOW:
         return False
@@ -140,7 +128,7 @@ def stalled(course: Sequence[float]) -> bool:
 
 
 def _rooms(place: Scenario, options: Plain, people: int, rooms: int) -> CrowdEnv:
-    """Return a batch of a place with so many of its people, who are given up early."""
+    """Return a batch of a place with this number of pedestrians, and short limits of time."""
     crowd = place.population.changed(people=people)
     short = replace(place, population=crowd, time_limit=_SECONDS * people, blocked_after=_PATIENCE)
     return CrowdEnv(short, num_envs=rooms, **arguments_of({**options, **Evolved().env_options}))
@@ -150,13 +138,12 @@ def _begun(mean: Floats, step: float, population: int, seed: int) -> "CMAEvoluti
     """Return a search around a mean."""
     import cma
 
-    return cma.CMAEvolutionStrategy(
-        mean, step, {"popsize": population, "seed": seed + 1, "verbose": -9}
-    )  # 0 is the clock
+    options = {"popsize": population, "seed": seed + 1, "verbose": -9}  # seed 0 is the clock
+    return cma.CMAEvolutionStrategy(mean, step, options)
 
 
 def _race(env: CrowdEnv, weights: Floats, seeds: list[int]) -> tuple[Floats, int]:
-    """Return what a run of each room costs (E,), whose people decide by a row of ``weights`` (E, 7), and all decisions made."""
+    """Return the cost (E,) of a run of each room, for rows of ``weights`` (E, 7), and the number of decisions."""
     observation, _ = env.reset(seeds)
     action, decided = np.zeros((env.num_people, 2)), 0
     while not env.finished.all():

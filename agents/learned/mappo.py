@@ -1,7 +1,7 @@
 """MAPPO (Yu et al. 2022, "The surprising effectiveness of PPO in cooperative multi-agent games"): the critic sees the crowd.
 
-The actor sees what a pedestrian sees, and is all that acts afterwards.  The critic also sees the mean of what everyone inside
-the same environment sees, and how many they are: a state of fixed width, whatever the order of pedestrians.
+The actor observes what a pedestrian observes; only the actor is kept.  The critic also observes the mean observation of all
+pedestrians inside the environment, and their number: a state of fixed width, independent of the order of pedestrians.
 """
 
 from typing import ClassVar
@@ -17,11 +17,11 @@ from crowd_env.envs.protocol import WalkingBatch
 
 from .actor_critic import CrowdPolicy, Layers
 
-CROWD_SCALE = 50.0  # people inside of whom the critic is told 1/2
+CROWD_SCALE = 50.0  # pedestrians inside for which the critic observes 1/2
 
 
 class CentralVecEnv(CrowdVecEnv):
-    """A `CrowdVecEnv` whose rows (P, 2 D + 1) also hold what the crowd of the environment sees in the mean, and its size.
+    """A `CrowdVecEnv` whose rows (P, 2 D + 1) also hold the mean observation of the crowd of the environment, and its size.
 
     Raises
     ------
@@ -46,12 +46,12 @@ class CentralVecEnv(CrowdVecEnv):
     def _close_episodes(
         self, reward: Floats, done: Bools, truncated: Bools, last_observation: np.ndarray
     ) -> list[dict[str, object]]:
-        if done.any():  # what is bootstrapped is the value of those who were cut off, of the crowd that they are
+        if done.any():  # the bootstrapped value is that of the crowd of the rows cut off
             last_observation = self.widened(last_observation, truncated)
         return super()._close_episodes(reward, done, truncated, last_observation)
 
     def widened(self, observation: np.ndarray, inside: Bools) -> np.ndarray:
-        """Return the rows (P, 2 D + 1) of those whose crowd are the people ``inside``."""
+        """Return the rows (P, 2 D + 1) for observations (P, D) and a crowd of the pedestrians ``inside`` (P,)."""
         rooms = self.env.env_of_person
         start = np.flatnonzero(np.diff(rooms, prepend=-1))
         count = np.add.reduceat(inside.astype(np.float32), start)[:, None]
@@ -61,7 +61,7 @@ class CentralVecEnv(CrowdVecEnv):
 
 
 class _Central(Layers):
-    """Two layers for the actor, of the first columns alone, and two for the critic, of all."""
+    """Two layers for the actor on the first columns, and two for the critic on all columns."""
 
     def __init__(self, own: int, hidden: int) -> None:
         super().__init__(own, hidden)

@@ -1,4 +1,4 @@
-"""PPO with parameter sharing: one network for all pedestrians, started as the rule it has to beat."""
+"""PPO with parameter sharing: one network for all pedestrians, which starts as the rule that it is compared with."""
 
 import warnings
 from typing import cast
@@ -30,23 +30,23 @@ class FallingRate:
 
     Attributes
     ----------
-    spent : share of the budget as an evaluation callback counts it; the larger share counts, of that and of the steps.
+    spent : share of the budget by the evaluation callback; the larger of this share and that of the steps counts.
     """
 
     def __init__(self, initial: float) -> None:
         self.initial, self.spent = initial, 0.0
 
     def __call__(self, steps_left: float) -> float:
-        """Return the rate when this share of the steps is left; the last rollout goes beyond its budget."""
+        """Return the rate when this share of the steps is left; the last rollout may exceed the budget."""
         return self.initial * max(0.0, min(steps_left, 1.0 - self.spent))
 
 
 def make_ppo(env: WalkingBatch | RoutingVectorEnv, settings: PPOSettings, seed: int, *, central: bool = False) -> PPO:
     """Return an untrained PPO model on ``env``, made with ``autoreset=True``.
 
-    The mean action, of a Beta distribution the mode, starts at (1, 0): walk the shortest path.  Of discrete actions that
-    choice is the likeliest.  So learning starts at the rule, not at a random walk.  In `RoutingVectorEnv` the likeliest choice
-    of every region is the exit nearest to its center.
+    The mean action (the mode of a Beta distribution) starts at (1, 0), full speed along the shortest path.  For discrete
+    actions this choice is the most likely one.  So learning starts at the rule, not at a random walk.  In `RoutingVectorEnv` the most
+    likely choice of every region is the exit nearest to its center.
 
     Parameters
     ----------
@@ -55,9 +55,9 @@ def make_ppo(env: WalkingBatch | RoutingVectorEnv, settings: PPOSettings, seed: 
     Raises
     ------
     ValueError
-        If the distribution, or a central critic, does not go with the actions.
+        If the distribution or a central critic does not fit the actions.
     """
-    torch.set_num_threads(1)  # the networks are small: a second thread costs more than it brings
+    torch.set_num_threads(1)  # a second thread costs more than it saves in small networks
     venv: VecEnv
     if isinstance(env, RoutingVectorEnv):
         venv = VectorVecEnv(env)
@@ -65,19 +65,16 @@ def make_ppo(env: WalkingBatch | RoutingVectorEnv, settings: PPOSettings, seed: 
         venv = CentralVecEnv(env) if central else CrowdVecEnv(env)
     kind = CentralPolicy if central else DISTRIBUTIONS[settings.distribution]
     optimizer = {"eps": 1e-5, "fused": True}
+    network = {"net_arch": [settings.hidden], "log_std_init": settings.log_std_init, "optimizer_kwargs": optimizer}
     with warnings.catch_warnings():
-        # How many samples of people inside a rollout holds is not known before: a last batch that is smaller is no mistake.
+        # The number of samples of pedestrians inside is unknown before a rollout: a smaller last batch is no mistake.
         warnings.filterwarnings("ignore", message="You have specified a mini-batch size")
         model = PPO(
             kind,
             venv,
             learning_rate=FallingRate(settings.learning_rate),
             batch_size=min(settings.batch_size, settings.n_steps * venv.num_envs),
-            policy_kwargs={
-                "net_arch": [settings.hidden],
-                "log_std_init": settings.log_std_init,
-                "optimizer_kwargs": optimizer,
-            },
+            policy_kwargs=network,
             seed=seed,
             device="cpu",
             rollout_buffer_class=MaskedRolloutBuffer if isinstance(venv, CrowdVecEnv) else None,
@@ -99,7 +96,7 @@ def make_ppo(env: WalkingBatch | RoutingVectorEnv, settings: PPOSettings, seed: 
 
 
 def _nearest(batch: RoutingBatch) -> list[int]:
-    """Return the output that stands for the exit nearest to the center of each region."""
+    """Return the number of the output for the exit nearest to the center of each region."""
     routes = batch.layout.routes
     names = [name for name in routes if name in batch.layout.exits]
     if not names:

@@ -1,6 +1,7 @@
 """The rule whose weights are searched, and the search."""
 
 from dataclasses import asdict, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -82,7 +83,7 @@ def test_a_search_begins_at_nothing_takes_training_draws_and_can_be_repeated(dra
     found = []
     for seed in (5, 5, 6):
         found.append(Generations(2))
-        evolution.evolve(hall(6), OPTIONS, seed, found[-1], evolution.EvolutionSettings(**SMALL))
+        evolution.evolve(hall(6), OPTIONS, seed, found[-1], **SMALL)
     first, again, other = found
     assert first.policies == again.policies and first.steps == again.steps and first.policies != other.policies
     assert first.policies[0] == NOTHING != first.policies[-1]
@@ -96,7 +97,7 @@ def test_a_search_finds_what_is_asked_for(monkeypatch):
     index = list(asdict(NOTHING)).index("match")
     monkeypatch.setattr(evolution, "_race", lambda env, weights, seeds: ((weights[:, index] - 0.9) ** 2, 1))
     found = Generations(40)
-    evolution.evolve(hall(1), OPTIONS, 0, found, evolution.EvolutionSettings(endless=True))
+    evolution.evolve(hall(1), OPTIONS, 0, found, endless=True)
     assert found.policies[-1].match == pytest.approx(0.9, abs=0.05)
 
 
@@ -141,7 +142,7 @@ def test_a_search_that_stalls_begins_anew_where_it_is_and_ends_when_that_was_in_
     assert len(begun.means) >= 3 and not begun.means[0].any() and begun.means[1].any()
     assert begun.steps == [1.0] * (len(begun.steps) - 1) + [0.3]
     endless, count = Generations(60), len(begun.means)
-    evolution.evolve(hall(1), OPTIONS, 0, endless, evolution.EvolutionSettings(endless=True))
+    evolution.evolve(hall(1), OPTIONS, 0, endless, endless=True)
     assert (
         endless.left < 0 and len(begun.means) > count + 1 and begun.steps[count:] == [1.0] * (len(begun.means) - count)
     )
@@ -190,8 +191,7 @@ def test_who_does_not_get_out_counts_more_than_any_time():
 
 def test_what_was_found_is_kept_with_the_run(tmp_path, monkeypatch):
     monkeypatch.setattr(starts, "MOST", 1)
-    settings = evolution.EvolutionSettings(**SMALL)
-    monkeypatch.setattr(evolution, "EvolutionSettings", lambda: settings)
+    monkeypatch.setattr(starts, "evolve", partial(evolution.evolve, **SMALL))
     config = default_config("room-v0", "nsm2", 3, 2, 5000, 5.0, people=5, start="nothing")
     seen = []
     found = starts.first_rule(config, tmp_path, on_search=lambda steps, policy: seen.append((steps, policy)))

@@ -11,7 +11,6 @@ from ray.rllib.algorithms.ppo import PPO, PPOConfig
 from ray.rllib.core.learner.learner import Learner
 from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
 
-from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.protocol import CrowdBatch, WalkingBatch
 
 from ...evaluation.entries import RULE
@@ -100,7 +99,7 @@ def first_policy(config: TrainingConfig, folder: Path, threads: int) -> MLP:
     return network_of(model)
 
 
-def state_with(state: Mapping[str, Floats], policy: MLP, log_std: float) -> dict[str, Floats]:
+def state_with(state: Mapping[str, np.ndarray], policy: MLP, log_std: float) -> dict[str, np.ndarray]:
     """Return the state of RLlib's network with the layers of a policy, and the ``log_std`` of continuous actions."""
     found = dict(state)
     for layer, arrays in zip(_LAYERS, policy.layers, strict=True):
@@ -110,7 +109,7 @@ def state_with(state: Mapping[str, Floats], policy: MLP, log_std: float) -> dict
     return found
 
 
-def policy_in(state: Mapping[str, Floats]) -> MLP:
+def policy_in(state: Mapping[str, np.ndarray]) -> MLP:
     """Return the policy in the state of RLlib's network, with its most likely actions."""
     weights, biases = ([np.asarray(state[f"{layer}.{name}"]) for layer in _LAYERS] for name in ("weight", "bias"))
     return MLP(tuple(weights), tuple(biases), _ACTIVATION)

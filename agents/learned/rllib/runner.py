@@ -14,7 +14,7 @@ from ray.rllib.core.columns import Columns
 from ray.rllib.env.single_agent_env_runner import SingleAgentEnvRunner
 from ray.rllib.env.single_agent_episode import SingleAgentEpisode
 
-from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.arrays.state import Bools
 from crowd_env.envs.protocol import WalkingBatch
 
 from ...training_config import SEEDS, TrainingConfig, make_env
@@ -82,7 +82,7 @@ class CrowdEnvRunner(SingleAgentEnvRunner):
             action = drawn.sample() if explore else drawn.to_deterministic().sample()
             return action.numpy(), drawn.logp(action).numpy(), inputs.numpy()
 
-    def _count_returns(self, reward: Floats, t: int, finished: Bools) -> None:
+    def _count_returns(self, reward: np.ndarray, t: int, finished: Bools) -> None:
         """Log the mean return of the pedestrians of every finished evacuation."""
         self._return += reward
         for e in np.flatnonzero(finished):
