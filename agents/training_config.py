@@ -50,10 +50,6 @@ GENERATED, GENERATED_PLACES = "generated", "generated-v0"  # name of a training 
 NOTHING = "nothing"  # training begins with a search that starts at full speed
 MINUTES = 15.0  # limit of a training on a task, for a machine that is too slow for its steps
 ROUTING_BUDGET: Mapping[str, float] = {"envs": 32, "steps": 120_000, "minutes": 10.0}
-_PHYSICS = ("dt", "decision_dt", "strategy", "manner", "outline")
-_OF_NETWORK = (
-    *("scenario", "options", "people", "scheme", "dt", "decision_dt", "manner", "outline", "start", "seed", "versions"),
-)
 _MOST_CELLS = 10_000  # of a grid: the names of more cells fill memory
 _LONGEST = 150.0  # s  limit of a run in the place of a task, in a training in all places
 LEAST_DT = Range(1e-5)  # s  a decision of 0.1 s is ten thousand steps of these
@@ -202,8 +198,7 @@ class TrainingConfig:
 
     def as_table(self) -> dict[str, object]:
         """Return plain data, as ``config.json`` holds it."""
-        table = {field.name: getattr(self, field.name) for field in fields(self)}
-        return table | {"ppo": asdict(self.ppo), "places": self.places and asdict(self.places)}
+        return asdict(self)
 
 
 def default_config(
@@ -268,11 +263,11 @@ def task_config(task: str, seed: int = 0, **given: Any) -> TrainingConfig:
     """
     given = {name: value for name, value in given.items() if value is not None}
     judged, preset = make_task(task), None if "routing" in given else make_preset(task)
-    usual: dict[str, Any] = {name: getattr(judged, name) for name in ("scheme", "manner", "people", "dt", "options")}
+    usual: dict[str, Any] = _of(judged, "scheme", "manner", "people", "dt", "options")
     if preset is None:
         usual |= ROUTING_BUDGET
     else:
-        usual |= {name: getattr(preset, name) for name in ("people", "dt", "envs", "steps", "start")}
+        usual |= _of(preset, "people", "dt", "envs", "steps", "start")
         usual |= {"minutes": MINUTES, "options": {**judged.options, **preset.options}}
     chosen = usual | given
     if chosen["scheme"] != judged.scheme and "dt" not in given:
@@ -281,15 +276,7 @@ def task_config(task: str, seed: int = 0, **given: Any) -> TrainingConfig:
     config = replace(config, task=task, strategy=judged.rule, decision_dt=judged.decision_dt)
     if preset is None:
         return config
-    return replace(
-        config,
-        action=preset.action,
-        observation=ObservationLayout(terms=preset.terms).as_table(),
-        reward=dict(preset.reward),
-        ppo=PPOSettings(**preset.settings(config.start)),
-        eval_every=preset.eval_every,
-        eval_runs=preset.eval_runs,
-    )
+    return _preset(config, vars(preset) | {"ppo": preset.settings(config.start)})
 
 
 def generalist_config(seed: int = 0, **given: Any) -> TrainingConfig:
@@ -301,13 +288,21 @@ def generalist_config(seed: int = 0, **given: Any) -> TrainingConfig:
     """
     preset = {**GENERALIST["places"], **GENERALIST, **given}
     budget = {name: preset[name] for name in ("envs", "steps", "minutes")}
-    return replace(
-        default_config(GENERATED_PLACES, "nsm2", seed, **budget, start=NOTHING),
-        places=GeneratedPlaces(**{one.name: preset[one.name] for one in fields(GeneratedPlaces)}),
-        observation=ObservationLayout(terms=tuple(preset["terms"])).as_table(),
-        ppo=PPOSettings(**preset["ppo"]),
-        **{name: preset[name] for name in ("action", "reward", "eval_every", "eval_runs")},
-    )
+    config = default_config(GENERATED_PLACES, "nsm2", seed, **budget, start=NOTHING)
+    places = GeneratedPlaces(**{one.name: preset[one.name] for one in fields(GeneratedPlaces)})
+    return _preset(replace(config, places=places), preset)
+
+
+def _preset(config: TrainingConfig, preset: Plain) -> TrainingConfig:
+    """Return a config with action, observation, reward, hyperparameters and evaluations of a preset."""
+    observation = ObservationLayout(terms=tuple(preset["terms"])).as_table()
+    same = {name: preset[name] for name in ("action", "reward", "ppo", "eval_every", "eval_runs")}
+    return replace(config, observation=observation, **same)
+
+
+def _of(thing: object, *names: str) -> dict[str, Any]:
+    """Return attributes by their names."""
+    return {name: getattr(thing, name) for name in names}
 
 
 def place_of(config: TrainingConfig) -> Scenario:
@@ -328,7 +323,7 @@ def task_of(config: TrainingConfig) -> Task:
         blocked_after=place.blocked_after,
         frozen="",
         rule=config.strategy,
-        **{name: getattr(config, name) for name in ("scenario", "options", "people", "dt", "decision_dt")},
+        **_of(config, "scenario", "options", "people", "dt", "decision_dt"),
     )
 
 
@@ -361,29 +356,27 @@ def judged_place(config: TrainingConfig) -> Scenario:
 
 def physics_of(config: TrainingConfig) -> Plain:
     """Return the options of the environments in training and validation."""
-    return {"scheme": law_of(config)} | {name: getattr(config, name) for name in _PHYSICS}
+    return {"scheme": law_of(config), **_of(config, "dt", "decision_dt", "strategy", "manner", "outline")}
 
 
 def facts_of(config: TrainingConfig) -> Plain:
     """Return the facts of the training in the file of a network."""
     task = None if config.task is None else task_of(config).identity()
     task = task if config.places is None else dict(ALL_PLACES)
-    return {"task": task, **{name: getattr(config, name) for name in _OF_NETWORK}}
+    place, physics = ("scenario", "options", "people"), ("scheme", "dt", "decision_dt", "manner", "outline")
+    return {"task": task, **_of(config, *place, *physics, "start", "seed", "versions")}
 
 
 def make_env(config: TrainingConfig, envs: int | None = None, threads: int = 1) -> WalkingBatch | RoutingVectorEnv:
     """Return the training batch on ``threads`` threads, by default with the number of environments of the config."""
     num_envs = envs or config.envs
     if config.routing is not None:
-        physics = {name: getattr(config, name) for name in ("dt", "manner", "outline")}
-        options = {"scheme": law_of(config), "threads": threads, **physics, **config.routing}
-        return RoutingVectorEnv(num_envs=num_envs, **routing_arguments(place_of(config), **options))
-    learned: dict[str, Any] = {name: getattr(config, name) for name in ("action", "observation", "reward")}
+        physics = {"scheme": law_of(config), "threads": threads, **_of(config, "dt", "manner", "outline")}
+        return RoutingVectorEnv(num_envs=num_envs, **routing_arguments(place_of(config), **physics, **config.routing))
+    learned = _of(config, "action", "observation", "reward")
     if config.places is not None:
-        own = {name: getattr(config.places, name) for name in ("people", "seeds", "share")}
-        own["beside"] = places_of_tasks(config.places.people)
-        learned |= {"observation": ObservationLayout(**config.observation), "decision_dt": config.decision_dt}
-        return GeneratedCrowds(num_envs, threads=threads, **own, **learned)
+        own = {"beside": places_of_tasks(config.places.people), **_of(config.places, "people", "seeds", "share")}
+        return GeneratedCrowds(num_envs, threads=threads, decision_dt=config.decision_dt, **own, **learned)
     arguments = arguments_of({"threads": threads, **physics_of(config), "frame": config.frame, **learned})
     arguments |= {"num_envs": num_envs, "autoreset": True}
     share = task_of(config).learned_share

@@ -1,12 +1,10 @@
-"""What learning makes of a dilemma: best responses to a crowd, and crowds that are paid in other ways."""
+"""Learning in a dilemma: best responses to a crowd, and crowds with other rewards."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
-
-from stable_baselines3 import PPO
 
 from crowd_env.core.console import say
 from crowd_env.core.files.json_file import json_number, write_json
@@ -32,11 +30,11 @@ from .training import trained_in
 
 _DOOR, _MIXED, _RUNS = "dilemma-door", "dilemma-mixed", 100
 _QUEUES = "queue: `evolution`"
-# What a best response may do: overtake too.
+# Actions of a best response, which include overtaking.
 _FREE = {"name": "speeds-directions", "speeds": [0.0, 0.5, 1.0], "headings": [k * math.pi / 6 for k in range(-3, 4)]}
-# Of a best response: people who learn, rooms, s in which most of them are out, and training steps of all slots.
+# Of a best response: share of pedestrians that learn, rooms, s in which most of them leave, and training steps of all slots.
 _SHARE, _ROOMS, _LIMIT, _STEPS = 0.05, 16, 15.0, 6_000_000
-# How a crowd is trained -> task, start, and what of its reward is another.
+# Training of a crowd -> task, start, and changes of the reward.
 _PRICES = {"progress": 0.5, "time": 1.0, "contact": 1.0, "head": 5.0}
 _TRAINED: Mapping[str, tuple[str, str, Plain]] = {
     "PPO, own time": (_DOOR, "evolution", {}),
@@ -51,44 +49,41 @@ def train_crowd(task: str, start: str, reward: Mapping[str, object], seed: int =
     """Return the last policy of PPO with the preset of a task, from a start, with a changed ``reward``."""
     config = task_config(task, seed, start=start)
     config = replace(config, reward={**config.reward, **reward})
-    env = cast(WalkingBatch, make_env(config))
-    return _trained(env, config, config.steps, lambda model: begin(model, config))
+    return _trained(cast(WalkingBatch, make_env(config)), config, config.steps)
 
 
 def best_response(crowd: Policy, task: str, seed: int = 0, steps: int = _STEPS) -> LearnedPolicy:
-    """Return what PPO learns from full speed, paid for its own time alone, among pedestrians that follow a policy.
+    """Return the policy that PPO learns from full speed, for its own time alone, among pedestrians that follow a policy.
 
-    It may turn aside, and sees what the crowd sees, or if that is a rule what policies of the task see.  One of twenty
-    pedestrians learns; an episode ends after 15 s, when most of those that push are out.  More steps may find a better
-    response.
+    It may turn aside.  It observes what the crowd observes, or if that is a rule what policies of the task observe.  One of
+    twenty pedestrians learns.  An episode ends after 15 s, when most pedestrians that push have left.  More steps may find a
+    better response.
 
     Parameters
     ----------
-    task : whose preset holds the place and the settings.
-    steps : of all pedestrians, of the crowd too.
+    task : name of the task; its preset gives the place and the settings.
+    steps : of all pedestrians, including the crowd.
     """
     config = task_config(task, seed, start=RULE)
-    seen = crowd.env_options["observation"] if isinstance(crowd, LearnedPolicy) else config.observation
-    own = {"frame": config.frame, "action": _FREE, "observation": seen}
+    observation = crowd.env_options["observation"] if isinstance(crowd, LearnedPolicy) else config.observation
+    own = {"frame": config.frame, "action": _FREE, "observation": observation}
     arguments = arguments_of({**physics_of(config), **own, "reward": {"progress": 0.5, "time": 1.0}})
     arguments |= {"num_envs": _ROOMS, "time_limit": _LIMIT, "autoreset": True}
     env = MixedEnv(place_of(config), share=_SHARE, others=crowd, **arguments)
-    # A rollout is a whole episode of every environment: somebody learns in each.
+    # A rollout is a whole episode of every environment: pedestrians learn in each.
     config = replace(config, ppo=replace(config.ppo, n_steps=round(_LIMIT / env.decision_dt), batch_size=1024))
     return _trained(env, config, steps)
 
 
-def _trained(
-    env: WalkingBatch, config: TrainingConfig, steps: int, begun: Callable[[PPO], None] = lambda model: None
-) -> LearnedPolicy:
+def _trained(env: WalkingBatch, config: TrainingConfig, steps: int) -> LearnedPolicy:
     model = make_ppo(env, config.ppo, config.seed)
-    begun(model)
+    begin(model, config)
     model.learn(steps)
     return cast(LearnedPolicy, trained_in(env, network_of(model), config, std_of(model)))
 
 
 def measure(out: Path) -> None:
-    """Measure what crowds that push lose, what a deviator gains, and what learning makes of it; write both into a folder."""
+    """Measure the cost of pushing crowds, the gain of deviators, and the effect of learning; write table and figure to a folder."""
     task, push, queue = make_task(_DOOR), StrategyPolicy("shortest", name=RULE), make_policy("evolution")
     out.mkdir(parents=True, exist_ok=True)
     crowds = {"full speed": push, _QUEUES: queue, "`generalist`": make_policy("generalist")}
@@ -98,14 +93,16 @@ def measure(out: Path) -> None:
     rows: list[Plain] = []
     shares: list[Plain] = []
     all_push = follow(push, task, runs=_RUNS)
-    for name, crowd in crowds.items():
-        say(f"looking for who gains by deviating: {name} ...")
+    for title, crowd in crowds.items():
+        say(f"looking for deviators that gain: {title} ...")
         deviators = {"push": push, "queue": queue, "learned": best_response(crowd, _DOOR)}
         all_follow = follow(crowd, task, runs=_RUNS)
-        gains = {who: gain(all_follow, follow(crowd, task, runs=_RUNS, deviator=one)) for who, one in deviators.items()}
+        gains = {
+            name: gain(all_follow, follow(crowd, task, runs=_RUNS, deviator=one)) for name, one in deviators.items()
+        }
         price = price_of_anarchy(all_push, all_follow)
-        rows.append({"crowd": name, **payoffs(all_follow), "price": price, "gain": gains})
-        for share in SHARES if name == _QUEUES else ():
+        rows.append({"crowd": title, **payoffs(all_follow), "price": price, "gain": gains})
+        for share in SHARES if title == _QUEUES else ():
             some_push = follow(crowd, task, runs=_RUNS, deviator=push, share=share)
             price_of = deterrent(crowd, task, runs=_RUNS, deviator=push, share=share)
             shares.append({"pushers": share, **payoffs(some_push), "deterrent": json_number(price_of)})
@@ -116,8 +113,8 @@ def measure(out: Path) -> None:
 
 
 def draw(path: Path, shares: list[Plain], reference: dict[str, float]) -> None:
-    """Draw Schelling's diagram: when who pushes and who follows is out, by the share of those who push."""
-    kinds = {"who follows": "mean_exit_others", "all": "mean_exit", "who pushes": "mean_exit_deviators"}
+    """Draw Schelling's diagram: mean exit times of pedestrians that push and that follow, over the share that pushes."""
+    kinds = {"following": "mean_exit_others", "all": "mean_exit", "pushing": "mean_exit_deviators"}
     series = {name: [row[kind]["mean"] for row in shares] for name, kind in kinds.items()}
     errors = {name: [row[kind]["mean"] - row[kind]["ci95"][0] for row in shares] for name, kind in kinds.items()}
     learning_curve(
@@ -127,6 +124,6 @@ def draw(path: Path, shares: list[Plain], reference: dict[str, float]) -> None:
         reference=reference,
         errors=errors,
         title=f"{_DOOR}: runs that cleared, 95 % intervals",
-        xlabel="share of the people who push [%]",
+        xlabel="share of the pedestrians that push [%]",
         ylabel="mean exit time [s]",
     )
