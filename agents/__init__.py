@@ -1,4 +1,4 @@
-"""Who decides: policies over arrays, rule-based and learned, behind one protocol."""
+"""Policies over arrays, rule-based and learned, behind one protocol."""
 
 from .policy import Policy
 from .pretrained import PRETRAINED, load
@@ -47,9 +47,9 @@ def make_policy(policy: str | Policy) -> Policy:
 
 
 def starts_from(policy: str) -> str:
-    """Return what a policy of this name knew before it learned: "nothing", a rule that it cloned, or that it is "a rule".
+    """Return the start of learning of a policy: "nothing", a rule that it cloned, or "a rule" for a policy without learning.
 
-    Nothing is full speed: where PPO begins unless it is told otherwise, and a search over weights that are all 0.
+    Nothing is full speed: the default start of PPO, and of a search over weights that are all 0.
     """
     if names_file(policy) or policy in PRETRAINED:
         return told_start(load(policy).trained.get("start"))
@@ -57,7 +57,7 @@ def starts_from(policy: str) -> str:
 
 
 def told_start(start: str | None) -> str:
-    """Return what `starts_from` says of a training with this ``start``; None is not known."""
+    """Return `starts_from` for a training with this ``start``; None is unknown."""
     return {None: "–", "rule": "nothing", "nothing": "nothing"}.get(start, f"clone of {start}")
 
 

@@ -43,7 +43,7 @@ UNHINDERED = Hindrance()
 
 
 class Sight:
-    """The observations of pedestrians of whom each misses a share of the others.
+    """The observations of pedestrians if each misses a share of the others.
 
     In every decision the pedestrians of an environment form n random cohorts.  A cohort does not see the next one.  So each
     pedestrian misses each other one with a probability of 1 / n.  This holds for all terms about others: density, nearest

@@ -55,7 +55,7 @@ def train_crowd(task: str, start: str, reward: Mapping[str, object], seed: int =
 def best_response(crowd: Policy, task: str, seed: int = 0, steps: int = _STEPS) -> LearnedPolicy:
     """Return the policy that PPO learns from full speed, for its own time alone, among pedestrians that follow a policy.
 
-    It may turn aside.  It observes what the crowd observes, or if that is a rule what policies of the task observe.  One of
+    It may turn aside.  It has the observation of the crowd or, if that is a rule, of policies of the task.  One of
     twenty pedestrians learns.  An episode ends after 15 s, when most pedestrians that push have left.  More steps may find a
     better response.
 
@@ -83,7 +83,7 @@ def _trained(env: WalkingBatch, config: TrainingConfig, steps: int) -> LearnedPo
 
 
 def measure(out: Path) -> None:
-    """Measure the cost of pushing crowds, the gain of deviators, and the effect of learning; write table and figure to a folder."""
+    """Measure the cost of pushing, the gain of deviators, and the effect of learning; write table and figure to a folder."""
     task, push, queue = make_task(_DOOR), StrategyPolicy("shortest", name=RULE), make_policy("evolution")
     out.mkdir(parents=True, exist_ok=True)
     crowds = {"full speed": push, _QUEUES: queue, "`generalist`": make_policy("generalist")}

@@ -1,6 +1,6 @@
 """MAPPO (Yu et al. 2022, "The surprising effectiveness of PPO in cooperative multi-agent games"): the critic sees the crowd.
 
-The actor observes what a pedestrian observes; only the actor is kept.  The critic also observes the mean observation of all
+The actor has the observation of one pedestrian; only the actor is kept.  The critic also has the mean observation of all
 pedestrians inside the environment, and their number: a state of fixed width, independent of the order of pedestrians.
 """
 

@@ -45,8 +45,8 @@ def make_ppo(env: WalkingBatch | RoutingVectorEnv, settings: PPOSettings, seed: 
     """Return an untrained PPO model on ``env``, made with ``autoreset=True``.
 
     The mean action (the mode of a Beta distribution) starts at (1, 0), full speed along the shortest path.  For discrete
-    actions this choice is the most likely one.  So learning starts at the rule, not at a random walk.  In `RoutingVectorEnv` the most
-    likely choice of every region is the exit nearest to its center.
+    actions this choice is the most likely one.  So learning starts at the rule, not at a random walk.  In `RoutingVectorEnv`
+    the most likely choice of every region is the exit nearest to its center.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""A significance test: is the best network of a training better than its first, on draws that chose neither?
+"""A significance test: is the best network of a training better than its first, on fresh draws?
 
-The best of a learning curve is partly lucky: a few validation draws are looked at many times.  Where training starts at a rule
-that is hard to beat, what luck chose can be worse than the rule.
+The best network of a learning curve is partly lucky: it is the best of many evaluations on few validation draws.  Where
+training starts at a rule that is hard to beat, the lucky network can be worse than the rule.
 """
 
 from collections.abc import Sequence
@@ -26,30 +26,30 @@ from .callbacks import START
 from .curve import CURVE, MARGIN, best_row, read_curve
 
 UNCONFIRMED, FOUND = "unconfirmed.safetensors", "confirmation.json"
-LOOKS, DRAWS = 4, 25  # at most so many looks, so many further draws for each
+LOOKS, DRAWS = 4, 25  # largest number of looks, and further draws of each
 # Group-sequential test of O'Brien and Fleming (1979) at 5 %, two-sided, four looks: after look k the difference over its
-# standard error must be beyond 2.024 √(4 / k) (Jennison and Turnbull 2000, table 2.3).
+# standard error must exceed 2.024 √(4 / k) (Jennison and Turnbull 2000, table 2.3).
 _BOUND = 2.024
-_BLOCKS = 60_000  # of draws, of which a training gets one: they end below those of submissions
+_BLOCKS = 60_000  # of draws; each training has one block, and all blocks end below the draws of submissions
 
 
 def compare_with_start(folder: Path, config: TrainingConfig, threads: int = 1) -> None:
     """Keep the first network of a finished training on a task unless the best on validation draws is significantly better.
 
-    Both lead the crowd of the task as it stands, with its own number of people and physics step, on the same fresh draws, which
-    belong to this task and seed alone (`first_draw`).  They are compared by the time of the last person; somebody left inside
-    counts until the time limit.  A plain difference ends the test early.  So does a network that is less than `MARGIN` later
-    and touches less: it is kept then too, as where all draws leave the time open and it is not later on average, but touches
-    less.
+    Both networks move the crowd of the task, with its number of pedestrians and physics step, on the same fresh draws.  These
+    draws belong to this task and seed alone (`first_draw`).  The test compares times of the last pedestrian; a pedestrian left
+    inside counts until the time limit.  A clear difference ends the test early.  So does a network that is less than `MARGIN`
+    later and has less contact: the test then keeps it.  It also keeps a network that has less contact and is not later on
+    average, if all draws leave the time undecided.
 
-    Type-I error: 2.5 % for a network that is no sooner, and 2.5 % for one that is `MARGIN` later: both are held against the
-    same bounds after each look.  Whether it touches less is a further question to the same draws at every look, so that the
-    bound of a single look counts: the error is below 0.1 %.
+    Type-I error: 2.5 % for a network that is no sooner, and 2.5 % for one that is `MARGIN` later.  Both are tested against the
+    same bounds at each look.  Contact is a further hypothesis on the same draws at every look.  It has the bound of a single
+    look, with an error below 0.1 %.
 
-    ``confirmation.json`` holds the outcome.  What has been simulated is kept, so that an interrupted test goes on.  Where the
-    start is kept, ``best.safetensors`` is the start, and the other ``unconfirmed.safetensors``.
+    ``confirmation.json`` holds the result.  Simulated draws are kept, so that an interrupted test can continue.  If the test
+    keeps the start, ``best.safetensors`` is the start, and ``unconfirmed.safetensors`` the other network.
 
-    A run whose start did best, or that an earlier version began, is not tested; a selfish task keeps the last network.
+    There is no test of a run whose start did best, or that an earlier version began; a selfish task keeps the last network.
     """
     if task_of(config).selfish:
         write_json(folder / FOUND, {"kept": "last"})
@@ -92,7 +92,7 @@ def compare_with_start(folder: Path, config: TrainingConfig, threads: int = 1) -
 
 
 def kept_row(folder: Path, curve: Sequence[dict[str, float]]) -> dict[str, float]:
-    """Return the row of the learning curve of the network that was kept."""
+    """Return the row of the learning curve for the kept network."""
     kept = (outcome(folder) or {}).get("kept")
     if kept in ("start", "last"):
         return curve[0 if kept == "start" else -1]
@@ -100,12 +100,12 @@ def kept_row(folder: Path, curve: Sequence[dict[str, float]]) -> dict[str, float
 
 
 def outcome(folder: Path) -> dict[str, str | float] | None:
-    """Return what `compare_with_start` found; None where nothing was tested."""
+    """Return the result of `compare_with_start`; None without a test."""
     return read_json(folder / FOUND) if (folder / FOUND).exists() else None
 
 
 def _reopen(folder: Path, best: dict[str, float]) -> None:
-    """Forget an earlier test; a network that it refused is tested again if it still is the best of the curve."""
+    """Delete an earlier result; a network that it rejected is tested again if it still is the best of the curve."""
     before, refused = outcome(folder), folder / UNCONFIRMED
     if before is not None and refused.exists() and before["steps"] == best["steps"]:
         _copy(refused, folder / NETWORK)
@@ -119,7 +119,7 @@ def _copy(source: Path, target: Path) -> None:
 
 
 def _minus_start(folder: Path, config: TrainingConfig, look: int, threads: int) -> tuple[Floats, Floats]:
-    """Return the network minus the start in each draw of a look: time of the last person [s], impulse [N s]."""
+    """Return network minus start in each draw of a look: time of the last pedestrian [s], impulse [N s]."""
     place, task = judged_place(config), task_of(config)
     seed = first_draw(config) - HELD_OUT_SEED + look * DRAWS
     kept = EvaluationFolder(folder / f"confirmation-{look + 1}", settings_of(place, DRAWS, seed, task))
@@ -130,7 +130,7 @@ def _minus_start(folder: Path, config: TrainingConfig, look: int, threads: int) 
 
 
 def first_draw(config: TrainingConfig) -> int:
-    """Return the seed of the first draw, which follows from what was trained for and the seed of the training."""
+    """Return the seed of the first draw, which follows from task or scenario and the seed of the training."""
     number = int(fingerprint(config.task or config.scenario, config.seed), 16)
     return FINAL_SEED + LOOKS * DRAWS * (number % _BLOCKS)
 
@@ -140,6 +140,6 @@ def _error(difference: Floats) -> float:
 
 
 def _over_error(difference: Floats) -> float:
-    """Return the mean over its standard error; equal differences that are not 0 are infinitely sure."""
+    """Return the mean over its standard error; infinite for equal differences other than 0."""
     mean, error = float(difference.mean()), _error(difference)
     return mean / error if error > 0.0 else float(np.sign(mean)) * np.inf if mean else 0.0
