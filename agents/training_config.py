@@ -167,7 +167,7 @@ class TrainingConfig:
     backend: str = "native"
     task: str | None = None
     scenario: str
-    options: Plain
+    options: Plain = field(default_factory=dict)
     people: int
     routing: Plain | None = None
     places: GeneratedPlaces | None = None
@@ -185,7 +185,7 @@ class TrainingConfig:
     action: str | Plain = "continuous"
     observation: Plain = field(default_factory=lambda: ObservationLayout().as_table())
     reward: Plain = field(default_factory=lambda: {"weights": {"progress": 0.5, "time": 1.0}, "team_share": 0.5})
-    start: str
+    start: str = RULE
     ppo: PPOSettings = PPOSettings()
     eval_every: int = 1_500_000
     eval_runs: int = 500
@@ -202,59 +202,45 @@ class TrainingConfig:
 
 
 def default_config(
-    scenario: str,
-    scheme: str,
-    seed: int,
-    envs: int,
-    steps: int,
-    minutes: float,
-    dt: float | None = None,
-    manner: str | None = None,
-    outline: str | None = None,
-    people: int | None = None,
-    options: Plain | None = None,
-    routing: Plain | None = None,
-    start: str = RULE,
+    scenario: str, scheme: str, seed: int, envs: int, steps: int, minutes: float, **given: Any
 ) -> TrainingConfig:
-    """Return every parameter of a run in a scenario without a task.
+    """Return every parameter of a run: the ``given`` fields of `TrainingConfig`, and else those of the scenario.
 
-    By default ``dt`` [s] is that of the scheme; manner, outline and number of pedestrians are those of the scenario.  With
-    ``routing``, options of `RoutingVectorEnv`, a controller learns to send pedestrians to exits.
+    By default ``dt`` [s] is that of the scheme.  With ``routing``, options of `RoutingVectorEnv`, a controller learns to send
+    pedestrians to exits.
 
     Raises
     ------
     ValueError
         If a parameter is unknown or out of range.
     """
-    options = dict(options or {})
-    place = training_place(scenario, options, people)
-    config = TrainingConfig(
+    place = training_place(scenario, given.get("options", {}), given.get("people"))
+    usual: dict[str, Any] = {"people": place.population.people, "strategy": place.strategy_of_run()}
+    if given.get("routing") is not None:
+        usual |= {"strategy": "fastest", "ppo": ROUTING_PPO, "eval_every": 8192, "eval_runs": 50}
+    manner = Headway.plain_of(place.behavior(Headway, given.pop("manner", None)))
+    outline = Outline.plain_of(place.behavior(Outline, given.pop("outline", None)))
+    if "dt" not in given:
+        usual["dt"] = physics_step(Physics(_scheme(scheme), outline=outline), place)
+    return TrainingConfig(
         scenario=scenario,
-        options=options,
-        people=place.population.people,
-        strategy=place.strategy_of_run(),
         scheme=scheme,
         seed=seed,
         envs=envs,
         steps=steps,
         minutes=minutes,
-        dt=physics_step(Physics(_scheme(scheme), outline=outline), place) if dt is None else dt,
-        manner=Headway.plain_of(place.behavior(Headway, manner)),
-        outline=Outline.plain_of(place.behavior(Outline, outline)),
-        start=start,
+        manner=manner,
+        outline=outline,
+        **(usual | given),
     )
-    if routing is None:
-        return config
-    return replace(config, routing=dict(routing), strategy="fastest", ppo=ROUTING_PPO, eval_every=8192, eval_runs=50)
 
 
 def task_config(task: str, seed: int = 0, **given: Any) -> TrainingConfig:
-    """Return every parameter of a run on a task: ``given`` ones, and else those of its preset.
+    """Return every parameter of a run on a task: the ``given`` fields of `TrainingConfig`, and else those of its preset.
 
     Parameters
     ----------
-    given : any of ``people``, ``scheme``, ``dt`` [s], ``manner``, ``outline``, ``start``, ``envs``, ``steps``, ``minutes``,
-        ``routing``; None = that of the preset.  A training with ``routing`` uses the task itself instead of a preset.
+    given : None = that of the preset.  A training with ``routing`` uses the task itself instead of a preset.
 
     Raises
     ------
@@ -263,20 +249,16 @@ def task_config(task: str, seed: int = 0, **given: Any) -> TrainingConfig:
     """
     given = {name: value for name, value in given.items() if value is not None}
     judged, preset = make_task(task), None if "routing" in given else make_preset(task)
-    usual: dict[str, Any] = _of(judged, "scheme", "manner", "people", "dt", "options")
+    usual = _of(judged, "scheme", "manner", "people", "dt", "decision_dt", "options")
     if preset is None:
         usual |= ROUTING_BUDGET
     else:
-        usual |= _of(preset, "people", "dt", "envs", "steps", "start")
+        usual |= _of(preset, "people", "dt", "envs", "steps", "start", "action", "reward", "eval_every", "eval_runs")
         usual |= {"minutes": MINUTES, "options": {**judged.options, **preset.options}}
-    chosen = usual | given
-    if chosen["scheme"] != judged.scheme and "dt" not in given:
-        del chosen["dt"]  # the other scheme's own
-    config = default_config(judged.scenario, seed=seed, **chosen)
-    config = replace(config, task=task, strategy=judged.rule, decision_dt=judged.decision_dt)
-    if preset is None:
-        return config
-    return _preset(config, vars(preset) | {"ppo": preset.settings(config.start)})
+        usual |= {"observation": _observation(preset.terms), "ppo": preset.settings(given.get("start", preset.start))}
+    if given.get("scheme", judged.scheme) != judged.scheme:
+        del usual["dt"]  # the other scheme has a step of its own
+    return default_config(judged.scenario, seed=seed, task=task, strategy=judged.rule, **(usual | given))
 
 
 def generalist_config(seed: int = 0, **given: Any) -> TrainingConfig:
@@ -287,17 +269,20 @@ def generalist_config(seed: int = 0, **given: Any) -> TrainingConfig:
     given : any of ``people``, of the largest places, and ``envs``, ``steps`` and ``minutes`` of PPO.
     """
     preset = {**GENERALIST["places"], **GENERALIST, **given}
-    budget = {name: preset[name] for name in ("envs", "steps", "minutes")}
-    config = default_config(GENERATED_PLACES, "nsm2", seed, **budget, start=NOTHING)
-    places = GeneratedPlaces(**{one.name: preset[one.name] for one in fields(GeneratedPlaces)})
-    return _preset(replace(config, places=places), preset)
+    names = ("envs", "steps", "minutes", "action", "reward", "ppo", "eval_every", "eval_runs")
+    return default_config(
+        GENERATED_PLACES,
+        "nsm2",
+        seed,
+        start=NOTHING,
+        places={one.name: preset[one.name] for one in fields(GeneratedPlaces)},
+        observation=_observation(preset["terms"]),
+        **{name: preset[name] for name in names},
+    )
 
 
-def _preset(config: TrainingConfig, preset: Plain) -> TrainingConfig:
-    """Return a config with action, observation, reward, hyperparameters and evaluations of a preset."""
-    observation = ObservationLayout(terms=tuple(preset["terms"])).as_table()
-    same = {name: preset[name] for name in ("action", "reward", "ppo", "eval_every", "eval_runs")}
-    return replace(config, observation=observation, **same)
+def _observation(terms: Sequence[str]) -> Plain:
+    return ObservationLayout(terms=tuple(terms)).as_table()
 
 
 def _of(thing: object, *names: str) -> dict[str, Any]:
