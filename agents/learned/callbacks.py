@@ -5,11 +5,11 @@ stable-baselines3, the evolution search, and RLlib each call `EvaluationCallback
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import Generic, Self, TypeVar, cast
+from typing import Generic, TypeVar, cast
 
 import numpy as np
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -60,8 +60,8 @@ class EvaluationCallback(ABC, Generic[Learner]):
 class RunCallback(EvaluationCallback[Trained]):
     """Evaluates a training on validation draws; writes the curve, the first network, and the best to its folder.
 
-    For a selfish task it keeps the last network instead of the best.  As a context manager it shows a progress bar.  It ends
-    the training at its time limit, or at the first Ctrl-C or SIGTERM; a second one ends it at once.
+    For a selfish task it keeps the last network instead of the best.  It ends the training at its time limit, or at the first
+    Ctrl-C or SIGTERM; a second one ends it at once.
 
     Parameters
     ----------
@@ -90,7 +90,6 @@ class RunCallback(EvaluationCallback[Trained]):
         self._keep, self._threads = keep, threads
         self._returns: list[float] = []
         self._searched: list[dict[str, float]] = []
-        self._context = ExitStack()
         self._bar = Progress(  # on the error stream: the table goes to standard output
             TextColumn("training"),
             BarColumn(),
@@ -103,13 +102,11 @@ class RunCallback(EvaluationCallback[Trained]):
         )
         self._task = self._bar.add_task("", total=1.0, figures="")
 
-    def __enter__(self) -> Self:
-        self._context.enter_context(stops_by(self.interrupt))
-        self._context.enter_context(self._bar)
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._context.close()
+    @contextmanager
+    def running(self) -> Iterator[None]:
+        """Show the progress bar, and take Ctrl-C and SIGTERM as interrupts."""
+        with stops_by(self.interrupt), self._bar:
+            yield
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
         """End the training as soon as possible; at once if called a second time."""

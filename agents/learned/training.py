@@ -9,6 +9,7 @@ from typing import Generic, TypeVar, cast
 
 import gymnasium
 import numpy as np
+import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
@@ -16,6 +17,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.vec_env import VecEnv
 
 from crowd_env.core.console import say
+from crowd_env.core.files.atomic import written
 from crowd_env.envs.action import SpeedTable, make_action
 from crowd_env.envs.adapters.sb3 import MaskedRolloutBuffer
 from crowd_env.envs.protocol import WalkingBatch
@@ -28,11 +30,12 @@ from ..training_config import PPOSettings, TrainingConfig, facts_of, make_env
 from ..walking import WalkingRule
 from .actor_critic import network_of, std_of
 from .callbacks import EvaluationCallback, RunCallback, Trained
-from .checkpoint import read_checkpoint, write_checkpoint
 from .cloning import DECISIONS, ROUNDS, clone
 from .ppo import FallingRate, make_ppo
 from .starts import begin
 
+_CHECKPOINT = "crowd_env checkpoint 1"  # format
+_PARTS = {"policy": "policy", "optimizer": "policy.optimizer"}  # name in checkpoints -> name in stable-baselines3
 _ENDLESS = 10**12  # steps: the evaluation callback ends the training
 Learner = TypeVar("Learner")
 
@@ -63,11 +66,38 @@ def train_here(folder: Path, config: TrainingConfig, threads: int = 1) -> bool:
         begin(model, config, folder, threads, callback.on_search)
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     if not (callback.curve and callback.over):
-        with callback:
+        with callback.running():
             updates = _Updates(callback, policy)
             model.learn(config.steps - model.num_timesteps, callback=updates, reset_num_timesteps=False)
             callback.on_end(model.num_timesteps, policy)
     return not callback.interrupted
+
+
+def write_checkpoint(path: Path, model: PPO) -> None:
+    """Write weights, state of the optimizer, and steps, from which training is resumed, whole or not at all."""
+    parameters = model.get_parameters()
+    content = {name: parameters[part] for name, part in _PARTS.items()}
+    with written(path) as file:
+        torch.save({"format": _CHECKPOINT, **content, "steps": model.num_timesteps}, file)
+
+
+def read_checkpoint(path: Path, model: PPO) -> None:
+    """Load a checkpoint into a model of the same network.  A file that holds more than numbers is refused.
+
+    Raises
+    ------
+    ValueError
+        If the file is missing, damaged, or of another network.
+    """
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+        if content["format"] != _CHECKPOINT:
+            raise ValueError(f"its format is {content['format']!r}")
+        model.set_parameters({part: content[name] for name, part in _PARTS.items()}, device="cpu")
+        model.num_timesteps = int(content["steps"])
+    except Exception as error:  # zip, pickle and torch each have errors of their own
+        reason = str(error).strip().split("\n")[0]
+        raise ValueError(f"{path} is not a checkpoint of this training: {reason}") from None
 
 
 def train_ppo(

@@ -62,7 +62,7 @@ class _Training:
     def run(self) -> bool:
         """Train to the end of the budget; False if it was interrupted."""
         try:
-            with self.callback:
+            with self.callback.running():
                 if self.callback.curve:
                     self.algorithm.restore_from_path(str((self.folder / CHECKPOINT).absolute()))
                     say(f"going on at {self.steps} steps")
