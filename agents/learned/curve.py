@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.csv_table import write_csv
 
 from ..evaluation.comparison import last_times
@@ -24,12 +25,17 @@ CURVE_COLUMNS = (
 )
 
 
+def standard_error(values: Floats) -> float:
+    """Return the standard error of the mean of at least two values."""
+    return float(values.std(ddof=1) / np.sqrt(len(values)))
+
+
 def figures_of(result: Evaluation) -> dict[str, float]:
     """Return the figures of an evaluation in a learning curve."""
     times = last_times(result)
     return {
         "evacuation_time": float(times.mean()),
-        "standard_error": float(times.std(ddof=1) / np.sqrt(len(times))) if len(times) > 1 else np.nan,
+        "standard_error": standard_error(times) if len(times) > 1 else np.nan,
         "unfinished": float(result.column("unfinished").sum()),
         "contact_impulse": float(result.column("contact_impulse").mean()),
     }
@@ -44,10 +50,9 @@ def figures_in_plans(outcomes: Sequence[Outcome]) -> dict[str, float]:
     missing = np.array([one.left + one.strayed for one in outcomes]) > 0.0
     times = np.sort(np.where(missing, np.inf, [one.time for one in outcomes]))
     middle = times[len(times) // 4 : len(times) - len(times) // 4]
-    deviation = middle.std(ddof=1) if np.isfinite(middle).all() else np.inf
     return {
         "evacuation_time": float(middle.mean()),
-        "standard_error": float(deviation / np.sqrt(len(middle))),
+        "standard_error": standard_error(middle) if np.isfinite(middle).all() else np.inf,
         "unfinished": float(missing.sum()),
         "contact_impulse": float(np.mean([one.impulse for one in outcomes])),
     }

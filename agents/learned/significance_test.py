@@ -23,7 +23,7 @@ from ..evaluation.same_draws import compare
 from ..networks import NETWORK
 from ..training_config import TrainingConfig, judged_place, law_of, task_of
 from .callbacks import START
-from .curve import CURVE, MARGIN, best_row, read_curve
+from .curve import CURVE, MARGIN, best_row, read_curve, standard_error
 
 UNCONFIRMED, FOUND = "unconfirmed.safetensors", "confirmation.json"
 LOOKS, DRAWS = 4, 25  # largest number of looks, and further draws of each
@@ -75,10 +75,10 @@ def compare_with_start(folder: Path, config: TrainingConfig, threads: int = 1) -
         "steps": best["steps"],
         "draws": len(later),
         "seconds_later": mean,
-        "standard_error": _error(later),
+        "standard_error": standard_error(later),
         "bound": float(bound),
         "impulse_more": float(harder.mean()),
-        "impulse_standard_error": _error(harder),
+        "impulse_standard_error": standard_error(harder),
     }
     write_json(folder / FOUND, found)
     text = f"the network of step {best['steps']:.0f} is {abs(mean):.2f} s {'sooner' if mean < 0.0 else 'later'} out than the "
@@ -135,11 +135,7 @@ def first_draw(config: TrainingConfig) -> int:
     return FINAL_SEED + LOOKS * DRAWS * (number % _BLOCKS)
 
 
-def _error(difference: Floats) -> float:
-    return float(difference.std(ddof=1) / np.sqrt(len(difference)))
-
-
 def _over_error(difference: Floats) -> float:
     """Return the mean over its standard error; infinite for equal differences other than 0."""
-    mean, error = float(difference.mean()), _error(difference)
+    mean, error = float(difference.mean()), standard_error(difference)
     return mean / error if error > 0.0 else float(np.sign(mean)) * np.inf if mean else 0.0

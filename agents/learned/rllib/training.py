@@ -10,7 +10,6 @@ from crowd_env.core.executors import RayCluster
 
 from ...training_config import TrainingConfig, make_env
 from ..callbacks import RunCallback, Trained
-from ..ppo import FallingRate
 from ..training import trained_in
 from .algorithm import begin_with, first_policy, make_algorithm, policy_of, set_rate
 
@@ -56,7 +55,6 @@ class _Training:
         self.env, self.steps = make_env(config, envs=1), self.callback.steps
         say(f"{runners} runners simulate; compiling the physics takes half a minute of each node the first time")
         self.algorithm = make_algorithm(config, runners)
-        self.rate = FallingRate(config.ppo.learning_rate)
         self._alive = time.monotonic()  # when a runner last made a step
 
     def run(self) -> bool:
@@ -82,8 +80,7 @@ class _Training:
 
     def _iterate(self) -> list[float]:
         """Simulate on all runners, and learn; return the mean return of the episodes that ended, if any."""
-        self.rate.spent = self.callback.progress
-        set_rate(self.algorithm, self.rate(1.0))
+        set_rate(self.algorithm, self.config.ppo.learning_rate * max(0.0, 1.0 - self.callback.progress))
         healthy = self.algorithm.env_runner_group.num_healthy_remote_workers()
         found = self.algorithm.train().get("env_runners", {})
         made = int(found.get("slot_steps", 0))
