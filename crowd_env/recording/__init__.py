@@ -1,7 +1,8 @@
 """Recordings of evacuations: written as they run, in the formats of JuPedSim, PedPy and data frames, and read back."""
 
-from crowd_env.recording.formats import FORMATS, load
+from crowd_env.recording.content import FrameContacts
+from crowd_env.recording.formats import FORMATS
 from crowd_env.recording.recorder import RunRecorder, record
-from crowd_env.recording.recording import FrameContacts, Recording
+from crowd_env.recording.recording import Recording, load
 
 __all__ = ["FORMATS", "FrameContacts", "Recording", "RunRecorder", "load", "record"]

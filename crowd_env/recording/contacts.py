@@ -6,7 +6,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.physics.simulation.simulation import Simulation
-from crowd_env.recording.recording import FrameContacts
+from crowd_env.recording.content import FrameContacts
 
 _MOST_ROWS = 100_000  # of single steps that wait to be summed
 

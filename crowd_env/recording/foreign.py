@@ -6,12 +6,12 @@ Text files are as in PedPy and the data archive of Juelich: ``id frame x y ...``
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.core.files.foreign import read_text
-from crowd_env.recording.recording import Recording
 
 _RADIUS = 0.2  # m, where a file has no bodies
 _FRAME_RATE = re.compile(r"framerate\D*?(\d+(?:\.\d+)?)", re.IGNORECASE)
@@ -21,8 +21,8 @@ _MARGIN = 0.5  # m, around positions of which no walkable area is known
 
 def recording_of_positions(
     path: Path, frame: Ints, person: Ints, position: Floats, fps: float, walkable: str | None = None
-) -> Recording:
-    """Return a recording of positions: the frame (R,), the person (R,) and the position (R, 2) [m] of each row.
+) -> dict[str, Any]:
+    """Return the fields of a recording of positions: the frame (R,), the person (R,) and the position (R, 2) [m] of each row.
 
     Pedestrians are renumbered, in the order of their numbers in the file.  Velocities are differences between the rows before
     and after.  A pedestrian without a row in the last frame has got out, one frame after its last row.  Every radius is 0.2 m;
@@ -49,25 +49,25 @@ def recording_of_positions(
     if walkable is None:
         (x0, y0), (x1, y1) = position.min(axis=0) - _MARGIN, position.max(axis=0) + _MARGIN
         walkable = f"POLYGON (({x0} {y0}, {x1} {y0}, {x1} {y1}, {x0} {y1}, {x0} {y0}))"
-    return Recording(
-        facts={"file": path.name, "people": len(numbers), "every": 1.0 / fps, "outline": "disc", "finished": True},
-        walkable=walkable,
-        thin_walls=np.zeros((0, 2, 2)),
-        doors=(),
-        exits=(),
-        cohorts=("",),
-        times=np.arange(frames) / fps,
-        frame_start=row_starts(np.bincount(frame, minlength=frames)),
-        radius=np.full(len(numbers), _RADIUS),
-        desired_speed=np.full(len(numbers), np.nan),
-        cohort=np.zeros(len(numbers), dtype=np.int64),
-        exit_time=np.where(last < frames - 1, (last + 1) / fps, np.nan),
-        exit_index=np.full(len(numbers), -1, dtype=np.int64),
-        person=person.astype(np.int64),
-        position=position,
-        velocity=_velocity(person, frame, position, fps),
-        pressure=np.full(len(frame), np.nan),
-    )
+    return {
+        "facts": {"file": path.name, "people": len(numbers), "every": 1.0 / fps, "outline": "disc", "finished": True},
+        "walkable": walkable,
+        "thin_walls": np.zeros((0, 2, 2)),
+        "doors": (),
+        "exits": (),
+        "cohorts": ("",),
+        "times": np.arange(frames) / fps,
+        "frame_start": row_starts(np.bincount(frame, minlength=frames)),
+        "radius": np.full(len(numbers), _RADIUS),
+        "desired_speed": np.full(len(numbers), np.nan),
+        "cohort": np.zeros(len(numbers), dtype=np.int64),
+        "exit_time": np.where(last < frames - 1, (last + 1) / fps, np.nan),
+        "exit_index": np.full(len(numbers), -1, dtype=np.int64),
+        "person": person.astype(np.int64),
+        "position": position,
+        "velocity": _velocity(person, frame, position, fps),
+        "pressure": np.full(len(frame), np.nan),
+    }
 
 
 def _velocity(person: Ints, frame: Ints, position: Floats, fps: float) -> Floats:
@@ -85,8 +85,8 @@ def _velocity(person: Ints, frame: Ints, position: Floats, fps: float) -> Floats
     return velocity
 
 
-def read_text_trajectory(path: Path) -> Recording:
-    """Return the trajectories of a text file.
+def read_text_trajectory(path: Path) -> dict[str, Any]:
+    """Return the fields of a recording of the trajectories in a text file.
 
     Raises
     ------

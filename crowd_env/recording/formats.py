@@ -3,24 +3,23 @@
 import importlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.atomic import check_suffix
-from crowd_env.core.files.foreign import require_file
 from crowd_env.core.libraries import needed_for
+from crowd_env.recording.content import Frames
 from crowd_env.recording.foreign import read_text_trajectory
 from crowd_env.recording.hdf5 import Hdf5Writer, read_hdf5
-from crowd_env.recording.recording import Recording
 from crowd_env.recording.sqlite import SqliteWriter, read_sqlite
-from crowd_env.recording.writer import Writer, part_of
+from crowd_env.recording.writer import Writer
 
 
 class Format(NamedTuple):
     """A format to read recordings from, and perhaps to write."""
 
-    read: Callable[[Path], Recording]
-    write: Callable[[Path, Recording], Writer] | None
+    read: Callable[[Path], dict[str, Any]]  # the fields of the recording
+    write: Callable[[Path, Frames], Writer] | None
     library: str  # that has to be installed
 
 
@@ -54,11 +53,11 @@ def check_writable(what: str, path: str | Path) -> Path:
     path = check_suffix(path_of(what, path), written)
     if path.is_dir():
         raise ValueError(f"{what} is {path}, which is a folder; it must be a file")
-    _require_library(path, "writing")
+    require_library(path, "writing")
     return path
 
 
-def open_writer(path: Path, first: Recording) -> Writer:
+def open_writer(path: Path, first: Frames) -> Writer:
     """Return the writer of a path that `check_writable` has let pass, for a recording that begins with ``first``."""
     write = FORMATS[path.suffix.lower()].write
     assert write is not None
@@ -66,33 +65,7 @@ def open_writer(path: Path, first: Recording) -> Writer:
     return write(path, first)
 
 
-def load(path: str | Path) -> Recording:
-    """Return the recording in a file: ours in any format, finished or not, and trajectories of JuPedSim and PedPy.
-
-    An unfinished recording (`NAME.part.sqlite`, `.part.h5`) holds the frames written so far, and ``facts["finished"]`` is
-    False.  Files of other programs hold positions alone: see `docs/recordings.md`.
-
-    Raises
-    ------
-    ValueError
-        If the suffix is unknown, the file is missing or damaged, or its content is not a recording.
-    ModuleNotFoundError
-        If the library that reads the format is not installed.
-    """
-    path = check_suffix(path_of("the file of the recording", path), tuple(FORMATS))
-    if not path.exists():
-        part = part_of(path)
-        hint = f"; {part} holds what was recorded before its run broke off" if part.exists() else ""
-        raise ValueError(f"there is no recording {path}{hint}")
-    require_file(path)
-    _require_library(path, "reading")
-    try:
-        return FORMATS[path.suffix.lower()].read(path)
-    except Exception as error:  # a damaged file fails in many ways, and each library has exceptions of its own
-        words = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(words if str(path) in words else f"cannot read {path}: {words}") from None
-
-
-def _require_library(path: Path, doing: str) -> None:
+def require_library(path: Path, doing: str) -> None:
+    """Raise ModuleNotFoundError unless the library of a format is installed; the message says how to install it."""
     with needed_for(f"{doing} {path.name}"):
         importlib.import_module(FORMATS[path.suffix.lower()].library)

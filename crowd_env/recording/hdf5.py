@@ -17,18 +17,9 @@ from typing import Any
 import numpy as np
 
 from crowd_env.core.files.atomic import written
+from crowd_env.recording.content import OF_PEOPLE, FrameContacts, Frames
 from crowd_env.recording.foreign import recording_of_positions
-from crowd_env.recording.recording import OF_PEOPLE, FrameContacts, Recording
-from crowd_env.recording.writer import (
-    area_with_aprons,
-    as_json,
-    facing,
-    in_files,
-    part_of,
-    place_of,
-    recording_of,
-    remove_part,
-)
+from crowd_env.recording.writer import area_with_aprons, as_json, facing, fields_of, in_files, part_of, place_of, remove_part
 
 _NUMBERS = ("x", "y", "z", "ox", "oy", "vx", "vy", "pressure")
 _ROW = [("frame", "<i4"), ("id", "<i4"), *((name, "<f8") for name in _NUMBERS)]
@@ -36,13 +27,14 @@ _FRAME = [("time", "<f8"), ("rows", "<i8"), ("contacts", "<i8")]  # rows and con
 _PERSON = [("radius", "<f8"), ("desired_speed", "<f8"), ("group", "<i4"), ("exit_time", "<f8"), ("exit_index", "<i4")]
 _PERSON += [("company", "<i4")]
 _CONTACT = [("i", "<i4"), ("j", "<i4"), ("gap", "<f8"), ("normal", "<f8", 2), ("point", "<f8", 2), ("force", "<f8", 2)]
+_OF_CONTACTS = FrameContacts._fields[1:]
 _CHUNK = 4096  # rows
 
 
 class Hdf5Writer:
     """Writes a recording into an HDF5 file; every append ends with a flush."""
 
-    def __init__(self, path: Path, first: Recording) -> None:
+    def __init__(self, path: Path, first: Frames) -> None:
         import h5py
 
         self._path, self._part, self._facts = path, part_of(path), first.facts
@@ -52,7 +44,7 @@ class Hdf5Writer:
         with _named(self._part, self._file):
             self._begin(first)
 
-    def _begin(self, first: Recording) -> None:
+    def _begin(self, first: Frames) -> None:
         optional = [(name, "<f8", values.shape[1:]) for name, values in _optional(first).items()]
         rows = self._table("trajectory", _ROW + optional)
         rows.attrs["fps"] = 1.0 / first.frame_interval
@@ -69,30 +61,25 @@ class Hdf5Writer:
         packed: dict[str, Any] = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
         return self._file.create_dataset(name, (0,), np.dtype(kind), maxshape=(None,), chunks=(_CHUNK,), **packed)
 
-    def append(self, part: Recording) -> None:
+    def append(self, part: Frames) -> None:
         """Write the next frames: first their rows, last that they are there."""
         with _named(self._part, self._file):
             self._append(self._file, part)
 
-    def _append(self, file: Any, part: Recording) -> None:
-        rows = np.zeros(len(part.person), dtype=file["trajectory"].dtype)
-        rows["frame"], rows["id"], rows["pressure"] = len(file["frames"]) + part.frame, part.person, part.pressure
-        for first, values in {"x": part.position, "ox": facing(part), "vx": part.velocity}.items():
-            rows[first], rows[first.replace("x", "y")] = values.T
-        for name, values in _optional(part).items():
-            rows[name] = values
-        count = np.zeros(len(part.times), dtype=_FRAME)
-        count["time"], count["rows"] = part.times, len(file["trajectory"]) + part.frame_start[1:]
+    def _append(self, file: Any, part: Frames) -> None:
+        (x, y), (ox, oy), (vx, vy) = part.position.T, facing(part).T, part.velocity.T
+        of_bodies = {"x": x, "y": y, "ox": ox, "oy": oy, "vx": vx, "vy": vy, "pressure": part.pressure}
+        frame = len(file["frames"]) + part.frame
+        rows = _packed(file["trajectory"].dtype, frame=frame, id=part.person, **of_bodies, **_optional(part))
+        count = {"time": part.times, "rows": len(file["trajectory"]) + part.frame_start[1:]}
         if part.contacts is not None:
-            count["contacts"] = len(file["contacts"]) + part.contacts.start[1:]
-            contacts = np.zeros(len(part.contacts.i), dtype=_CONTACT)
-            for name in FrameContacts._fields[1:]:
-                contacts[name] = getattr(part.contacts, name)
-            self._extend("contacts", contacts)
+            start, *contacts = part.contacts
+            count["contacts"] = len(file["contacts"]) + start[1:]
+            self._extend("contacts", _packed(_CONTACT, **dict(zip(_OF_CONTACTS, contacts, strict=True))))
         self._extend("trajectory", rows)
         file["people"][:] = _people(part)
         file["people"].flush()
-        self._extend("frames", count)
+        self._extend("frames", _packed(_FRAME, **count))
 
     def _extend(self, name: str, rows: np.ndarray) -> None:
         table = self._file[name]
@@ -140,20 +127,25 @@ def _named(path: Path, file: Any = None) -> Iterator[None]:
         raise OSError(f"cannot write {path}: {why[1] if why else type(error).__name__}") from error
 
 
-def _optional(recording: Recording) -> dict[str, np.ndarray]:
+def _optional(recording: Frames) -> dict[str, np.ndarray]:
     """Return the columns of rows that only some recordings have."""
     return ({} if recording.angle is None else {"angle": recording.angle}) | dict(recording.memory)
 
 
-def _people(recording: Recording) -> np.ndarray:
-    people = np.zeros(len(recording.radius), dtype=_PERSON)
-    for name in OF_PEOPLE:
-        people[in_files(name)] = getattr(recording, name)
-    return people
+def _people(recording: Frames) -> np.ndarray:
+    return _packed(_PERSON, **{in_files(name): getattr(recording, name) for name in OF_PEOPLE})
 
 
-def read_hdf5(path: Path) -> Recording:
-    """Return the recording in a file of this kind, written by this package, finished or not, or by others.
+def _packed(kind: Any, **columns: np.ndarray) -> np.ndarray:
+    """Return columns as rows of a table; numbers that are left out are 0."""
+    rows = np.zeros(len(next(iter(columns.values()))), dtype=kind)
+    for name, values in columns.items():
+        rows[name] = values
+    return rows
+
+
+def read_hdf5(path: Path) -> dict[str, Any]:
+    """Return the fields of the recording in a file of this kind, written by this package, finished or not, or by others.
 
     Raises
     ------
@@ -180,30 +172,27 @@ def read_hdf5(path: Path) -> Recording:
         return _ours(file)
 
 
-def _ours(file: Any) -> Recording:
+def _ours(file: Any) -> dict[str, Any]:
     count, people = file["frames"][:], file["people"][:]
-    rows = file["trajectory"][: int(count["rows"][-1]) if len(count) else 0]
-    contacts = None
+    rows, contacts = _rows_until(file["trajectory"], count["rows"]), None
     if "contacts" in file:
-        found = file["contacts"][: int(count["contacts"][-1]) if len(count) else 0]
-        start = np.concatenate([[0], count["contacts"]])
-        contacts = FrameContacts(start, *(found[name] for name in FrameContacts._fields[1:]))
+        found = _rows_until(file["contacts"], count["contacts"])
+        contacts = FrameContacts(np.concatenate([[0], count["contacts"]]), *(found[name] for name in _OF_CONTACTS))
     since = count["time"][-1] if len(count) else -np.inf
-    out = people["exit_time"] <= since  # rows written after the last valid frame do not count
-    of_people = {name: people[in_files(name)] for name in OF_PEOPLE}
-    of_people["exit_time"] = np.where(out, people["exit_time"], np.nan)
-    of_people["exit_index"] = np.where(out, people["exit_index"], -1)
-    return recording_of(
+    later = ~(people["exit_time"] <= since)  # rows written after the last valid frame do not count
+    people["exit_time"][later], people["exit_index"][later] = np.nan, -1
+    return fields_of(
         json.loads(file.attrs["facts"]),
         json.loads(file.attrs["place"]),
+        people,
+        rows,
         times=count["time"],
         frame_start=np.concatenate([[0], count["rows"]]),
-        **of_people,
-        person=rows["id"],
-        position=np.stack([rows["x"], rows["y"]], axis=1),
-        velocity=np.stack([rows["vx"], rows["vy"]], axis=1),
-        pressure=rows["pressure"],
-        angle=rows["angle"] if "angle" in rows.dtype.names else None,
         memory={name: rows[name] for name in rows.dtype.names[len(_ROW) :] if name != "angle"},
         contacts=contacts,
     )
+
+
+def _rows_until(table: Any, ends: np.ndarray) -> Any:
+    """Return the rows of all frames that are whole, which end at ``ends`` (F,)."""
+    return table[: int(ends[-1]) if len(ends) else 0]

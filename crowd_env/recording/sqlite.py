@@ -7,6 +7,7 @@ JuPedSim's `Recording` reads, and PedPy's `load_trajectory_from_jupedsim_sqlite`
 import hashlib
 import json
 import os
+import re
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -16,18 +17,9 @@ from typing import Any
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
+from crowd_env.recording.content import FrameContacts, Frames
 from crowd_env.recording.foreign import recording_of_positions
-from crowd_env.recording.recording import OF_PEOPLE, FrameContacts, Recording
-from crowd_env.recording.writer import (
-    PLACE,
-    area_with_aprons,
-    as_json,
-    facing,
-    part_of,
-    place_of,
-    recording_of,
-    remove_part,
-)
+from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing, fields_of, part_of, place_of, remove_part
 
 # The tables that JuPedSim and PedPy read.
 _JUPEDSIM = """
@@ -57,26 +49,20 @@ CREATE TABLE contacts (frame INTEGER NOT NULL, i INTEGER NOT NULL, j INTEGER NOT
     normal_x REAL NOT NULL, normal_y REAL NOT NULL, point_x REAL NOT NULL, point_y REAL NOT NULL,
     force_normal REAL NOT NULL, force_tangential REAL NOT NULL);
 """
-_ROWS = "SELECT frame, id, pos_x, pos_y FROM trajectory_data ORDER BY frame, id"
-_KNOWN = {
-    "trajectory_data",
-    "metadata",
-    "geometry",
-    "frame_data",
-    "facts",
-    "exits",
-    "people",
-    "frames",
-    "motion",
-    "contacts",
-}
+_ROWS = "SELECT frame, id, pos_x AS x, pos_y AS y FROM trajectory_data ORDER BY frame, id"
+_MOTION = "SELECT vel_x AS vx, vel_y AS vy, pressure, angle FROM motion ORDER BY frame, id"
+_PEOPLE = """
+SELECT radius, desired_speed, group_number AS "group", exit_time, ifnull(exit_number, -1) AS exit_index, company
+FROM people ORDER BY id
+"""
+_KNOWN = set(re.findall(r"CREATE TABLE (\w+)", _JUPEDSIM + _OURS + _CONTACTS))
 _AT_ONCE = 50_000  # rows
 
 
 class SqliteWriter:
     """Writes a recording into a SQLite file; every append is a transaction."""
 
-    def __init__(self, path: Path, first: Recording) -> None:
+    def __init__(self, path: Path, first: Frames) -> None:
         self._path, self._part, self._frames = path, part_of(path), 0
         area = area_with_aprons(first)
         self._hash = int.from_bytes(hashlib.blake2b(area.wkt.encode(), digest_size=8).digest(), "big", signed=True)
@@ -99,7 +85,7 @@ class SqliteWriter:
             self._insert("people", ((k, *one, None, None, group) for k, (*one, group) in enumerate(people)))
             self._file.execute("COMMIT")
 
-    def append(self, part: Recording) -> None:
+    def append(self, part: Frames) -> None:
         """Write the next frames in one transaction."""
         frame, person = self._frames + part.frame, part.person
         numbers = range(self._frames, self._frames + len(part.times))
@@ -156,8 +142,8 @@ def _named(path: Path) -> Iterator[None]:
         raise OSError(f"cannot write {path}: {error}") from error
 
 
-def read_sqlite(path: Path) -> Recording:
-    """Return the recording in a file of this kind, written by this package, finished or not, or by JuPedSim.
+def read_sqlite(path: Path) -> dict[str, Any]:
+    """Return the fields of the recording in a file of this kind, written by this package, finished or not, or by JuPedSim.
 
     Raises
     ------
@@ -171,26 +157,18 @@ def read_sqlite(path: Path) -> Recording:
         return _ours(file, tables) if {"facts", "motion"} <= tables else _of_jupedsim(file, path)
 
 
-def _ours(file: sqlite3.Connection, tables: set[str]) -> Recording:
+def _ours(file: sqlite3.Connection, tables: set[str]) -> dict[str, Any]:
     facts = {key: json.loads(value) for key, value in file.execute("SELECT key, value FROM facts")}
     place = {key: facts.pop(key) for key in PLACE if key != "exits"}
     exits = [(name, [line[:2], line[2:]]) for _, name, *line in file.execute("SELECT * FROM exits ORDER BY number")]
-    numbers = "radius, desired_speed, group_number, exit_time, ifnull(exit_number, -1), company"
-    people = _columns(file, f"SELECT {numbers} FROM people ORDER BY id", 6)
-    (times,) = _columns(file, "SELECT time FROM frames ORDER BY frame", 1)
-    frame, person, x, y = _columns(file, _ROWS, 4)
-    vx, vy, pressure, angle = _columns(file, "SELECT vel_x, vel_y, pressure, angle FROM motion ORDER BY frame, id", 4)
-    return recording_of(
+    times, rows = _columns(file, "SELECT time FROM frames ORDER BY frame")["time"], _columns(file, _ROWS)
+    return fields_of(
         facts,
         {**place, "exits": exits},
+        _columns(file, _PEOPLE),
+        rows | _columns(file, _MOTION),
         times=times,
-        frame_start=_starts(frame, len(times)),
-        **dict(zip(OF_PEOPLE, people, strict=True)),
-        person=person,
-        position=np.stack([x, y], axis=1),
-        velocity=np.stack([vx, vy], axis=1),
-        pressure=pressure,
-        angle=angle,
+        frame_start=_starts(rows["frame"], len(times)),
         memory={name: _read_memory(file, name) for name in sorted(tables - _KNOWN)},
         contacts=_read_contacts(file, len(times)) if "contacts" in tables else None,
     )
@@ -203,15 +181,14 @@ def _table_of(name: str, values: Floats) -> str:
 
 def _read_memory(file: sqlite3.Connection, name: str) -> Floats:
     """Return the values of a table that begins with the columns frame and id (R,), or (R, K) of several columns."""
-    names = [column for _, column, *_ in file.execute("SELECT * FROM pragma_table_info(?)", (name,))][2:]
-    query = f"""SELECT {", ".join(names)} FROM "{name}" ORDER BY frame, id"""
-    columns = _columns(file, query, len(names))
+    _, _, *columns = _columns(file, f'SELECT * FROM "{name}" ORDER BY frame, id').values()
     return np.stack(columns, axis=1) if len(columns) > 1 else np.asarray(columns[0])
 
 
 def _read_contacts(file: sqlite3.Connection, frames: int) -> FrameContacts:
-    frame, i, j, gap, *pairs = _columns(file, "SELECT * FROM contacts ORDER BY rowid", 10)
-    return FrameContacts(_starts(frame, frames), i, j, gap, *(np.stack(pairs[k : k + 2], axis=1) for k in (0, 2, 4)))
+    frame, i, j, gap, *pairs = _columns(file, "SELECT * FROM contacts ORDER BY rowid").values()
+    start, of_pairs = _starts(frame, frames), (np.stack(pairs[k : k + 2], axis=1) for k in (0, 2, 4))
+    return FrameContacts(start, i, j, gap, *of_pairs)
 
 
 def _starts(frame: Floats, frames: int) -> Ints:
@@ -219,19 +196,21 @@ def _starts(frame: Floats, frames: int) -> Ints:
     return row_starts(np.bincount(frame.astype(np.int64), minlength=frames))
 
 
-def _columns(file: sqlite3.Connection, query: str, count: int) -> list[Any]:
-    """Return the columns of a query as numbers; NULL is nan."""
-    found, cursor = [np.empty((0, count))], file.execute(query)
+def _columns(file: sqlite3.Connection, query: str) -> dict[str, Any]:
+    """Return the columns of a query as numbers, by name; NULL is nan."""
+    cursor = file.execute(query)
+    names = [name for name, *_ in cursor.description]
+    found = [np.empty((0, len(names)))]
     while rows := cursor.fetchmany(_AT_ONCE):
         found.append(np.array(rows, dtype=np.float64))
-    return list(np.ascontiguousarray(np.concatenate(found).T))
+    return dict(zip(names, np.ascontiguousarray(np.concatenate(found).T), strict=True))
 
 
-def _of_jupedsim(file: sqlite3.Connection, path: Path) -> Recording:
+def _of_jupedsim(file: sqlite3.Connection, path: Path) -> dict[str, Any]:
     fps = file.execute("SELECT value FROM metadata WHERE key = 'fps'").fetchone()
     areas = [wkt for (wkt,) in file.execute("SELECT wkt FROM geometry")]
     if fps is None or not areas:
         raise ValueError(f"{path} has no frame rate or no geometry; a trajectory of JuPedSim has both")
-    frame, person, x, y = _columns(file, _ROWS, 4)
+    frame, person, x, y = _columns(file, _ROWS).values()
     numbers = frame.astype(np.int64), person.astype(np.int64)
     return recording_of_positions(path, *numbers, np.stack([x, y], axis=1), float(fps[0]), areas[0])

@@ -9,14 +9,14 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.boundary import add_aprons
+from crowd_env.recording.content import OF_PEOPLE, Frames
 from crowd_env.recording.exits import APRON
-from crowd_env.recording.recording import Recording
 
 
 class Writer(Protocol):
     """Writes one recording; every appended part is whole, whatever happens to the process afterwards."""
 
-    def append(self, part: Recording) -> None:
+    def append(self, part: Frames) -> None:
         """Write the next frames, at least one."""
 
     def finish(self, facts: Mapping[str, Any]) -> Path:
@@ -43,7 +43,7 @@ def plain(value: Any) -> Any:
     return json.loads(as_json(value))
 
 
-def area_with_aprons(recording: Recording) -> Any:
+def area_with_aprons(recording: Frames) -> Any:
     """Return the area for other programs: the walkable area, and the ground just outside of its exits."""
     exits = np.array([line for _, line in recording.exits], dtype=np.float64).reshape(-1, 2, 2)
     return add_aprons(recording.geometry.walkable, exits, APRON) if len(exits) else recording.geometry.walkable
@@ -69,20 +69,44 @@ def as_json(value: Any) -> str:
     return json.dumps(value, default=np.ndarray.tolist)
 
 
-def recording_of(facts: Mapping[str, Any], place: Mapping[str, Any], **columns: Any) -> Recording:
-    """Return a recording from its facts and the fields ``PLACE`` as they come back from JSON, and its columns."""
-    for key in ("doors", "exits"):
-        columns[key] = tuple((name, np.array(line, dtype=np.float64)) for name, line in place[key])
-    thin_walls = np.array(place["thin_walls"], dtype=np.float64).reshape(-1, 2, 2)
-    if facts["outline"] == "disc":
-        columns["angle"] = None
-    else:
-        columns["outline"] = facts["outline"]
-    named = {"walkable": place["walkable"], "cohorts": tuple(place["groups"])}
-    return Recording(facts=facts, thin_walls=thin_walls, **named, **columns)
+def fields_of(
+    facts: Mapping[str, Any],
+    place: Mapping[str, Any],
+    people: Any,
+    rows: Any,
+    **others: Any,
+) -> dict[str, Any]:
+    """Return the fields of a recording from what both formats hold.
+
+    Parameters
+    ----------
+    facts, place : as they come back from JSON; the place has the fields ``PLACE``.
+    people : columns of the people by name, those in ``OF_PEOPLE``, as files name them.
+    rows : columns of the rows by name: id, x, y, vx, vy, pressure and, of bodies that are no discs, angle.
+    others : other fields.
+    """
+    is_disc = facts["outline"] == "disc"
+    lines = {
+        key: tuple((name, np.array(line, dtype=np.float64)) for name, line in place[key]) for key in ("doors", "exits")
+    }
+    return {
+        **{name: people[in_files(name)] for name in OF_PEOPLE},
+        "walkable": place["walkable"],
+        **lines,
+        "thin_walls": np.array(place["thin_walls"], dtype=np.float64).reshape(-1, 2, 2),
+        "cohorts": tuple(place["groups"]),
+        "facts": facts,
+        "outline": None if is_disc else facts["outline"],
+        "person": rows["id"],
+        "position": np.stack([rows["x"], rows["y"]], axis=1),
+        "velocity": np.stack([rows["vx"], rows["vy"]], axis=1),
+        "pressure": rows["pressure"],
+        "angle": None if is_disc else rows["angle"],
+        **others,
+    }
 
 
-def facing(recording: Recording) -> Floats:
+def facing(recording: Frames) -> Floats:
     """Return unit vectors (R, 2): the orientation of bodies, or (discs) their walking direction; x where unknown."""
     if recording.angle is not None:
         return np.stack([np.cos(recording.angle), np.sin(recording.angle)], axis=1)

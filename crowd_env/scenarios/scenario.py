@@ -13,7 +13,7 @@ from crowd_env.core.behaviors.behavior import Behavior
 from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.behaviors.outline import BodyShape, Outline, room_of
 from crowd_env.core.behaviors.pulls import Pulls
-from crowd_env.core.checks import POSITIVE, Range, check_fields, flag, shown
+from crowd_env.core.checks import POSITIVE, Range, check_fields, flag, refuse, shown
 from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.fields.domain import require_grid
 from crowd_env.routing.fields.field import NavigationField, OneWay
@@ -117,6 +117,8 @@ class Scenario:
     max_drive: float = 300.0
 
     def __post_init__(self) -> None:
+        if self.population is None:
+            refuse(f"scenario {shown(self.name)}: population", None, "a Population or a Cohorts")
         object.__setattr__(self, "population", as_people(self.population))
         for name, kind in BEHAVIORS.items():
             object.__setattr__(self, name, kind.stored(getattr(self, name)))
