@@ -139,3 +139,16 @@ def test_what_is_not_finite_is_refused_in_the_first_step_by_the_name_of_the_term
         refuses(env.step, ("reward term 'slow'", "finite", *found))
     layout = ObservationLayout(("velocity", ObservationTerm("gap", 2, gap)))
     refuses(lambda: CrowdEnv(people=3, observation=layout).reset(0), ("observation term 'gap'[2, 1]", "nan", "finite"))
+
+
+def test_a_term_that_writes_past_its_columns_is_named():
+    def beyond(view, out):
+        out[:, 2] = 1.0
+
+    def wide(view, out):
+        out[:] = np.ones((len(out), 3))
+
+    for function, why in ((beyond, "out of bounds"), (wide, "broadcast")):
+        layout = ObservationLayout(("velocity", ObservationTerm("sideways", 2, function)))
+        env = CrowdEnv(people=3, observation=layout)
+        refuses(lambda env=env: env.reset(0), ("observation term 'sideways'", "its 2 columns", why))

@@ -193,10 +193,19 @@ class ObservationLayout(Layout):
         )
 
     def add_own_terms(self, view: View, environments: Ints, out: np.ndarray) -> None:
-        """Write the columns of terms that are not compiled, for all rows of some environments, into ``out`` (P, size)."""
+        """Write the columns of terms that are not compiled, for all rows of some environments, into ``out`` (P, size).
+
+        Raises
+        ------
+        ValueError
+            If a function writes past its columns, raises it, or writes what is not finite; the message names the term.
+        """
         for term in self.own_terms:
             values = np.zeros((len(out), term.width))
-            term.function(view, values)
+            try:
+                term.function(view, values)
+            except (IndexError, ValueError) as error:
+                raise ValueError(f"{term.kind} {term.name!r} cannot write its {term.width} columns: {error}") from error
             values[~view.seen] = 0.0
             term.finite(values)
             for e in environments:
