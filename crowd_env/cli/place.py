@@ -24,7 +24,7 @@ from crowd_env.scenarios.starts import read_starts
 from crowd_env.scenarios.titles import with_manner
 
 if TYPE_CHECKING:
-    from crowd_env.cli.led import Led
+    from crowd_env.agents.evaluation.entries import Entry
 
 # Names of --set that change pedestrians, and what they change in a population.
 _DRAWN = {"speed": "desired_speed", **{name: name for name in (*DRAWN, *MOTIVATION) if name != "desired_speed"}}
@@ -93,7 +93,7 @@ class Setting(NamedTuple):
     place: Scenario
     physics: Physics
     routing: Routing
-    led: "Led | None" = None  # by a policy
+    led: "Entry | None" = None  # the policy that leads
 
 
 def setting_of(options: CrowdOptions) -> Setting:
@@ -122,10 +122,11 @@ def setting_of(options: CrowdOptions) -> Setting:
     place, led = read_place(options), None
     routing = Routing(place.strategy_of_run(options.routing), flag("--set signs", _value(changes.get("signs", "yes"))))
     if options.policy is not None:
-        from crowd_env.cli.led import led_by
+        from crowd_env.agents.evaluation.entries import make_entries
+        from crowd_env.cli.led import suited
 
-        led = led_by(options.policy, place, options.walking)
-        place = led.place
+        (led,) = make_entries([options.policy], place)
+        place = suited(place, led) if options.walking is None else place
     return Setting(place, Physics(replace(law, **numbers), step, max_drive=drive), routing, led)
 
 

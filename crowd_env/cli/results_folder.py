@@ -77,7 +77,9 @@ def config_of(
     if "scheme" in files:
         config["law"] = config["files"][str(files["scheme"].absolute())]
     if led is not None:
-        config["policy"] = led.facts
+        from crowd_env.cli.led import facts_of
+
+        config["policy"] = facts_of(led)
     if like is not None:
         other = difference(read_json(like), config, FREE)
         if other:

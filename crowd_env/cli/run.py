@@ -241,7 +241,7 @@ def evacuate(
     """
     whole("runs", runs)
     place, physics, routing, led = setting
-    driver = None if led is None else led.driver(physics, routing)
+    driver = None if led is None else led.driver(place, physics=physics, routing=routing).settled()
     way: dict[str, Any] = {"physics": physics, "routing": routing, "seed": seed, "driver": driver}
     evacuated = partial(run_episodes, place, runs, recorder=recorder, **way)
     found = {episode.run: episode for episode in kept}
