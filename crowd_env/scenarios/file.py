@@ -19,10 +19,10 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.cohorts import Cohorts, People
 from crowd_env.scenarios.population import Population, population_of
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.shapes import circle, rectangle
 from crowd_env.scenarios.starts import check_starts, read_starts
 
 SUFFIXES = (".toml", ".json")
-CORNERS = 32  # of a circle
 KEYS = ("$schema", *(field.name for field in fields(Scenario)), "cohorts")
 
 # Table of a file -> its older keys and what they are today.
@@ -148,12 +148,11 @@ def _shape(where: str, value: Any) -> Any:
     if form == "circle":
         x, y, radius = numbers
         number(f"geometry.{where}: the radius of the circle", radius, POSITIVE, "m")
-        angle = 2.0 * np.pi * np.arange(CORNERS) / CORNERS
-        return np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle)])
+        return circle(x, y, radius)
     x0, y0, x1, y1 = numbers
     if not (x0 < x1 and y0 < y1):
         raise ValueError(f"geometry.{where}: box is {given}; it must be [low x, low y, high x, high y]")
-    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+    return rectangle(x0, y0, x1, y1)
 
 
 def _people(content: Mapping[str, Any], folder: Path) -> People:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import Range, known, whole
@@ -20,8 +21,10 @@ from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios.cohorts import Cohorts, People
 from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
+from crowd_env.scenarios.file import Line
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario, changed_place
+from crowd_env.scenarios.shapes import circle, rectangle
 
 VERSION = 1
 SEEDS = Range(0, 2**62)
@@ -64,7 +67,7 @@ class _Plan(NamedTuple):
 
     about: str
     walkable: Sequence[Floats]
-    exits: Mapping[str, Floats]
+    exits: Mapping[str, Line]  # name -> its ends
     starts: Mapping[str, Floats]  # name of the region -> its corners
     routes: Mapping[str, str] = {}  # region -> exit of the people that start there
     obstacles: Sequence[Floats] = ()
@@ -154,15 +157,11 @@ def _draw_people(rng: np.random.Generator) -> _People:
     return _People(people, float(density), fields, 2.0 * bodies.high, _NARROWEST)
 
 
-def _turn(rng: np.random.Generator) -> Callable[[Floats], Floats]:
+def _turn(rng: np.random.Generator) -> Callable[[ArrayLike], Floats]:
     """Return a function that turns shapes by any angle, mirrors half of all places, and moves them."""
     angle, mirror, shift = rng.uniform(0.0, 2.0 * np.pi), rng.choice([-1.0, 1.0]), rng.uniform(-20.0, 20.0, 2)
     turn = turning(angle, mirror < 0.0)
-    return lambda shape: turn(np.round(shape, 3)) + shift
-
-
-def _box(left: float, low: float, right: float, high: float) -> Floats:
-    return np.array([(left, low), (right, low), (right, high), (left, high)])
+    return lambda shape: turn(np.round(np.asarray(shape), 3)) + shift
 
 
 def _width(rng: np.random.Generator, people: _People, most: float = 2.4) -> float:
@@ -184,14 +183,14 @@ def _opening(rng: np.random.Generator, length: float, width: float) -> tuple[flo
     return float(begin), float(begin + width)
 
 
-def _doors_of(rng: np.random.Generator, people: _People, length: float, depth: float, number: int) -> dict[str, Floats]:
+def _doors_of(rng: np.random.Generator, people: _People, length: float, depth: float, number: int) -> dict[str, Line]:
     """Draw exits of a room, each in a wall of its own."""
     exits = {}
     for side in rng.permutation(4)[:number]:
         wall = length if side % 2 == 0 else depth
         a, b = _opening(rng, wall, min(_width(rng, people), wall - 0.3))
         line = [[(a, 0.0), (b, 0.0)], [(length, a), (length, b)], [(a, depth), (b, depth)], [(0.0, a), (0.0, b)]]
-        exits[("south", "east", "north", "west")[side]] = np.array(line[side])
+        exits[("south", "east", "north", "west")[side]] = line[side]
     return exits
 
 
@@ -199,7 +198,7 @@ def _doors(rng: np.random.Generator, people: _People) -> _Plan:
     """A room with one to four doors; everyone anywhere in it."""
     length, depth = _room(rng, people)
     exits = _doors_of(rng, people, length, depth, int(rng.choice([1, 2, 3, 4], p=[0.55, 0.25, 0.1, 0.1])))
-    room = _box(0.0, 0.0, length, depth)
+    room = rectangle(0.0, 0.0, length, depth)
     return _Plan(f"a room of {length:.1f} x {depth:.1f} m, {len(exits)} exits", [room], exits, {"room": room})
 
 
@@ -208,19 +207,19 @@ def _bottleneck(rng: np.random.Generator, people: _People) -> _Plan:
     length, depth = _room(rng, people)
     low, high = _opening(rng, depth, _width(rng, people))
     end = length + rng.uniform(0.5, 6.0)
-    room, passage = _box(0.0, 0.0, length, depth), _box(length, low, end, high)
+    room, passage = rectangle(0.0, 0.0, length, depth), rectangle(length, low, end, high)
     about = f"a room before a passage {high - low:.2f} m wide"
-    return _Plan(about, [room, passage], {"end": np.array([(end, low), (end, high)])}, {"room": room})
+    return _Plan(about, [room, passage], {"end": [(end, low), (end, high)]}, {"room": room})
 
 
 def _corner(rng: np.random.Generator, people: _People) -> _Plan:
     """A corridor with a corner."""
     width = max(rng.uniform(1.2, 4.0), people.area / _LONGEST)
     arm, out = people.area / width, width + rng.uniform(3.0, 10.0)
-    first, second = _box(0.0, 0.0, arm + width + 1.0, width), _box(arm + 1.0, 0.0, arm + 1.0 + width, out)
-    exits = {"end": np.array([(arm + 1.0, out), (arm + 1.0 + width, out)])}
+    first, second = rectangle(0.0, 0.0, arm + width + 1.0, width), rectangle(arm + 1.0, 0.0, arm + 1.0 + width, out)
+    exits = {"end": [(arm + 1.0, out), (arm + 1.0 + width, out)]}
     return _Plan(
-        f"a corridor of {width:.1f} m with a corner", [first, second], exits, {"arm": _box(0.0, 0.0, arm, width)}
+        f"a corridor of {width:.1f} m with a corner", [first, second], exits, {"arm": rectangle(0.0, 0.0, arm, width)}
     )
 
 
@@ -228,7 +227,7 @@ def _pillars(rng: np.random.Generator, people: _People) -> _Plan:
     """A room with round pillars, and room to pass between them."""
     length, depth = _room(rng, people, 1.3)
     exits, pillars = _doors_of(rng, people, length, depth, int(rng.integers(1, 3))), []
-    middles = np.array([line.mean(axis=0) for line in exits.values()])
+    middles = np.mean([*exits.values()], axis=1)
     placed: list[tuple[Floats, float]] = []
     for _ in range(12):
         radius = rng.uniform(0.15, 0.6)
@@ -240,12 +239,11 @@ def _pillars(rng: np.random.Generator, people: _People) -> _Plan:
             np.hypot(*(at - other)) < free + size for other, size in placed
         ):
             continue
-        angle = 2.0 * np.pi * np.arange(16) / 16
-        pillars.append(at + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+        pillars.append(circle(at[0], at[1], radius, 16))
         placed.append((at, radius))
         if len(placed) == 6:
             break
-    room = _box(0.0, 0.0, length, depth)
+    room = rectangle(0.0, 0.0, length, depth)
     about = f"a room of {length:.1f} x {depth:.1f} m with {len(pillars)} pillars"
     return _Plan(about, [room], exits, {"room": room}, obstacles=pillars)
 
@@ -256,13 +254,13 @@ def _row_of_rooms(rng: np.random.Generator, people: _People) -> _Plan:
     each = max(length / number, 2.5)
     shapes, starts, left = [], {}, 0.0
     for k in range(number):
-        shapes.append(_box(left, 0.0, left + each, depth))
+        shapes.append(rectangle(left, 0.0, left + each, depth))
         starts[f"room-{k}"] = shapes[-1]
         low, high = _opening(rng, depth, min(_width(rng, people), depth - 0.3))
         left += each + _WALL
         if k < number - 1:
-            shapes.append(_box(left - _WALL, low, left, high))
-    exits = {"end": np.array([(left - _WALL, low), (left - _WALL, high)])}
+            shapes.append(rectangle(left - _WALL, low, left, high))
+    exits = {"end": [(left - _WALL, low), (left - _WALL, high)]}
     return _Plan(f"{number} rooms one behind the other", shapes, exits, starts)
 
 
@@ -271,15 +269,18 @@ def _rooms_on_a_corridor(rng: np.random.Generator, people: _People) -> _Plan:
     number, width = int(rng.integers(2, 5)), rng.uniform(1.5, 3.0)
     side = max(np.sqrt(people.area / (2 * number)), 2.5)
     end = number * (side + _WALL) - _WALL
-    shapes, starts = [_box(0.0, 0.0, end, width)], {}
+    shapes, starts = [rectangle(0.0, 0.0, end, width)], {}
     for k in range(2 * number):
         left, up = (k // 2) * (side + _WALL), k % 2 == 0
         low, high = _opening(rng, side, min(_width(rng, people, 1.6), side - 0.3))
         wall = (width, width + _WALL) if up else (-_WALL, 0.0)
         floor = (wall[1], wall[1] + side) if up else (wall[0] - side, wall[0])
-        shapes += [_box(left, floor[0], left + side, floor[1]), _box(left + low, wall[0], left + high, wall[1])]
+        shapes += [
+            rectangle(left, floor[0], left + side, floor[1]),
+            rectangle(left + low, wall[0], left + high, wall[1]),
+        ]
         starts[f"room-{k}"] = shapes[-2]
-    exits = {"east": np.array([(end, 0.0), (end, width)]), "west": np.array([(0.0, 0.0), (0.0, width)])}
+    exits = {"east": [(end, 0.0), (end, width)], "west": [(0.0, 0.0), (0.0, width)]}
     if rng.random() < 0.5:
         del exits["west"]
     return _Plan(f"{2 * number} rooms on a corridor of {width:.1f} m", shapes, exits, starts)
@@ -296,9 +297,9 @@ def _merging(rng: np.random.Generator, people: _People) -> _Plan:
     """Two streams meet and go on as one."""
     width, arm = _streams(rng, people)
     half, far, out = width / 2, width / 2 + 1.0, width + rng.uniform(3.0, 8.0)
-    shapes = [_box(-far - arm, 0.0, far + arm, width), _box(-half, 0.0, half, out)]
-    starts = {"left": _box(-far - arm, 0.0, -far, width), "right": _box(far, 0.0, far + arm, width)}
-    exits = {"end": np.array([(-half, out), (half, out)])}
+    shapes = [rectangle(-far - arm, 0.0, far + arm, width), rectangle(-half, 0.0, half, out)]
+    starts = {"left": rectangle(-far - arm, 0.0, -far, width), "right": rectangle(far, 0.0, far + arm, width)}
+    exits = {"end": [(-half, out), (half, out)]}
     return _Plan(f"two streams merge in corridors of {width:.1f} m", shapes, exits, starts)
 
 
@@ -306,9 +307,9 @@ def _crossing(rng: np.random.Generator, people: _People) -> _Plan:
     """Two streams cross at right angles."""
     width, arm = _streams(rng, people)
     half, far, out = width / 2, width / 2 + 1.0, width / 2 + rng.uniform(3.0, 8.0)
-    shapes = [_box(-far - arm, -half, out, half), _box(-half, -far - arm, half, out)]
-    starts = {"west": _box(-far - arm, -half, -far, half), "south": _box(-half, -far - arm, half, -far)}
-    exits = {"east": np.array([(out, -half), (out, half)]), "north": np.array([(-half, out), (half, out)])}
+    shapes = [rectangle(-far - arm, -half, out, half), rectangle(-half, -far - arm, half, out)]
+    starts = {"west": rectangle(-far - arm, -half, -far, half), "south": rectangle(-half, -far - arm, half, -far)}
+    exits = {"east": [(out, -half), (out, half)], "north": [(-half, out), (half, out)]}
     routes = {"west": "east", "south": "north"}
     return _Plan(f"two streams cross in corridors of {width:.1f} m", shapes, exits, starts, routes)
 
@@ -317,10 +318,13 @@ def _counter_flow(rng: np.random.Generator, people: _People) -> _Plan:
     """Two streams walk towards each other in a corridor."""
     width, arm = _streams(rng, people)
     length = 2.0 * arm + rng.uniform(3.0, 12.0)
-    starts = {"left": _box(0.5, 0.0, arm + 0.5, width), "right": _box(length - arm - 0.5, 0.0, length - 0.5, width)}
-    exits = {"west": np.array([(0.0, 0.0), (0.0, width)]), "east": np.array([(length, 0.0), (length, width)])}
+    starts = {
+        "left": rectangle(0.5, 0.0, arm + 0.5, width),
+        "right": rectangle(length - arm - 0.5, 0.0, length - 0.5, width),
+    }
+    exits = {"west": [(0.0, 0.0), (0.0, width)], "east": [(length, 0.0), (length, width)]}
     about = f"two streams meet in a corridor of {width:.1f} m"
-    return _Plan(about, [_box(0.0, 0.0, length, width)], exits, starts, {"left": "east", "right": "west"})
+    return _Plan(about, [rectangle(0.0, 0.0, length, width)], exits, starts, {"left": "east", "right": "west"})
 
 
 KINDS: Mapping[str, Callable[[np.random.Generator, _People], _Plan]] = {

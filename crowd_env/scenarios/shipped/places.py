@@ -17,6 +17,7 @@ from crowd_env.scenarios.cohorts import Cohorts
 from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
 from crowd_env.scenarios.population import TABLE_4, Population
 from crowd_env.scenarios.scenario import COMMON, FULL_SPEED, Scenario, changed_place
+from crowd_env.scenarios.shapes import circle, rectangle
 
 _SLIM = Uniform(0.18, 0.22)  # m
 _WALKING = Normal(1.34, 0.26, 0.8, 1.9)  # m/s
@@ -40,10 +41,6 @@ def _place(**bounds: Range) -> Callable[[Callable[..., Scenario]], Callable[...,
         return made
 
     return decorate
-
-
-def _box(left: float, low: float, right: float, high: float) -> Floats:
-    return np.array([(left, low), (right, low), (right, high), (left, high)])
 
 
 def _grid(thing: ArrayLike, columns: int, rows: int, step: tuple[float, float]) -> list[Floats]:
@@ -104,9 +101,9 @@ def two_exit_hall(*, length: float = 20.0, depth: float = 12.0, door_width: floa
     """Return a hall of ``length`` from exit to exit [m]; all people start in the western half."""
     low, high = (depth - door_width) / 2, (depth + door_width) / 2
     geometry = Geometry.from_polygon(
-        _box(0.0, 0.0, length, depth),
+        rectangle(0.0, 0.0, length, depth),
         exits={"west": [(0.0, low), (0.0, high)], "east": [(length, low), (length, high)]},
-        regions={"start": _box(0.0, 0.0, length / 2, depth)},
+        regions={"start": rectangle(0.0, 0.0, length / 2, depth)},
     )
     size = f"hall of {length:.10g} x {depth:.10g} m"
     title = f"{size}, an exit of {door_width:.10g} m in each short wall, the crowd in the western half"
@@ -118,9 +115,9 @@ def two_exit_hall(*, length: float = 20.0, depth: float = 12.0, door_width: floa
 def bottleneck(*, width: float = 1.0, length: float = 2.8) -> Scenario:
     """Return a passage of ``width`` and ``length`` [m] behind a waiting area."""
     geometry = Geometry.from_polygon(
-        [_box(-10.0, -3.5, 0.0, 3.5), _box(0.0, -width / 2, length, width / 2)],
+        [rectangle(-10.0, -3.5, 0.0, 3.5), rectangle(0.0, -width / 2, length, width / 2)],
         exits={"end": [(length, -width / 2), (length, width / 2)]},
-        regions={"waiting": _box(-10.0, -3.5, -2.0, 3.5)},
+        regions={"waiting": rectangle(-10.0, -3.5, -2.0, 3.5)},
     )
     people = _people(60, radius=_SLIM, desired_speed=_WALKING, start_region="waiting")
     title = f"bottleneck of {width:.10g} m, {length:.10g} m long, behind a waiting area"
@@ -131,13 +128,11 @@ def bottleneck(*, width: float = 1.0, length: float = 2.8) -> Scenario:
 @_place(door_width=Range(0.6, 4.0), radius=Range(0.1, 1.0), distance=Range(0.5, 4.0), shift=Range(-2.0, 2.0))
 def pillar(*, door_width: float = 1.0, radius: float = 0.3, distance: float = 0.9, shift: float = 0.15) -> Scenario:
     """Return a room with a round pillar at ``distance`` from the wall of the exit, ``shift`` aside of its middle [m]."""
-    angle = 2.0 * np.pi * np.arange(32) / 32
-    outline = [8 - distance - radius + radius * np.cos(angle), 4 + shift + radius * np.sin(angle)]
     geometry = Geometry.from_polygon(
-        _box(0.0, 0.0, 8.0, 8.0),
-        obstacles=[np.column_stack(outline)],
+        rectangle(0.0, 0.0, 8.0, 8.0),
+        obstacles=[circle(8 - distance - radius, 4 + shift, radius)],
         exits={"door": [(8.0, 4 - door_width / 2), (8.0, 4 + door_width / 2)]},
-        regions={"back": _box(0.0, 0.0, 5.5, 8.0)},
+        regions={"back": rectangle(0.0, 0.0, 5.5, 8.0)},
     )
     people = _people(80, start_region="back")
     column = f"a round pillar of {2 * radius:.10g} m stands {distance:.10g} m before it"
@@ -152,9 +147,9 @@ def pillar(*, door_width: float = 1.0, radius: float = 0.3, distance: float = 0.
 def l_corridor(*, width: float = 2.0) -> Scenario:
     """Return a corridor of ``width`` [m] with a corner."""
     geometry = Geometry.from_polygon(
-        [_box(0.0, 0.0, 12.0, width), _box(12 - width, 0.0, 12.0, 12.0)],
+        [rectangle(0.0, 0.0, 12.0, width), rectangle(12 - width, 0.0, 12.0, 12.0)],
         exits={"end": [(12 - width, 12.0), (12.0, 12.0)]},
-        regions={"start": _box(0.0, 0.0, 6.0, width)},
+        regions={"start": rectangle(0.0, 0.0, 6.0, width)},
     )
     people = _people(20, desired_speed=_WALKING, start_region="start")
     title = f"corridor of {width:.10g} m with a corner of 90 degrees"
@@ -166,9 +161,9 @@ def l_corridor(*, width: float = 2.0) -> Scenario:
 def t_junction(*, width: float = 2.4) -> Scenario:
     """Return two corridors of ``width`` [m] that meet and lead on as one."""
     geometry = Geometry.from_polygon(
-        [_box(-9.0, 0.0, 9.0, width), _box(-width / 2, width, width / 2, width + 8)],
+        [rectangle(-9.0, 0.0, 9.0, width), rectangle(-width / 2, width, width / 2, width + 8)],
         exits={"end": [(-width / 2, width + 8), (width / 2, width + 8)]},
-        regions={"left": _box(-9.0, 0.0, -3.5, width), "right": _box(3.5, 0.0, 9.0, width)},
+        regions={"left": rectangle(-9.0, 0.0, -3.5, width), "right": rectangle(3.5, 0.0, 9.0, width)},
     )
     left, right = ({"name": f"from the {side}", "start_region": side} for side in ("left", "right"))
     people = _cohorts(left, right, people=30, desired_speed=_WALKING)
@@ -182,9 +177,9 @@ def t_junction(*, width: float = 2.4) -> Scenario:
 def counter_flow(*, width: float = 4.0, length: float = 20.0) -> Scenario:
     """Return a corridor of ``width`` and ``length`` [m] in which two streams walk towards each other."""
     geometry = Geometry.from_polygon(
-        _box(0.0, 0.0, length, width),
+        rectangle(0.0, 0.0, length, width),
         exits={"west": [(0.0, 0.0), (0.0, width)], "east": [(length, 0.0), (length, width)]},
-        regions={"left": _box(0.5, 0.0, 5.5, width), "right": _box(length - 5.5, 0.0, length - 0.5, width)},
+        regions={"left": rectangle(0.5, 0.0, 5.5, width), "right": rectangle(length - 5.5, 0.0, length - 0.5, width)},
     )
     one = {"name": "eastwards", "start_region": "left", "route": "east"}
     other = {"name": "westwards", "start_region": "right", "route": "west"}
@@ -213,9 +208,9 @@ def crossing(*, width: float = 4.0) -> Scenario:
     """Return two corridors of ``width`` [m] that cross, with a stream in each."""
     low, high = -width / 2, width / 2
     geometry = Geometry.from_polygon(
-        [_box(-10.0, low, 10.0, high), _box(low, -10.0, high, 10.0)],
+        [rectangle(-10.0, low, 10.0, high), rectangle(low, -10.0, high, 10.0)],
         exits={"east": [(10.0, low), (10.0, high)], "north": [(low, 10.0), (high, 10.0)]},
-        regions={"west": _box(-10.0, low, -5.5, high), "south": _box(low, -10.0, high, -5.5)},
+        regions={"west": rectangle(-10.0, low, -5.5, high), "south": rectangle(low, -10.0, high, -5.5)},
     )
     one = {"name": "eastwards", "start_region": "west", "route": "east"}
     other = {"name": "northwards", "start_region": "south", "route": "north"}
@@ -229,10 +224,10 @@ def crossing(*, width: float = 4.0) -> Scenario:
 @_place(door_width=Range(0.6, 2.0), rows=Range(1, 12))
 def classroom(*, door_width: float = 0.9, rows: int = 6) -> Scenario:
     """Return ``rows`` of desks for two on both sides of a middle aisle, and the teacher's desk; the door in m."""
-    left, right = (_grid(_box(x, 2.9, x + 1.6, 3.3), 1, rows, (0.0, 1.2)) for x in (1.0, 3.9))
+    left, right = (_grid(rectangle(x, 2.9, x + 1.6, 3.3), 1, rows, (0.0, 1.2)) for x in (1.0, 3.9))
     geometry = Geometry.from_polygon(
-        _box(0.0, 0.0, 6.5, 3 + 1.2 * rows),
-        obstacles=[*left, *right, _box(2.6, 0.7, 3.9, 1.3)],
+        rectangle(0.0, 0.0, 6.5, 3 + 1.2 * rows),
+        obstacles=[*left, *right, rectangle(2.6, 0.7, 3.9, 1.3)],
         exits={"door": [(6.5, 0.8), (6.5, 0.8 + door_width)]},
     )
     seats = np.array([seat for x in (1.4, 4.3) for seat in _grid((x, 3.65), 2, rows, (0.8, 1.2))])
@@ -247,14 +242,14 @@ def classroom(*, door_width: float = 0.9, rows: int = 6) -> Scenario:
 def supermarket(*, exit_width: float = 1.6) -> Scenario:
     """Return shelves in two blocks, tills, and a barrier between them and the entrance; both exits in m."""
     geometry = Geometry.from_polygon(
-        _box(0.0, 0.0, 24.0, 16.0),
+        rectangle(0.0, 0.0, 24.0, 16.0),
         obstacles=[
-            *_grid(_box(1.8, 5.6, 2.7, 9.6), 8, 2, (2.7, 5.6)),
-            *_grid(_box(10.0, 2.2, 10.6, 4.0), 6, 1, (1.6, 0.0)),
+            *_grid(rectangle(1.8, 5.6, 2.7, 9.6), 8, 2, (2.7, 5.6)),
+            *_grid(rectangle(10.0, 2.2, 10.6, 4.0), 6, 1, (1.6, 0.0)),
         ],
         thin_walls=[[(8.4, 0.0), (8.4, 3.0), (10.0, 3.0)]],
         exits={"entrance": [(3.0, 0.0), (3 + exit_width, 0.0)], "tills": [(14.0, 0.0), (14 + exit_width, 0.0)]},
-        regions={"shelves": _box(0.0, 5.0, 24.0, 16.0), "checkout": _box(9.4, 1.8, 20.0, 4.4)},
+        regions={"shelves": rectangle(0.0, 5.0, 24.0, 16.0), "checkout": rectangle(9.4, 1.8, 20.0, 4.4)},
     )
     people = _cohorts(
         {"people": 90, "name": "shopping", "start_region": "shelves", "response_time": LogNormal(8.0, 0.6, 40.0)},
@@ -271,7 +266,7 @@ def stadium_sector(*, rows: int = 10, vomitory: float = 1.8) -> Scenario:
     """Return two blocks of ``rows`` of seats, stepped aisles, a cross aisle in front; exits of ``vomitory`` [m] in front."""
     top, half = 2.0 + 0.8 * rows, vomitory / 2
     geometry = Geometry.from_polygon(
-        _box(0.0, 0.0, 19.6, top),
+        rectangle(0.0, 0.0, 19.6, top),
         # The backs of the seats, and the rail before the first row.
         thin_walls=_grid([(1.2, 2.0), (9.2, 2.0)], 2, rows, (9.2, 0.8)),
         exits={
@@ -279,7 +274,7 @@ def stadium_sector(*, rows: int = 10, vomitory: float = 1.8) -> Scenario:
             "front-right": [(14.4 - half, 0.0), (14.4 + half, 0.0)],
             "back": [(9.2, top), (10.4, top)],
         },
-        regions={"steps": _grid(_box(0.0, 2.0, 1.2, top), 3, 1, (9.2, 0.0))},
+        regions={"steps": _grid(rectangle(0.0, 2.0, 1.2, top), 3, 1, (9.2, 0.0))},
     )
     seats = np.array([seat for x in (1.625, 10.825) for seat in _grid((x, 2.4), 14, rows, (0.55, 0.8))])
     speed, late = Uniform(0.9, 1.5), LogNormal(6.0, 0.6, 40.0)
@@ -295,19 +290,19 @@ def stadium_sector(*, rows: int = 10, vomitory: float = 1.8) -> Scenario:
 def floor(*, door_width: float = 0.9, exit_width: float = 1.2) -> Scenario:
     """Return eight rooms on both sides of a corridor, walls of 0.2 m with doors of ``door_width`` [m] through them."""
     low, high = 7 - exit_width / 2, 7 + exit_width / 2
-    room = _box(0.0, 0.0, 5.8, 5.8)
+    room = rectangle(0.0, 0.0, 5.8, 5.8)
     geometry = Geometry.from_polygon(
         [
             *_grid(room, 4, 2, (6.0, 8.2)),
-            _box(0.0, 6.0, 23.8, 8.0),
-            *_grid(_box(3.6, 5.8, 3.6 + door_width, 6.0), 4, 2, (6.0, 2.2)),
+            rectangle(0.0, 6.0, 23.8, 8.0),
+            *_grid(rectangle(3.6, 5.8, 3.6 + door_width, 6.0), 4, 2, (6.0, 2.2)),
         ],
         exits={"west": [(0.0, low), (0.0, high)], "east": [(23.8, low), (23.8, high)]},
         regions={
             "south-offices": _grid(room, 4, 1, (6.0, 0.0)),
-            "north-offices": _grid(_box(6.0, 8.2, 11.8, 14.0), 3, 1, (6.0, 0.0)),
-            "meeting-room": _box(0.0, 8.2, 5.8, 14.0),
-            "west-end": _box(0.0, 6.0, 4.0, 8.0),
+            "north-offices": _grid(rectangle(6.0, 8.2, 11.8, 14.0), 3, 1, (6.0, 0.0)),
+            "meeting-room": rectangle(0.0, 8.2, 5.8, 14.0),
+            "west-end": rectangle(0.0, 6.0, 4.0, 8.0),
         },
     )
     late, soon = LogNormal(12.0, 0.5, 45.0), LogNormal(5.0, 0.4, 20.0)
