@@ -34,7 +34,7 @@ class Rooms(Contender):
         for _ in range(settle):
             self.env.step(self._forward)
         self.physics = Stopwatch(self.env.simulation, "advance")
-        self.looking = Stopwatch(self.env._observer, "look")  # within that
+        self.looking = Stopwatch(self.env.observer, "look")  # within that
 
     def once(self) -> Sample:
         """Make a decision."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crowd_env.core.arrays.state import MOTIVATION
 from crowd_env.core.behaviors.headway import Manner
-from crowd_env.core.checks import flag, known
+from crowd_env.core.checks import Plain, flag, known
 from crowd_env.core.files.own import names_own, own_or_name
 from crowd_env.envs.settings import Routing
 from crowd_env.physics import make_scheme
@@ -66,7 +66,7 @@ class CrowdOptions:
     time_limit: float | None = None
 
     @classmethod
-    def of_config(cls, arguments: Mapping[str, Any]) -> "CrowdOptions":
+    def of_config(cls, arguments: Plain) -> "CrowdOptions":
         """Return the options that the arguments of a config hold."""
         names = {one.name for one in fields(cls)}
         return cls(**{name: value for name, value in named_now(arguments).items() if name in names})
@@ -82,7 +82,7 @@ class CrowdOptions:
         return {name: split_level(file)[0] for name, file in named.items() if file is not None}
 
 
-def named_now(arguments: Mapping[str, Any]) -> dict[str, Any]:
+def named_now(arguments: Plain) -> dict[str, Any]:
     """Return the arguments of a config by the names of the options."""
     return {_STORED.get(name, name): value for name, value in arguments.items()}
 

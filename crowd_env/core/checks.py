@@ -12,12 +12,26 @@ from functools import cache
 from numbers import Real
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, NamedTuple, NoReturn, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    NoReturn,
+    TypeAlias,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 from unicodedata import category
 
 import numpy as np
 
 Thing = TypeVar("Thing")
+Plain: TypeAlias = Mapping[str, Any]
+"""Plain data, as JSON and TOML hold it."""
 
 _LONGEST = 60  # letters of a value in a message
 
@@ -199,7 +213,7 @@ def texts(what: str, value: Any) -> tuple[str, ...]:
     return names
 
 
-def table(what: str, value: Any, of: str) -> Mapping[str, Any]:
+def table(what: str, value: Any, of: str) -> Plain:
     """Return a table; ``of`` says from what to what.
 
     Raises
@@ -388,7 +402,7 @@ _CHECKS: dict[Any, Any] = {float: number, int: whole, bool: flag, str: text}
 _USUAL = {float: FINITE, int: COUNT}
 
 
-def from_table(where: str, kind: type[Thing], table: Mapping[str, Any]) -> Thing:
+def from_table(where: str, kind: type[Thing], table: Plain) -> Thing:
     """Return a dataclass made of plain data; the keys are the names of its fields.
 
     Raises
@@ -441,7 +455,7 @@ def plain_choice(thing: Any, choices: Mapping[str, Any]) -> str | dict[str, Any]
     return next((name for name, choice in choices.items() if thing == choice), None) or asdict(thing)
 
 
-def check_keys(where: str, table: Mapping[str, Any], names: Collection[str]) -> None:
+def check_keys(where: str, table: Plain, names: Collection[str]) -> None:
     """Raise ValueError, listing the known ones, if a key of plain data is not among ``names``."""
     for key in table:
         if key not in names:

@@ -10,12 +10,13 @@ import numpy as np
 from crowd_env.core.arrays.state import Bodies, Bools, make_bodies
 from crowd_env.core.behaviors import BEHAVIORS
 from crowd_env.core.behaviors.pulls import ALONE
-from crowd_env.core.checks import NOT_NEGATIVE, refuse, whole
+from crowd_env.core.checks import NOT_NEGATIVE, Plain, refuse, whole
 from crowd_env.physics.settings import Physics, Walking
 from crowd_env.scenarios import make_scenario
+from crowd_env.scenarios.cohorts import greatest_bodies
 from crowd_env.scenarios.scenario import Scenario
 
-Place: TypeAlias = str | Path | Mapping[str, Any] | Scenario
+Place: TypeAlias = str | Path | Plain | Scenario
 """How callers say what is evacuated: a name, a file, a table of a name and options, or a Scenario."""
 
 _MOST_PARTS = 1e5
@@ -99,10 +100,7 @@ def bodies_before_reset(scenarios: Sequence[Scenario]) -> Bodies:
     parts = [part for scenario in scenarios for part in scenario.population.parts]
     counts = [part.people for part in parts]
     return make_bodies(
-        np.repeat([part.radius.high for part in parts], counts),
-        np.repeat([part.mass.high for part in parts], counts),
-        desired_speed=np.repeat([part.desired_speed.high for part in parts], counts),
-        relaxation_time=np.repeat([part.relaxation_time.low for part in parts], counts),
+        **greatest_bodies(parts, counts),
         group=np.repeat([0 if part.walks_together else ALONE for part in parts], counts),
         env_start=np.cumsum([0, *(scenario.population.people for scenario in scenarios)]),
     )

@@ -1,7 +1,7 @@
 """The bases of this package's Gymnasium environments: E evacuations with one controller each, one alone or all in arrays."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -11,8 +11,11 @@ from gymnasium.vector.utils import batch_space
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.checks import array, known
 from crowd_env.envs.arguments import NUMBERS, check_options, reset_mask
-from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.envs.crowd import CrowdEnv, Reset
 from crowd_env.envs.metrics import EpisodeMetrics
+
+Row: TypeAlias = tuple[np.ndarray, float, bool, bool, dict[str, Any]]
+"""What a step of one environment returns: observation, reward, terminated, truncated and info."""
 
 
 class BatchStep(NamedTuple):
@@ -79,9 +82,7 @@ class SingleEnv(gymnasium.Env):
         self.render_mode = render_mode
         self._canvas: Any = None
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Reset:
         """Start an episode; the same seed gives the same people at the same positions.
 
         Raises
@@ -95,7 +96,7 @@ class SingleEnv(gymnasium.Env):
         draw = int(self.np_random.integers(2**31)) if seed is None else seed
         return self.batch.reset([draw])[0], _first(self.batch.info_at_reset())
 
-    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> Row:
         """Advance by one step.
 
         Raises
@@ -105,7 +106,7 @@ class SingleEnv(gymnasium.Env):
         """
         return self._row(self.batch.step(array("the action", action, self.action_space.shape or (), NUMBERS)[None]))
 
-    def _row(self, made: BatchStep) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def _row(self, made: BatchStep) -> Row:
         info = _first(made.info)
         for metrics in made.metrics.values():
             info["metrics"] = metrics._asdict()
@@ -188,9 +189,7 @@ class BatchVectorEnv(VectorEnv):
         # Rows as last returned: a reset of some environments returns the others unchanged.
         self._last = np.zeros(self.observation_space.shape or (), dtype=self.observation_space.dtype)
 
-    def reset(
-        self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None) -> Reset:
         """Start new episodes everywhere, or where ``options["reset_mask"]`` (E,) is true.
 
         Parameters

@@ -4,7 +4,7 @@ import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple, TypeAlias, cast
 
 import gymnasium
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints, join_bodies, make_state
 from crowd_env.core.behaviors.outline import Outline, room_of
-from crowd_env.core.checks import COUNT, POSITIVE, Range, array, flag, number, refuse, whole
+from crowd_env.core.checks import COUNT, POSITIVE, Plain, Range, array, flag, number, refuse, whole
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.envs.action import ActionKind, make_action, to_command
 from crowd_env.envs.arguments import (
@@ -41,6 +41,9 @@ from crowd_env.physics.simulation.checkpoint import (
 )
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.scenarios.cohorts import extreme_bodies
+
+Reset: TypeAlias = tuple[np.ndarray, dict[str, Any]]
+"""What a reset returns: observations and an info."""
 
 
 class Step(NamedTuple):
@@ -122,8 +125,8 @@ class CrowdEnv:
         physics: AsPhysics = "nsm2",
         walking: AsWalking = None,
         routing: AsRouting = None,
-        action: str | Mapping[str, Any] | ActionKind = "continuous",
-        observation: ObservationLayout | Mapping[str, Any] | None = None,
+        action: str | Plain | ActionKind = "continuous",
+        observation: ObservationLayout | Plain | None = None,
         reward: RewardWeights | Mapping[Any, Any] | None = None,
         decision_dt: float = DECISION_DT,
         time_limit: float | None = None,
@@ -176,10 +179,10 @@ class CrowdEnv:
         dwell = self.action_kind.dwell
         choice = make_route_choice(self.scenario_of_env, routes_of_env, self.env_start, dwell, used=choosing)
         self._choice, ways = struct_ref(choice), choice.ways
-        self._observer = Observer(self.simulation, self.layout, ways, in_world=in_world)
+        self.observer = Observer(self.simulation, self.layout, ways, in_world=in_world)
         time_limits = np.array([time_limit or each.time_limit for each in self.scenario_of_env])
         blocked_after = np.array([each.blocked_after for each in self.scenario_of_env])
-        self._transition = init_transition(self.simulation, self._observer.view.potential, time_limits, blocked_after)
+        self._transition = init_transition(self.simulation, self.observer.view.potential, time_limits, blocked_after)
         self._reward = RewardFunction(self.reward_weights, slots)
         limits = {"time_limit": sorted({*time_limits.tolist()}), "blocked_after": sorted({*blocked_after.tolist()})}
         self._made_by = {"decision_dt": decision_dt, "frame": self.action_kind.frame, "dwell": dwell, **limits}
@@ -198,11 +201,6 @@ class CrowdEnv:
         return cast(Bools, self._transition.finished)
 
     @property
-    def observer(self) -> Observer:
-        """What writes the observations."""
-        return self._observer
-
-    @property
     def num_people(self) -> int:
         """Number of slots P."""
         return int(self.env_start[-1])
@@ -217,9 +215,7 @@ class CrowdEnv:
         e = whole("environment", e, Range(0, self.num_envs - 1))
         return slice(int(self.env_start[e]), int(self.env_start[e + 1]))
 
-    def reset(
-        self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None) -> Reset:
         """Start a new episode everywhere, or where ``mask`` (E,) is true.
 
         Parameters
@@ -238,7 +234,7 @@ class CrowdEnv:
                 self._generators[e] = np.random.default_rng(words)
         self._restart(np.flatnonzero(chosen).tolist())
         self._started = True
-        observation, transition = self._observer.observe(self.active), self._transition
+        observation, transition = self.observer.observe(self.active), self._transition
         self._wait_for_the_first(chosen)
         fresh = chosen[self.env_of_person]
         transition.travel_time_before[fresh] = transition.travel_time_after[fresh]
@@ -269,12 +265,12 @@ class CrowdEnv:
         if not self._interrupted:  # else this step continues the interrupted one, after some exits
             transition.inside[:], transition.step_start[:] = state.active, state.time
         self._interrupted = True
-        observation = self._observer.begin(transition.inside)
-        look = partial(self._observer.look, observation)
+        observation = self.observer.begin(transition.inside)
+        look = partial(self.observer.look, observation)
         simulation.advance(command, relative=relative, n_substeps=self.n_substeps, gives_way=gives_way, then=look)
         # Before `update_episode` takes out truncated pedestrians: they are still observed, by themselves and by others.
         # The rest of their route is not yet 0, which would pay them as for an exit.
-        self._observer.finish(observation)
+        self.observer.finish(observation)
         update_episode(self._transition, simulation.dt)
         self._interrupted = False
         left, truncated, ended = (array.copy() for array in (transition.left, transition.truncated, transition.ended))
@@ -286,7 +282,7 @@ class CrowdEnv:
         if self.autoreset and len(over):
             info["final_observation"] = observation.copy()
             self._restart(over.tolist())
-            self._observer.observe(state.active, over, observation)
+            self.observer.observe(state.active, over, observation)
             self._wait_for_the_first(over)
         transition.travel_time_before[:] = transition.travel_time_after
         return Step(observation, reward, left, truncated, info)
@@ -317,7 +313,7 @@ class CrowdEnv:
             self.simulation.checkpoint(),
             copy_arrays(self._transition.fields),
             self._choice.chosen_at.copy(),
-            self._observer.view.reached.copy(),
+            self.observer.view.reached.copy(),
             tuple(copy.deepcopy(rng.bit_generator.state) for rng in self._generators),
             self._started,
             self._interrupted,
@@ -338,7 +334,7 @@ class CrowdEnv:
         self.simulation.restore(checkpoint.simulation)
         write_arrays(self._transition, checkpoint.step)
         self._choice.chosen_at[:] = checkpoint.chosen_at
-        self._observer.view.reached[:] = checkpoint.reached
+        self.observer.view.reached[:] = checkpoint.reached
         for rng, state in zip(self._generators, checkpoint.generators, strict=True):
             rng.bit_generator.state = copy.deepcopy(state)
         self._started, self._interrupted = checkpoint.started, checkpoint.interrupted
@@ -371,12 +367,12 @@ class CrowdEnv:
         begun[chosen] = True
         people = begun[self.env_of_person]
         self._choice.chosen_at[people], transition.impulse[people], transition.inside[people] = -np.inf, 0.0, True
-        self._observer.view.reached[people] = np.inf, 0.0
+        self.observer.view.reached[people] = np.inf, 0.0
         transition.step_start[chosen], transition.finished[chosen] = 0.0, False
 
     def _wait_for_the_first(self, chosen: Bools | Ints) -> None:
         """Restart the wait for blocked exits at the time at which the first pedestrian could have got out."""
-        first = self._observer.view.potential + self.simulation.bodies.response_time
+        first = self.observer.view.potential + self.simulation.bodies.response_time
         soonest = np.minimum.reduceat(np.where(np.isfinite(first), first, 0.0), self.env_start[:-1])
         self._transition.last_exit[chosen] = soonest[chosen]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Ints
 from crowd_env.core.checks import COUNT, Range, number, whole
-from crowd_env.envs.crowd import CrowdEnv, Step, require_same_spaces
+from crowd_env.envs.crowd import CrowdEnv, Reset, Step, require_same_spaces
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.settings import physics_step
 from crowd_env.physics.scheme import DECISION_DT
@@ -151,7 +151,7 @@ class GeneratedCrowds:
         """Return the metrics of the episode of environment ``e`` so far."""
         return self._turns[e].crowd.metrics(self._turns[e].e)
 
-    def reset(self, seed: int | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(self, seed: int | None = None) -> Reset:
         """Draw new places everywhere; a seed says which."""
         if seed is not None:
             self._rng = np.random.default_rng(seed)

@@ -14,8 +14,8 @@ from gymnasium.vector.utils import batch_space
 from crowd_env.core.arrays.state import Bools, as_grid
 from crowd_env.core.checks import refuse
 from crowd_env.envs.arguments import Place, check_options
-from crowd_env.envs.controlled import BatchStep, BatchVectorEnv, SingleEnv
-from crowd_env.envs.crowd import CrowdEnv, require_same_spaces
+from crowd_env.envs.controlled import BatchStep, BatchVectorEnv, Row, SingleEnv
+from crowd_env.envs.crowd import CrowdEnv, Reset, require_same_spaces
 from crowd_env.envs.settings import EnvArguments, answers_unknown
 
 
@@ -95,9 +95,7 @@ class CrowdGymEnv(SingleEnv):
         super().__init__(CrowdBatch(scenario, **arguments), render_mode)
         self._arguments = arguments
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Reset:
         """Start an episode; the same seed gives the same people at the same positions.
 
         Parameters
@@ -120,7 +118,7 @@ class CrowdGymEnv(SingleEnv):
             self.batch, self.env, self._canvas = batch, batch.env, None
         return super().reset(seed=seed)
 
-    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> Row:
         """Advance by one decision step.
 
         Raises

@@ -7,7 +7,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Ints
 from crowd_env.envs.action import ActionKind
-from crowd_env.envs.crowd import Step
+from crowd_env.envs.crowd import Reset, Step
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.reward import RewardWeights
@@ -43,7 +43,7 @@ class CrowdBatch(Protocol):
     def finished(self) -> Bools:
         """Environments that wait for a reset (E,); none of them where each restarts by itself."""
 
-    def reset(self, *, seed: int | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None) -> Reset:
         """Start new episodes everywhere; return the observations of all rows."""
 
     def step(self, action: Any, /) -> StepArrays:
@@ -103,7 +103,7 @@ class WalkingBatch(CrowdBatch, Protocol):
     def metrics(self, e: int) -> EpisodeMetrics:
         """Return the metrics of the episode of environment ``e`` so far."""
 
-    def reset(self, seed: int | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(self, seed: int | None = None) -> Reset:
         """Start new episodes everywhere; return the observations (P, D)."""
 
     def step(self, action: np.ndarray | None = None, /) -> Step:

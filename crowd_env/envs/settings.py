@@ -8,7 +8,7 @@ from functools import wraps
 from typing import Any, ParamSpec, TypeAlias, TypedDict, TypeVar
 
 from crowd_env.core.behaviors.outline import Outline
-from crowd_env.core.checks import check_fields
+from crowd_env.core.checks import Plain, check_fields
 from crowd_env.envs.action import ActionKind, make_action
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.reward import RewardWeights
@@ -99,7 +99,7 @@ class Routing(Part):
         check_fields("routing", self)
 
 
-AsRouting: TypeAlias = Routing | str | Mapping[str, Any] | None
+AsRouting: TypeAlias = Routing | str | Plain | None
 
 
 class EnvArguments(TypedDict, total=False):
@@ -109,8 +109,8 @@ class EnvArguments(TypedDict, total=False):
     physics: AsPhysics
     walking: AsWalking
     routing: AsRouting
-    action: str | Mapping[str, Any] | ActionKind
-    observation: ObservationLayout | Mapping[str, Any] | None
+    action: str | Plain | ActionKind
+    observation: ObservationLayout | Plain | None
     reward: RewardWeights | Mapping[Any, Any] | None
     decision_dt: float
     time_limit: float | None
@@ -120,7 +120,7 @@ _PARTS: dict[str, type[Any]] = {"physics": Physics, "walking": Walking, "routing
 _STORED = {"signs": "rules"}  # field of a part -> name in files, where it is another
 
 
-def arguments_of(settings: Mapping[str, Any]) -> dict[str, Any]:
+def arguments_of(settings: Plain) -> dict[str, Any]:
     """Return the arguments of an environment for flat settings, as the files of runs and policies hold them.
 
     ``scheme``, ``dt``, ``outline``, ``max_drive``, ``balance`` and ``threads`` make the physics, ``manner`` and ``acts_on``

@@ -10,7 +10,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.behaviors.pulls import ALONE
-from crowd_env.core.checks import array
+from crowd_env.core.checks import Plain, array
 from crowd_env.geometry.geometry import Geometry
 
 OF_PEOPLE = (
@@ -56,7 +56,7 @@ class Frames:
         If an array does not have the shape named here, the times do not increase, or a number is out of range.
     """
 
-    facts: Mapping[str, Any]  #: plain data: scenario, scheme, dt, decision_dt, seed, strategy, time_limit, versions ...
+    facts: Plain  #: plain data: scenario, scheme, dt, decision_dt, seed, strategy, time_limit, versions ...
     walkable: str  #: WKT of the walkable area [m]
     thin_walls: Floats  #: (W, 2, 2) m, walls without thickness inside the area
     doors: tuple[tuple[str, Floats], ...]  #: name, (2, 2) m, of each leaf: a wall while the door is closed

@@ -1,6 +1,5 @@
 """Contents of a recording: the facts known at the start, then the pedestrians frame by frame."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +9,7 @@ from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.behaviors import BEHAVIORS
 from crowd_env.core.behaviors.behavior import Behavior
 from crowd_env.core.behaviors.outline import Outline
+from crowd_env.core.checks import Plain
 from crowd_env.core.files.versions import versions_of
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.physics.pressure import contact_pressure
@@ -58,7 +58,7 @@ class FrameSampler:
     There is one every ``every`` decisions, and the first and the last in any case.
     """
 
-    def __init__(self, env: CrowdEnv, e: int, facts: Mapping[str, Any], *, every: int, contacts: bool) -> None:
+    def __init__(self, env: CrowdEnv, e: int, facts: Plain, *, every: int, contacts: bool) -> None:
         self._e, self._people, self._every = e, env.people(e), every
         self._contacts = ContactSums(env.simulation, e) if contacts else None
         count = self._people.stop - self._people.start
@@ -71,7 +71,7 @@ class FrameSampler:
         self._onward = np.zeros((count, 2))  # the position of that row
         self._empty = self._without_frames(env, facts)
 
-    def _without_frames(self, env: CrowdEnv, facts: Mapping[str, Any]) -> dict[str, Any]:
+    def _without_frames(self, env: CrowdEnv, facts: Plain) -> dict[str, Any]:
         """Return the fields of a recording that are known at the start."""
         scenario, bodies = env.scenario_of_env[self._e], env.simulation.bodies
         geometry, parts = scenario.geometry, scenario.population.parts

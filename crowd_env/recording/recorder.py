@@ -1,6 +1,6 @@
 """Recorders of a rollout: they write or keep the evacuations while they run."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.core.checks import COUNT, NOT_NEGATIVE, POSITIVE, number, whole
+from crowd_env.core.checks import COUNT, NOT_NEGATIVE, POSITIVE, Plain, number, whole
 from crowd_env.core.files.json_file import json_number
 from crowd_env.envs.arguments import parts_of
 from crowd_env.envs.crowd import CrowdEnv, Step
@@ -49,7 +49,7 @@ class RunningRecording:
             waiting, self._waiting = self._waiting, []  # a failed write is not repeated
             self.writer.append(joined(waiting))
 
-    def finish(self, facts: Mapping[str, Any]) -> Any:
+    def finish(self, facts: Plain) -> Any:
         """Return the path of the whole file, or the recording itself."""
         self.sampler.stop()
         if self.writer is None:
@@ -101,7 +101,7 @@ class RunRecorder:
         contacts: bool = False,
         every: float | None = None,
         seed: int | None = None,
-        facts: Mapping[str, Any] | None = None,
+        facts: Plain | None = None,
     ) -> None:
         self.path = None if path is None else check_writable("the recording", path)
         numbers = runs if isinstance(runs, Collection) else range(whole("runs to record", runs, COUNT))
@@ -203,7 +203,7 @@ def record(
     seed: int = 0,
     contacts: bool = False,
     every: float | None = None,
-    facts: Mapping[str, Any] | None = None,
+    facts: Plain | None = None,
     driver: Callable[[int], Driver] | None = None,
     **options: Any,
 ) -> Recording:

@@ -1,13 +1,13 @@
 """Writers of recordings, part by part: a run that breaks off keeps the parts already written."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import Plain
 from crowd_env.geometry.boundary import add_aprons
 from crowd_env.recording.content import OF_PEOPLE, Frames
 from crowd_env.recording.exits import APRON
@@ -19,7 +19,7 @@ class Writer(Protocol):
     def append(self, part: Frames) -> None:
         """Write the next frames, at least one."""
 
-    def finish(self, facts: Mapping[str, Any]) -> Path:
+    def finish(self, facts: Plain) -> Path:
         """Complete the recording with the facts known at its end, and return the path of its file."""
 
     def abandon(self) -> None:
@@ -70,8 +70,8 @@ def as_json(value: Any) -> str:
 
 
 def fields_of(
-    facts: Mapping[str, Any],
-    place: Mapping[str, Any],
+    facts: Plain,
+    place: Plain,
     people: Any,
     rows: Any,
     **others: Any,

@@ -5,7 +5,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal
 
-from crowd_env.core.checks import refuse
+from crowd_env.core.checks import Plain, refuse
 from crowd_env.core.files.foreign import require_file
 from crowd_env.scenarios.file import SUFFIXES, read_scenario
 from crowd_env.scenarios.floor_plan import scenario_from_plan
@@ -36,7 +36,7 @@ SCENARIOS: dict[str, Callable[..., Scenario]] = {
 }
 
 
-def make_scenario(scenario: str | Path | Mapping[str, Any] | Scenario, **options: Any) -> Scenario:
+def make_scenario(scenario: str | Path | Plain | Scenario, **options: Any) -> Scenario:
     """Return a scenario by its name, or from a file, made with ``options``; or the scenario itself, perhaps with other people.
 
     Parameters

@@ -1,6 +1,6 @@
 """A crowd of several kinds of people: each with its own bodies, starting positions and route."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
 
@@ -118,15 +118,20 @@ def extreme_bodies(people: People) -> Bodies:
     Of each part all bodies have the largest mass, radius and speed and the shortest relaxation time; one more has the
     smallest mass and radius.
     """
-    parts = people.parts
-    counts = [part.people + 1 for part in parts]
-    first = np.cumsum([0, *counts[:-1]])
-    radius = np.repeat([part.radius.high for part in parts], counts)
-    mass = np.repeat([part.mass.high for part in parts], counts)
-    radius[first], mass[first] = [part.radius.low for part in parts], [part.mass.low for part in parts]
-    speed = np.repeat([part.desired_speed.high for part in parts], counts)
-    tau = np.repeat([part.relaxation_time.low for part in parts], counts)
-    return make_bodies(radius, mass, desired_speed=speed, relaxation_time=tau)
+    counts = [part.people + 1 for part in people.parts]
+    first, greatest = np.cumsum([0, *counts[:-1]]), greatest_bodies(people.parts, counts)
+    for name in ("radius", "mass"):
+        greatest[name][first] = [getattr(part, name).low for part in people.parts]
+    return make_bodies(**greatest)
+
+
+def greatest_bodies(parts: Sequence[Population], counts: Sequence[int]) -> dict[str, Any]:
+    """Return columns of `Bodies`: of each part as many as counted, with the greatest radius, mass, speed and acceleration."""
+    bounds = {"radius": "high", "mass": "high", "desired_speed": "high", "relaxation_time": "low"}
+    return {
+        name: np.repeat([getattr(getattr(part, name), bound) for part in parts], counts)
+        for name, bound in bounds.items()
+    }
 
 
 def as_people(population: Any) -> People | None:

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from crowd_env.core.checks import POSITIVE, at, check_keys, from_table, number, table
+from crowd_env.core.checks import POSITIVE, Plain, at, check_keys, from_table, number, table
 from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.cohorts import Cohorts, People
@@ -102,7 +102,7 @@ def _read_scenario(path: Path) -> Scenario:
         return scenario if "time_limit" in own else scenario.with_enough_time()
 
 
-def _read(path: Path) -> Mapping[str, Any]:
+def _read(path: Path) -> Plain:
     kind = "JSON" if path.suffix.lower() == ".json" else "TOML"
     text = read_text(path, "the scenario", f"a scenario in this file must be {kind}", ("JSON", "GeoJSON"))
     try:
@@ -155,7 +155,7 @@ def _shape(where: str, value: Any) -> Any:
     return rectangle(x0, y0, x1, y1)
 
 
-def _people(content: Mapping[str, Any], folder: Path) -> People:
+def _people(content: Plain, folder: Path) -> People:
     shared = table("population", content.get("population", {}), "keys and values")
     if "cohorts" not in content:
         return _population(shared, "population", folder)
@@ -173,7 +173,7 @@ def _people(content: Mapping[str, Any], folder: Path) -> People:
         return Cohorts(tuple(parts))
 
 
-def _population(given: Mapping[str, Any], key: str, folder: Path) -> Population:
+def _population(given: Plain, key: str, folder: Path) -> Population:
     starts = given.get("starts")
     if isinstance(starts, str):
         with at(f"{key}.starts"):

@@ -1,14 +1,14 @@
 """Scenarios on floor plans in files: default starts of the people, and recorded starting positions."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
 
-from crowd_env.core.checks import counted, texts
+from crowd_env.core.checks import Plain, counted, texts
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import SLIVER, Area
 from crowd_env.geometry.placement import lattice
@@ -30,7 +30,7 @@ def scenario_from_plan(
     unit: str | None = None,
     level: str | float | None = None,
     people: int | None = None,
-    population: People | Mapping[str, Any] | Sequence[Any] | None = None,
+    population: People | Plain | Sequence[Any] | None = None,
     time_limit: float | None = None,
     blocked_after: float = np.inf,
     target: Target = "path",

@@ -13,6 +13,7 @@ from crowd_env.core.checks import (
     COUNT,
     NOT_NEGATIVE,
     POSITIVE,
+    Plain,
     Range,
     check_fields,
     from_table,
@@ -179,7 +180,7 @@ class Population:
         return starts
 
 
-def population_of(where: str, table: Mapping[str, Any]) -> Population:
+def population_of(where: str, table: Plain) -> Population:
     """Return the population of a table of its fields; the number of people is that of the starts if it is left out.
 
     Raises

@@ -26,7 +26,7 @@ def test_the_rule_of_all_is_its_law_for_each():
     env = CrowdEnv(hall(40, speed=1.6), num_envs=2, **arguments_of(policy.env_options))
     env.reset([3, 4])
     observation = [env.step(None).observation for _ in range(25)][-1]
-    state, bodies, view = env.simulation.state, env.simulation.bodies, env._observer.view
+    state, bodies, view = env.simulation.state, env.simulation.bodies, env.observer.view
     x, v, rest, ways, wanted = state.position, state.velocity, view.distance_to_go, view.direction, bodies.desired_speed
     action = policy.act(observation, env.layout, np.random.default_rng(0))
     free = 0

@@ -66,7 +66,7 @@ def test_a_crowd_that_stands_is_over_at_once_and_ends_when_it_would_have(steps):
     env, first = CrowdEnv(still), []
     for seed in range(HELD_OUT_SEED, HELD_OUT_SEED + 3):
         env.reset([seed])
-        first.append(env._observer.view.potential.min())  # s, when somebody could be out
+        first.append(env.observer.view.potential.min())  # s, when somebody could be out
     # The wait ends with the first decision after it.
     np.testing.assert_array_less(20.0 + np.array(first), found.ended)
     np.testing.assert_array_less(found.ended, 20.1 + np.array(first) + 1e-6)

@@ -162,8 +162,8 @@ def assert_alike(policy, env, observation, expected):
 @looped("policy", FOLLOWING, ids=ids)
 def test_following_of_all_is_the_following_of_each(policy):
     env, observation = crowd(policy)
-    state, bodies, ways = env.simulation.state, env.simulation.bodies, env._observer.view.direction
-    x, v, way = state.position, state.velocity, env._observer.view.distance_to_go
+    state, bodies, ways = env.simulation.state, env.simulation.bodies, env.observer.view.direction
+    x, v, way = state.position, state.velocity, env.observer.view.distance_to_go
     route = env.simulation.history.followed
 
     def decide(i, others):

@@ -84,7 +84,7 @@ def test_a_step_back_is_one():
     length = []
     for _ in range(6):
         env.step(np.zeros(1))  # the first choice
-        length.append(env._observer.view.travel_time[0])
+        length.append(env.observer.view.travel_time[0])
     assert (np.diff(length) > 0).all()
 
 

@@ -170,7 +170,7 @@ def test_whatever_happens_the_sum_is_that_of_the_ends():
     rng = np.random.default_rng(4)
     env.reset(seed=1)
     simulation, boundary = env.simulation, env.simulation.world.boundary
-    potential = env._observer.view.potential
+    potential = env.observer.view.potential
 
     def now():
         """Return the travel time of everyone by the potential of the followed route, looked up from outside."""

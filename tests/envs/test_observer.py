@@ -30,7 +30,7 @@ def test_all_pairs_and_cells_show_the_same_to_the_last_bit(terms, neighbors):
     env = CrowdEnv([HALL, CLUTTERED], num_envs=3, observation=ObservationLayout(terms, neighbors=neighbors))
     env.reset(seed=1)
     rng = np.random.default_rng(0)
-    observer, shows = env._observer, []
+    observer, shows = env.observer, []
     for _ in range(25):
         env.step(rng.uniform((0.2, -0.4), (1.0, 0.4), (env.num_people, 2)))
     for most in (0, 20, 10_000):
@@ -80,7 +80,7 @@ def test_stood_counts_from_when_one_last_got_nearer_and_knows_nothing_of_the_epi
     env = CrowdEnv([HALL, CLUTTERED], num_envs=3, observation=layout, autoreset=True, time_limit=4.0)
     kept, now, rng = env.reset(seed=0)[0], 0.0, np.random.default_rng(0)
     assert not kept.any()
-    least, since = env._observer.view.potential.copy(), np.zeros(env.num_people)
+    least, since = env.observer.view.potential.copy(), np.zeros(env.num_people)
     stands = rng.random(env.num_people) < 0.3
     for step in range(75):
         if step == 20:
@@ -90,9 +90,9 @@ def test_stood_counts_from_when_one_last_got_nearer_and_knows_nothing_of_the_epi
         now += env.decision_dt
         if shown.info["finished"].any():  # all at once, at the time limit
             assert not shown.observation.any()
-            least, since, now = env._observer.view.potential.copy(), np.zeros(env.num_people), 0.0
+            least, since, now = env.observer.view.potential.copy(), np.zeros(env.num_people), 0.0
             continue
-        potential = env._observer.view.potential
+        potential = env.observer.view.potential
         got_on = (potential <= least - 0.1) | (potential >= least + 5.0)
         least[got_on], since[got_on] = potential[got_on], now
         expected = (now - since) / (now - since + 5.0)
@@ -107,11 +107,11 @@ def test_stood_counts_from_when_one_last_got_nearer_and_knows_nothing_of_the_epi
 def test_stood_begins_anew_where_one_has_been_led_five_seconds_back():
     env = CrowdEnv(make_scenario("room-v0", people=4, side=20.0), observation=ObservationLayout(("stood",)))
     env.reset(seed=0)
-    potential = [env._observer.view.potential.copy()]
+    potential = [env.observer.view.potential.copy()]
     stood = [np.zeros(4)]
     for step in range(90):  # to the exit, and back
         stood.append(env.step(np.tile([1.0 if step < 20 else -1.0, 0.0], (4, 1))).observation[:, 0])
-        potential.append(env._observer.view.potential.copy())
+        potential.append(env.observer.view.potential.copy())
     way, stood = np.array(potential), np.array(stood)
     lost = way - np.minimum.accumulate(way)
     back = (lost > 5.1).argmax(axis=0)

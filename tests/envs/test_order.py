@@ -49,7 +49,7 @@ def test_whoever_steps_back_is_seen_to_and_whoever_is_out_is_not_seen():
 
 def expected_of(env):
     """Return both terms by brute force: everyone's route from the place of everyone else, by each one's own field."""
-    state, bodies, view = env.simulation.state, env.simulation.bodies, env._observer.view
+    state, bodies, view = env.simulation.state, env.simulation.bodies, env.observer.view
     lead, ahead, other_way = np.zeros((env.num_people, 4)), np.zeros((env.num_people, 3)), 0
     for i in np.flatnonzero(env.active):
         e = env.env_of_person[i]

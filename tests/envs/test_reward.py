@@ -35,7 +35,7 @@ def episodes(policy, reward=None, *, num_envs=4, **options):
     env = CrowdEnv("room-v0", num_envs=num_envs, reward=reward, **{"time_limit": 12.0, **options})
     env.reset(seed=2)
     rng = np.random.default_rng(0)
-    first = env._observer.view.travel_time.copy()
+    first = env.observer.view.travel_time.copy()
     steps = []
     while not env.finished.all():
         inside = env.active.copy()
@@ -75,7 +75,7 @@ def test_progress_sums_to_the_travel_time_from_the_start_whatever_the_way(policy
     out = np.isfinite(env.simulation.state.exit_time)
     assert out.sum() > 5 and (policy is rule or not out.all())
     np.testing.assert_allclose(total(steps, "progress")[out], first[out], atol=1e-9)
-    left = env._observer.view.travel_time[~out]
+    left = env.observer.view.travel_time[~out]
     np.testing.assert_allclose(total(steps, "progress")[~out], first[~out] - left, atol=1e-9)
 
 
@@ -86,7 +86,7 @@ def test_the_first_travel_time_is_the_length_of_the_way_over_the_own_speed():
     time = 5.0 * seen / (1.0 - seen)
     distance = np.hypot(5.0 - env.simulation.state.position[:, 0], 0.0)
     assert (time * env.simulation.bodies.desired_speed > distance - 0.05).all()
-    np.testing.assert_allclose(time, env._observer.view.travel_time, rtol=1e-5)
+    np.testing.assert_allclose(time, env.observer.view.travel_time, rtol=1e-5)
 
 
 @pytest.mark.parametrize("scheme", ["dem", "nsm2", "hertz"])
@@ -116,7 +116,7 @@ def test_the_head_is_nearest_by_its_route_and_every_route_has_one():
     env.reset(seed=0)
     rng, routes = np.random.default_rng(0), set()
     for _ in range(20):
-        inside, before = env.active.copy(), env._observer.view.potential * env.simulation.bodies.desired_speed
+        inside, before = env.active.copy(), env.observer.view.potential * env.simulation.bodies.desired_speed
         step = env.step(drunk(rng, env.num_people))
         for e in range(2):
             people = np.arange(env.num_people)[env.people(e)]

@@ -148,7 +148,7 @@ def test_nothing_is_made_for_those_who_choose_none():
     env = hall(action="speeds", observation=None)
     assert [route.name for route in env.route_set[0].routes] == ["out"]
     assert env.layout.routes == 0 and env.layout == ObservationLayout()
-    assert env._choice.fields.ways.route.shape == (1, 0) and env._observer.view.length_of_way.size == 0
+    assert env._choice.fields.ways.route.shape == (1, 0) and env.observer.view.length_of_way.size == 0
 
 
 # -------------------------------------------------------------------------------------------------------------- reward
@@ -172,7 +172,7 @@ def test_turning_to_and_fro_pays_nothing():
 def test_whatever_is_chosen_progress_sums_to_the_way_at_the_start():
     env = hall(people=20, routing="fastest")
     env.reset(seed=3)
-    first, rng, paid = env._observer.view.potential.copy(), np.random.default_rng(0), 0.0
+    first, rng, paid = env.observer.view.potential.copy(), np.random.default_rng(0), 0.0
     while not env.finished.all():
         choices = np.where(rng.random(20) < 0.9, KEEP, rng.integers(0, 15, 20))
         paid = paid + env.step(choices).info["reward/progress"]

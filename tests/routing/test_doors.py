@@ -284,7 +284,7 @@ def test_rays_see_closed_doors_and_see_through_open_ones():
     env = CrowdEnv(scenario, num_envs=2, observation=layout, action={"name": "continuous", "frame": "world"})
     env.reset(seed=1)
     env.simulation.close_doors(1, ["gate"])
-    rays = env._observer.observe(env.active) * SIGHT
+    rays = env.observer.observe(env.active) * SIGHT
     west = 2
     assert rays[0, west] == pytest.approx(SIGHT)
     assert rays[1, west] == pytest.approx(1.3, abs=1e-6)

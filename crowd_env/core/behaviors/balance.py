@@ -16,7 +16,6 @@ Walking pedestrians use the driving force instead, since their feet follow at ev
 walls and each other.  The numbers are fitted on one recorded push, under `nsm2` (docs/validation.md).
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
@@ -24,7 +23,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.behaviors.behavior import Behavior
-from crowd_env.core.checks import NotNegative, Positive, check_fields
+from crowd_env.core.checks import NotNegative, Plain, Positive, check_fields
 
 GRAVITY = 9.81  # m/s2
 
@@ -83,7 +82,7 @@ class Balance(Behavior):
         return {"feet": places_of_feet(simulation).reshape(-1, 4)}
 
 
-Balancing: TypeAlias = str | Mapping[str, Any] | Balance
+Balancing: TypeAlias = str | Plain | Balance
 """A balance as callers give it: a name in `BALANCES`, a table of the parameters of a `Balance`, or one."""
 
 BALANCES: dict[str, Balance | None] = {

@@ -33,13 +33,12 @@ ring, the ovals and the streams of ``python -m validation``, one set for all but
 ``eager``): see docs/walking.md.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.behaviors.behavior import Behavior, Words
-from crowd_env.core.checks import NotNegative, Positive, Range, Share, check_fields
+from crowd_env.core.checks import NotNegative, Plain, Positive, Range, Share, check_fields
 
 
 class Patience(NamedTuple):
@@ -128,7 +127,7 @@ class Headway(Behavior):
         return params if chosen is not None else params._replace(interval=0.0)
 
 
-Manner: TypeAlias = str | Mapping[str, Any] | Headway
+Manner: TypeAlias = str | Plain | Headway
 """A manner as callers give it: a name in `MANNERS`, a table of the parameters of a `Headway`, or one."""
 
 # Name -> manner, chosen by description of the crowd before any comparison; one set of numbers serves all.

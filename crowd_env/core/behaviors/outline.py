@@ -22,7 +22,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.behaviors.behavior import Behavior, Words
-from crowd_env.core.checks import POSITIVE, Range, array, check_fields, plain_choice, require_all
+from crowd_env.core.checks import POSITIVE, Plain, Range, array, check_fields, plain_choice, require_all
 
 MOST_DISCS = 16
 _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
@@ -199,7 +199,7 @@ _TORSO = (
     Disc(-0.014, -0.150, 0.08556),
 )
 
-BodyShape: TypeAlias = str | Mapping[str, Any] | Outline
+BodyShape: TypeAlias = str | Plain | Outline
 """A shape as callers give it: a name in `OUTLINES`, a table of the parameters of an `Outline`, or one."""
 
 # Name -> shape of all bodies.

@@ -7,13 +7,14 @@ code, the versions.  What has another identity is never mixed with what is made 
 import errno
 import json
 import warnings
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from crowd_env.core.checks import Plain
 from crowd_env.core.files.atomic import written
 from crowd_env.core.files.json_file import read_json, write_json
 
@@ -44,7 +45,7 @@ class Store:
     def __init__(
         self,
         folder: Path,
-        identity: Mapping[str, Any] | None = None,
+        identity: Plain | None = None,
         *,
         about: str = "identity.json",
         free: Collection[str] = (),
@@ -70,7 +71,7 @@ class Store:
             self._check()
             yield
 
-    def load(self, name: str, made_by: Mapping[str, Any] | None = None, *, redo: bool = False) -> dict[str, Any] | None:
+    def load(self, name: str, made_by: Plain | None = None, *, redo: bool = False) -> dict[str, Any] | None:
         """Return the content of a piece; None if it is not here or damaged.
 
         Parameters
@@ -98,7 +99,7 @@ class Store:
             return None
         raise ValueError(f"{path} was made by another command: {other}; name another folder, or remove it")
 
-    def keep(self, name: str, content: Mapping[str, Any], made_by: Mapping[str, Any] | None = None) -> None:
+    def keep(self, name: str, content: Plain, made_by: Plain | None = None) -> None:
         """Write a piece, whole or not at all: as JSON, or, if its content names arrays, as ``.npz``.
 
         Raises
@@ -153,7 +154,7 @@ def _as_json(content: Any) -> Any:
     return json.loads(json.dumps(content, allow_nan=False))
 
 
-def difference(there: Mapping[str, Any], here: Mapping[str, Any], free: Collection[str] = ()) -> str:
+def difference(there: Plain, here: Plain, free: Collection[str] = ()) -> str:
     """Return in words the first thing in which two identities differ, but for what is ``free``; "" if in none."""
     for name in dict.fromkeys((*here, *there)):
         if name not in free and there.get(name) != here.get(name):

@@ -9,6 +9,8 @@ import numpy as np
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.checks import COUNT, NOT_NEGATIVE, POSITIVE, Range, number, whole
 from crowd_env.envs.arguments import check_options, parts_of
+from crowd_env.envs.controlled import Row
+from crowd_env.envs.crowd import Reset
 from crowd_env.envs.footbridge.crossing import Footbridge
 from crowd_env.envs.footbridge.pendulum import Pendulum
 from crowd_env.envs.footbridge.synchrony import Synchrony
@@ -96,9 +98,7 @@ class FootbridgeEnv(gymnasium.Env):
         self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (self.layout.size,), np.float32)
         self.action_space = gymnasium.spaces.Discrete(2)
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Reset:
         """Start with a deck at rest and people everywhere; the same seed gives the same people."""
         check_options(options)
         super().reset(seed=seed)
@@ -107,7 +107,7 @@ class FootbridgeEnv(gymnasium.Env):
         self.bridge = Footbridge(simulation, self.coupling, seed=draw)
         return self._observe(opened=True), {"amplitude": 0.0}
 
-    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> Row:
         """Let ``interval`` seconds pass.
 
         Raises

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Ints
-from crowd_env.core.checks import Range, check_fields, from_data
+from crowd_env.core.checks import Plain, Range, check_fields, from_data
 from crowd_env.envs.observation.view import Columns, Plan, View
 from crowd_env.envs.terms import Layout, Term, observed_terms, own_terms
 
@@ -213,9 +213,7 @@ class ObservationLayout(Layout):
                 out[rows, self[term.name]] = np.clip(values[rows], -1.0, 1.0)
 
 
-def make_layout(
-    observation: ObservationLayout | Mapping[str, Any] | None, *, in_world: bool = False
-) -> ObservationLayout:
+def make_layout(observation: ObservationLayout | Plain | None, *, in_world: bool = False) -> ObservationLayout:
     """Return a layout, the one of plain data such as ``{"terms": ["velocity", "walls"], "rays": 16}``, or the default.
 
     Vectors that are ``in_world``, along x and y, come with the `direction` of the path by default.

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Bools, as_grid
-from crowd_env.core.checks import POSITIVE, array, known, number, refuse, texts
+from crowd_env.core.checks import POSITIVE, Plain, array, known, number, refuse, texts
 from crowd_env.envs.arguments import NUMBERS, Place, parts_of
 from crowd_env.envs.controlled import BatchStep
 from crowd_env.envs.crowd import CrowdEnv
@@ -59,7 +59,7 @@ class RoutingBatch:
         grid: tuple[int, int] = (4, 2),
         routes: Sequence[str] = (),
         doors: Sequence[str] = (),
-        observation: Mapping[str, Any] | None = None,
+        observation: Plain | None = None,
         reward: Mapping[str | RewardTerm, float] | None = None,
         time_limit: float | None = None,
         sample_dt: float | None = None,

@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
-from crowd_env.core.checks import check_keys, table
+from crowd_env.core.checks import Plain, check_keys, table
 from crowd_env.envs.terms import Layout, RewardTerm, Term, observed_terms, own_terms, weighed_terms
 
 DENSITY_SCALE = 5.0  # 1/m2
@@ -155,7 +155,7 @@ class RoutingLayout(Layout):
         return {term.name: len(each[term.of_each]) for term in self.terms}
 
 
-def make_terms(observation: Mapping[str, Any] | None) -> tuple[RoutingTerm, ...]:
+def make_terms(observation: Plain | None) -> tuple[RoutingTerm, ...]:
     """Return the terms of plain data, ``{"terms": ["count", "queue"]}``, or all; `RoutingTerm` objects may stand among names.
 
     Raises

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry import shape as shape_of
 
-from crowd_env.core.checks import counted
+from crowd_env.core.checks import Plain, counted
 from crowd_env.geometry.parsing import require_meters
 from crowd_env.scenarios.plans.floor_plan import Drawing
 from crowd_env.scenarios.plans.roles import WORDS, role_of_layer, role_of_word
@@ -25,7 +25,7 @@ def is_geojson(content: Any) -> bool:
     return isinstance(content, dict) and content.get("type") in ("FeatureCollection", "Feature", *_GEOMETRIES)
 
 
-def read_geojson(content: Mapping[str, Any]) -> Drawing:
+def read_geojson(content: Plain) -> Drawing:
     """Read features, level by level; polygons without a role are walkable if no other is."""
     require_meters("it", str(content.get("crs", "")))
     features = list(enumerate(_features(content)))
@@ -55,7 +55,7 @@ def _height(level: str) -> tuple[float, str]:
         return np.inf, level
 
 
-def _levels(table: Mapping[str, Any]) -> list[str]:
+def _levels(table: Plain) -> list[str]:
     """Return the names of the levels of a feature; none if it has no level, and is on all."""
     found: Any = next((table[key] for key in _LEVELS if table.get(key) not in (None, "")), [])
     names: list[str] = []
@@ -66,7 +66,7 @@ def _levels(table: Mapping[str, Any]) -> list[str]:
     return names
 
 
-def _drawing(features: Iterable[tuple[int, Mapping[str, Any]]]) -> Drawing:
+def _drawing(features: Iterable[tuple[int, Plain]]) -> Drawing:
     drawing = Drawing()
     unmarked: list[Any] = []
     for number, feature in features:
@@ -84,12 +84,12 @@ def _drawing(features: Iterable[tuple[int, Mapping[str, Any]]]) -> Drawing:
     return drawing
 
 
-def _properties(feature: Mapping[str, Any]) -> Mapping[str, Any]:
+def _properties(feature: Plain) -> Plain:
     table = feature.get("properties")
     return table if isinstance(table, Mapping) else {}
 
 
-def _features(content: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+def _features(content: Plain) -> list[Plain]:
     match content["type"]:
         case "FeatureCollection":
             features = content.get("features")
@@ -121,7 +121,7 @@ def _holds_text(thing: Any) -> bool:
     return isinstance(thing, str) or (isinstance(thing, list) and any(map(_holds_text, thing)))
 
 
-def _role(table: Mapping[str, Any]) -> tuple[str | None, str]:
+def _role(table: Plain) -> tuple[str | None, str]:
     """Return the role from the properties, and the name that a layer gives: jps-exits-north."""
     for key in _KEYS:
         for own, word in table.items():
@@ -135,7 +135,7 @@ def _role(table: Mapping[str, Any]) -> tuple[str | None, str]:
     return None, ""
 
 
-def _name(table: Mapping[str, Any]) -> str:
+def _name(table: Plain) -> str:
     for key in _NAMES:
         for own, word in table.items():
             name = str(word).strip() if isinstance(word, str | int) else ""

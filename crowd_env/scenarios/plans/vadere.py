@@ -1,12 +1,12 @@
 """Scenarios of Vadere (JSON): the bounds without obstacles are walkable; targets are exits, sources are starts."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 import shapely
 from shapely.geometry import Point, Polygon, box
 
-from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, number
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Plain, number
 from crowd_env.scenarios.plans.floor_plan import Drawing
 
 _BOX = ("x", "y", "width", "height")
@@ -19,7 +19,7 @@ def is_vadere(content: Any) -> bool:
     return isinstance(scenario, dict) and "topography" in scenario
 
 
-def read_vadere(content: Mapping[str, Any]) -> Drawing:
+def read_vadere(content: Plain) -> Drawing:
     """Read the topography of a scenario, releases 1 to 4; targets that are no way out are regions."""
     places = content["scenario"]["topography"]
     try:
@@ -48,7 +48,7 @@ def read_vadere(content: Mapping[str, Any]) -> Drawing:
     return drawing
 
 
-def _add_bounds(drawing: Drawing, attributes: Mapping[str, Any]) -> None:
+def _add_bounds(drawing: Drawing, attributes: Plain) -> None:
     """Add the bounds; the frame along them is a wall unless the scenario excludes it."""
     left, low, width, height = _numbers("bounds", attributes["bounds"], *_BOX)
     frame = number("boundingBoxWidth", attributes.get("boundingBoxWidth", 0.5), NOT_NEGATIVE)
@@ -59,16 +59,16 @@ def _add_bounds(drawing: Drawing, attributes: Mapping[str, Any]) -> None:
     drawing.walkable.append(box(x, y, x + width, y + height))
 
 
-def _plain(thing: Mapping[str, Any]) -> dict[str, Any]:
+def _plain(thing: Plain) -> dict[str, Any]:
     """Return the attributes of an element, which stand in it or in a table of their own."""
     return {"id": "?", **thing.get("attributes", {}), **thing}
 
 
-def _numbers(what: str, table: Mapping[str, Any], *keys: str) -> list[float]:
+def _numbers(what: str, table: Plain, *keys: str) -> list[float]:
     return [number(f"{what}: {key}", table[key]) for key in keys]
 
 
-def _shape(thing: Mapping[str, Any], what: str) -> Any:
+def _shape(thing: Plain, what: str) -> Any:
     shape = thing["shape"]
     match shape["type"]:
         case "RECTANGLE":
@@ -85,24 +85,24 @@ def _shape(thing: Mapping[str, Any], what: str) -> Any:
     raise ValueError(f"{what} has the shape {shape['type']!r}; known: RECTANGLE, POLYGON, CIRCLE")
 
 
-def _absorbs(target: Mapping[str, Any]) -> bool:
+def _absorbs(target: Plain) -> bool:
     absorber = target.get("absorber", {"enabled": target.get("absorbing", True)})
     return bool(absorber.get("enabled", True))
 
 
-def _leave_by_all(source: Mapping[str, Any], targets: Iterable[Mapping[str, Any]]) -> bool:
+def _leave_by_all(source: Plain, targets: Iterable[Plain]) -> bool:
     """Return whether people of a source may walk to every target that people leave by, as far as the file shows."""
     chosen = source.get("targetIds")
     return not chosen or {target["id"] for target in targets if _absorbs(target)} <= set(chosen)
 
 
-def _at_once(source: Mapping[str, Any]) -> bool:
+def _at_once(source: Plain) -> bool:
     spawner = source.get("spawner", {})
     begin = spawner.get("constraintsTimeStart", source.get("startTime"))
     return bool(begin == spawner.get("constraintsTimeEnd", source.get("endTime")))
 
 
-def _people(source: Mapping[str, Any]) -> int | None:
+def _people(source: Plain) -> int | None:
     """Return the number of people of a source, if the file has a total."""
     spawner, once = source.get("spawner", {}), _at_once(source)
     most = spawner.get("constraintsElementsMax", source.get("maxSpawnNumberTotal"))

@@ -25,13 +25,13 @@ Seen from above, the screen is at x = 0, on the left, and the floor rises to the
   Their thresholds 5, 5 and 15 are about 2 people per square meter in each.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, flag, number, refuse, whole
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Plain, Range, flag, number, refuse, whole
 from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.routing.spec import ControlRule
 from crowd_env.routing.speed_map import SpeedZone
@@ -62,7 +62,7 @@ def theatre(
     commits: bool = False,
     stair_speed: float = 0.5,
     time_limit: float = 180.0,
-    population: People | Mapping[str, Any] | None = None,
+    population: People | Plain | None = None,
 ) -> Scenario:
     """Return the theatre; people take the shortest route, unless a control rule sends them on the other.
 

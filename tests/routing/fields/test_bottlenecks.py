@@ -117,4 +117,4 @@ def test_it_is_seen_in_bodies_and_seconds():
 
 def test_nobody_pays_for_what_nobody_sees():
     env = CrowdEnv("room-v0")
-    assert not env._observer.view.fields.openings.fields.width.size
+    assert not env.observer.view.fields.openings.fields.width.size

@@ -168,5 +168,5 @@ def test_in_front_of_an_exit_the_fastest_way_leads_out(angle):
         points = [middle - d * out + s * half * along for d in (0.01, 0.05, 0.1, 0.2) for s in (-1, -0.5, 0, 0.5, 1)]
         position[: len(points)] = points
         env.simulation.state.route[:] = names.index("fastest")
-        env._observer.observe(env.active)
-        assert (env._observer.view.direction[: len(points)] @ out).min() > 0.5
+        env.observer.observe(env.active)
+        assert (env.observer.view.direction[: len(points)] @ out).min() > 0.5
