@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crowd_env.core.arrays.state import MOTIVATION
 from crowd_env.core.behaviors.headway import Manner
-from crowd_env.core.checks import Plain, flag, known
+from crowd_env.core.checks import Plain, at, flag, known
 from crowd_env.core.files.own import names_own, own_or_name
 from crowd_env.envs.settings import Routing
 from crowd_env.physics import make_scheme
@@ -115,9 +115,9 @@ def setting_of(options: CrowdOptions) -> Setting:
         if not any(name in names for names in owners.values()):
             there = "; ".join(f"{who} has {', '.join(names)}" for who, names in owners.items())
             raise ValueError(f"--set {name}: nothing has this name; {there}")
-    _, of_law, _ = ({name: changes[name] for name in names if name in changes} for names in owners.values())
-    law = make_scheme(law, of_law.pop("social", None))
-    numbers = {name: _value(text) for name, text in of_law.items()}
+    _, of_law, _ = owners.values()
+    numbers = {name: _value(changes[name]) for name in of_law if name in changes and name != "social"}
+    law = make_scheme(law, changes.get("social"))
     step, drive = numbers.pop("dt", None), numbers.pop("max_drive", None)
     place, led = read_place(options), None
     routing = Routing(place.strategy_of_run(options.routing), flag("--set signs", _value(changes.get("signs", "yes"))))
@@ -162,12 +162,8 @@ def walking_of(text: str | None) -> Manner | None:
     """
     if text is None or not text.startswith("{"):
         return text
-    try:
+    with at(f'--walking {text}: this must be a name or a table such as {{"time_gap": 0.7}}'):
         return dict(json.loads(text))
-    except ValueError as error:
-        raise ValueError(
-            f'--walking {text}: this must be a name or a table such as {{"time_gap": 0.7}}: {error}'
-        ) from None
 
 
 def people_options(options: CrowdOptions, drawn: Mapping[str, str]) -> dict[str, Any]:

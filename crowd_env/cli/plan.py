@@ -12,6 +12,7 @@ from crowd_env.cli import options
 from crowd_env.cli.console import check_picture, show_table
 from crowd_env.cli.place import CrowdOptions, people_options, plan_options, setting_of, split_changes
 from crowd_env.core.behaviors.outline import Outline, room_of
+from crowd_env.core.checks import at
 from crowd_env.core.console import friendly_errors, noted, progress_bar, say
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios import kind_of_place
@@ -93,9 +94,7 @@ def _check(asked: CrowdOptions, seed: int) -> PlanCheck:
             changes = split_changes(asked.set)
             room = room_of(Outline.of(changes.pop("outline", None)))
             crowd = people_on(drawn, **people_options(asked, changes))
-            try:
+            with at(str(drawn.path)):
                 geometry = Geometry.from_polygon(drawn.walkable, regions=drawn.regions)
-            except ValueError as error:
-                raise ValueError(f"{drawn.path}: {error}") from None
             return check_plan(drawn.name, geometry, crowd, title=drawn.title, room=room, seed=seed)
     return check_place(setting_of(asked).place, seed)

@@ -162,10 +162,10 @@ class CrowdParallelEnv(ParallelEnv):
         agents, slots = self.agents, self._slots
         step = self.env.step(action, scripted)
         observations = dict(zip(agents, step.observation[slots], strict=True))
-        rewards = dict(zip(agents, step.reward[slots].tolist(), strict=True))
+        rewards, terminations, truncations = (
+            dict(zip(agents, values[slots].tolist(), strict=True)) for values in step[1:4]
+        )
         infos = _infos_of(agents, slots, step.info)
-        terminations = dict(zip(agents, step.terminated[slots].tolist(), strict=True))
-        truncations = dict(zip(agents, step.truncated[slots].tolist(), strict=True))
         if (step.terminated | step.truncated).any():
             stay = np.flatnonzero(self.env.active)
             self.agents, self._slots = [self.possible_agents[i] for i in stay.tolist()], stay

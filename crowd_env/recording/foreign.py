@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
+from crowd_env.core.checks import at
 from crowd_env.core.files.foreign import read_text
 
 _RADIUS = 0.2  # m, where a file has no bodies
@@ -102,11 +103,9 @@ def read_text_trajectory(path: Path) -> dict[str, Any]:
     named = [size for unit, size in _UNITS if re.search(rf"\b(?:x/|in ){unit}\b", comments, re.IGNORECASE)]
     if not named:
         raise ValueError(f"{path}: no unit; a comment must tell it, as in '# id frame x/m y/m' or '# in cm'")
-    try:
+    with at(f"{path}: a line is not made of id, frame, x and y"):
         cells = [line.split()[:4] for line in text.splitlines() if line.strip() and not line.startswith("#")]
         rows = np.array(cells, dtype=np.float64).reshape(-1, 4)
-    except ValueError as error:
-        raise ValueError(f"{path}: a line is not made of id, frame, x and y: {error}") from None
     if not np.isfinite(rows).all():
         raise ValueError(f"{path}: line {int(np.argmin(np.isfinite(rows).all(axis=1))) + 1} of the rows is not finite")
     person, frame = rows[:, :2].T.astype(np.int64)

@@ -105,10 +105,8 @@ def _read_scenario(path: Path) -> Scenario:
 def _read(path: Path) -> Plain:
     kind = "JSON" if path.suffix.lower() == ".json" else "TOML"
     text = read_text(path, "the scenario", f"a scenario in this file must be {kind}", ("JSON", "GeoJSON"))
-    try:
+    with at(str(path)):
         content = json.loads(text) if kind == "JSON" else tomllib.loads(text)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
     return table(f"{path}: the scenario", content, "keys and values")
 
 

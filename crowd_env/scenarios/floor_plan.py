@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from crowd_env.core.checks import Plain, counted, texts
+from crowd_env.core.checks import Plain, at, counted, texts
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import SLIVER, Area
 from crowd_env.geometry.placement import lattice
@@ -87,17 +87,14 @@ def scenario_on(plan: FloorPlan, population: People, *, time_limit: float | None
     """
     for note in plan.notes:
         warnings.warn(note, stacklevel=3)
-    path = plan.path
     if not plan.exits:
-        raise ValueError(f"{path}: a floor plan needs at least one exit, for example --exit 5,2,5,3")
-    try:
+        raise ValueError(f"{plan.path}: a floor plan needs at least one exit, for example --exit 5,2,5,3")
+    with at(str(plan.path)):
         geometry = Geometry.from_polygon(plan.walkable, exits=plan.exits, narrowest=population.radius.low)
         geometry = geometry.with_regions(_reached(geometry, plan))
         limit = 1.0 if time_limit is None else time_limit
         place = Scenario(plan.name, geometry, population, limit, title=plan.title, **options)
         return place.with_enough_time() if time_limit is None else place
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
 
 
 def _reached(geometry: Geometry, plan: FloorPlan) -> dict[str, Area]:

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from crowd_env.core.checks import at
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.foreign import foreign_kind, read_text, require_file
 from crowd_env.geometry.parsing import parse_exit, read_area
@@ -33,11 +34,10 @@ def read_json_plan(path: Path, meters: float | None = None) -> Drawing:
     """Read a plan of GeoJSON or Vadere."""
     text = read_text(path, "the floor plan", "a floor plan in this file must be JSON", ("JSON", "GeoJSON"))
     try:
-        content = json.loads(text)
+        with at("it is no whole JSON"):
+            content = json.loads(text)
     except RecursionError:
         raise ValueError("nested too deeply") from None
-    except ValueError as error:
-        raise ValueError(f"it is no whole JSON: {error}") from None
     for holds, read in _IN_JSON:
         if holds(content):
             return read(content)
