@@ -1,8 +1,6 @@
 """Crowds that policies lead, in ``crowd-env run`` and ``crowd-env show``."""
 
-import hashlib
 from dataclasses import replace
-from typing import Any
 
 from crowd_env.agents.evaluation.entries import Entry
 from crowd_env.agents.trained import load_trained
@@ -14,10 +12,3 @@ def suited(place: Scenario, entry: Entry) -> Scenario:
     if not entry.leads:
         return place
     return replace(place, manner=None if entry.source is None else load_trained(entry.source).trained.get("manner"))
-
-
-def facts_of(entry: Entry) -> dict[str, Any]:
-    """Return the name of a policy and what identifies its network, ready for JSON."""
-    source = entry.source
-    digest = {} if source is None else {"sha256": hashlib.sha256(source.read_bytes()).hexdigest()}
-    return {"name": entry.name, **digest}

@@ -1,5 +1,6 @@
 """The folder of ``crowd-env run --out``, and how a command is run again from the config in it."""
 
+import hashlib
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import fields
@@ -77,9 +78,8 @@ def config_of(
     if "scheme" in files:
         config["law"] = config["files"][str(files["scheme"].absolute())]
     if led is not None:
-        from crowd_env.cli.led import facts_of
-
-        config["policy"] = facts_of(led)
+        digest = {} if led.source is None else {"sha256": hashlib.sha256(led.source.read_bytes()).hexdigest()}
+        config["policy"] = {"name": led.name, **digest}
     if like is not None:
         other = difference(read_json(like), config, FREE)
         if other:

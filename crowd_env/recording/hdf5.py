@@ -19,7 +19,16 @@ import numpy as np
 from crowd_env.core.files.atomic import written
 from crowd_env.recording.content import OF_PEOPLE, FrameContacts, Frames
 from crowd_env.recording.foreign import recording_of_positions
-from crowd_env.recording.writer import area_with_aprons, as_json, facing, fields_of, in_files, part_of, place_of, remove_part
+from crowd_env.recording.writer import (
+    area_with_aprons,
+    as_json,
+    facing,
+    fields_of,
+    in_files,
+    part_of,
+    place_of,
+    remove_part,
+)
 
 _NUMBERS = ("x", "y", "z", "ox", "oy", "vx", "vy", "pressure")
 _ROW = [("frame", "<i4"), ("id", "<i4"), *((name, "<f8") for name in _NUMBERS)]

@@ -19,7 +19,16 @@ import numpy as np
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.recording.content import FrameContacts, Frames
 from crowd_env.recording.foreign import recording_of_positions
-from crowd_env.recording.writer import PLACE, area_with_aprons, as_json, facing, fields_of, part_of, place_of, remove_part
+from crowd_env.recording.writer import (
+    PLACE,
+    area_with_aprons,
+    as_json,
+    facing,
+    fields_of,
+    part_of,
+    place_of,
+    remove_part,
+)
 
 # The tables that JuPedSim and PedPy read.
 _JUPEDSIM = """

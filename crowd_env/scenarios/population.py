@@ -199,7 +199,7 @@ def draw_crowd(
 ) -> tuple[Bodies, Floats]:
     """Draw one crowd of all parts; see `Population.draw`.
 
-    Recorded starts come first, then people in regions, then people anywhere; those of several parts in one region are mixed.
+    Recorded starts come first, then people in regions, then people anywhere; several parts in one region are mixed.
     """
     drawn, ends = [part.draw_bodies(rng) for part in parts], np.cumsum([part.people for part in parts]).tolist()
     slots = [slice(end - part.people, end) for part, end in zip(parts, ends, strict=True)]
