@@ -1,6 +1,5 @@
 """Plain data, as JSON and TOML hold it."""
 
-from collections.abc import Mapping
-from typing import Any, TypeAlias
+from crowd_env.core.checks import Plain
 
-Plain: TypeAlias = Mapping[str, Any]
+__all__ = ["Plain"]
