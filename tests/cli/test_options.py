@@ -64,10 +64,10 @@ def test_sentences_name_only_options_that_there_are():
 _OF_USERS = {
     "Attraction": {"lifetime"},
     "Balance": {"base", "grip", "swing", "walks_from"},
-    "GroupCohesion": {"cohesion", "repulsion"},
+    "GroupCohesion": {"cohesion", "patience", "repulsion"},
     "Headway": {
         *("anticipation", "berth", "impatience", "keep_right", "keep_up", "off_walls", "oncoming", "overtaking"),
-        *("shyness", "sight"),
+        *("patience", "shyness", "sight"),
     },
     "Route": {"via"},
     "Scenario": {"closed_doors"},
