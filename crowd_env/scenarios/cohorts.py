@@ -6,10 +6,13 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from crowd_env.core.arrays.state import MOTIVATION, Bodies, Floats, make_bodies
+from crowd_env.core.arrays.state import MOTIVATION, Bodies, Floats, join_bodies, make_bodies
+from crowd_env.core.behaviors.pulls import ALONE
 from crowd_env.core.checks import at, check_fields, refuse
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.scenarios.population import DRAWN, Population, check_people, draw_crowd, population_of
+from crowd_env.geometry.placement import sample_positions
+from crowd_env.scenarios.population import DRAWN, Population, check_people, population_of
+from crowd_env.scenarios.starts import check_starts
 
 
 class Bounds(NamedTuple):
@@ -106,7 +109,37 @@ class Cohorts:
         ValueError
             If the people do not fit.
         """
-        return draw_crowd(self.parts, rng, geometry, room)
+        drawn = [part.draw_bodies(rng) for part in self.parts]
+        bodies = join_bodies(drawn)._replace(env_start=np.array([0, self.people]))
+        radius = room * bodies.radius
+        owner = np.repeat(np.arange(len(self.parts)), [part.people for part in self.parts])
+        position = np.zeros((self.people, 2))
+        stands = np.zeros(self.people, dtype=np.bool_)
+        for k, part in enumerate(self.parts):
+            if part.starts is not None:
+                position[owner == k] = part.draw_starts(rng, geometry, radius[owner == k])
+                stands |= owner == k
+        if stands.any():
+            check_starts(geometry, position[stands], radius[stands])
+        for region in self._regions():
+            here = [k for k, part in enumerate(self.parts) if part.starts is None and part.start_region == region]
+            people = np.flatnonzero(np.isin(owner, here))
+            if len(here) > 1:
+                people = rng.permutation(people)
+            already = (position[stands], radius[stands]) if stands.any() else None
+            position[people] = sample_positions(geometry, radius[people], rng, region, already)
+            stands[people] = True
+        motivated = [part.draw_motivation(rng, own) for part, own in zip(self.parts, drawn, strict=True)]
+        given = {name: np.concatenate([getattr(own, name) for own in motivated]) for name in MOTIVATION}
+        groups = [part.draw_groups(rng, position[owner == k]) for k, part in enumerate(self.parts)]
+        before = np.cumsum([0, *(part.people for part in self.parts[:-1])])
+        group = [np.where(own == ALONE, ALONE, own + at) for own, at in zip(groups, before, strict=True)]
+        return bodies._replace(**given, group=np.concatenate(group)), position
+
+    def _regions(self) -> list[str | None]:
+        """Where people start: the named regions in the order of the cohorts, then anywhere."""
+        of_parts = dict.fromkeys(part.start_region for part in self.parts if part.starts is None)
+        return sorted(of_parts, key=lambda name: name is None)
 
 
 People: TypeAlias = Population | Cohorts

@@ -1,13 +1,13 @@
 """The people of a scenario: number, distributions of their bodies, and starting positions."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import shapely
 
-from crowd_env.core.arrays.state import MAX_SPEED, MOTIVATION, Bodies, Floats, Ints, join_bodies, make_bodies
+from crowd_env.core.arrays.state import MAX_SPEED, MOTIVATION, Bodies, Floats, Ints, make_bodies
 from crowd_env.core.behaviors.pulls import ALONE
 from crowd_env.core.checks import (
     COUNT,
@@ -137,7 +137,13 @@ class Population:
         ValueError
             If the people do not fit.
         """
-        return draw_crowd((self,), rng, geometry, room)
+        bodies = self.draw_bodies(rng)
+        if self.starts is not None:
+            position = self.draw_starts(rng, geometry, room * bodies.radius)
+        else:
+            position = sample_positions(geometry, room * bodies.radius, rng, self.start_region)
+        motivated = self.draw_motivation(rng, bodies)
+        return motivated._replace(group=self.draw_groups(rng, position)), position
 
     def draw_bodies(self, rng: np.random.Generator) -> Bodies:
         """Draw the bodies alone, with the motivation of the run's manner."""
@@ -192,39 +198,6 @@ def population_of(where: str, table: Plain) -> Population:
         starts = as_positions(table["starts"])
         table = {"people": len(starts), **table, "starts": starts}
     return from_table(where, Population, table)
-
-
-def draw_crowd(
-    parts: Sequence[Population], rng: np.random.Generator, geometry: Geometry, room: float
-) -> tuple[Bodies, Floats]:
-    """Draw one crowd of all parts; see `Population.draw`.
-
-    Recorded starts come first, then people in regions, then people anywhere; several parts in one region are mixed.
-    """
-    drawn, ends = [part.draw_bodies(rng) for part in parts], np.cumsum([part.people for part in parts]).tolist()
-    slots = [slice(end - part.people, end) for part, end in zip(parts, ends, strict=True)]
-    everyone, radius = np.arange(ends[-1]), room * np.concatenate([bodies.radius for bodies in drawn])
-    position, stands = np.zeros((len(everyone), 2)), np.zeros(len(everyone), dtype=np.bool_)
-    of_region: dict[str | None, list[slice]] = {}
-    for part, own in zip(parts, slots, strict=True):
-        if part.starts is None:
-            of_region.setdefault(part.start_region, []).append(own)
-        else:
-            position[own], stands[own] = part.draw_starts(rng, geometry, radius[own]), True
-    if stands.any():
-        check_starts(geometry, position[stands], radius[stands])
-    for region in sorted(of_region, key=lambda name: name is None):
-        people = np.concatenate([everyone[own] for own in of_region[region]])
-        if len(of_region[region]) > 1:
-            people = rng.permutation(people)
-        already = (position[stands], radius[stands]) if stands.any() else None
-        position[people] = sample_positions(geometry, radius[people], rng, region, already)
-        stands[people] = True
-    bodies = join_bodies([part.draw_motivation(rng, own) for part, own in zip(parts, drawn, strict=True)])
-    for part, own in zip(parts, slots, strict=True):
-        group = part.draw_groups(rng, position[own])
-        bodies.group[own] = np.where(group == ALONE, ALONE, group + own.start)
-    return bodies._replace(env_start=np.array([0, len(everyone)])), position
 
 
 def check_people(what: str, people: Any) -> int:
