@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
@@ -19,25 +19,25 @@ from crowd_env.envs.metrics import share_interval
 from crowd_env.envs.protocol import WalkingBatch
 from crowd_env.envs.settings import arguments_of
 
-from . import PRETRAINED, make_policy, starts_from, told_start
-from .evaluation.comparison import last_times, mean_times
-from .evaluation.entries import RULE
+from . import make_policy, starts_from, told_start
+from .evaluation.comparison import clearing_times, last_times, mean_times
+from .evaluation.entries import RULE, policy_entry
 from .evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate
-from .evaluation.folder import source_stamp
+from .evaluation.folder import digest_of, source_stamp
 from .evaluation.plans import interquartile_mean
-from .evaluation.protocol import task_row
-from .networks import network_digest
+from .evaluation.protocol import task_rows
+from .evaluation.same_draws import compare
+from .plain import Plain
 from .policy import Policy
 from .rules import StrategyPolicy
 from .tasks import Task, make_task
-from .trained import NUMBERS, LearnedPolicy, names_file
+from .trained import NUMBERS, LearnedPolicy
 from .training_config import TrainingConfig, make_env, physics_of, place_of, task_config
 
 if TYPE_CHECKING:
     from .learned.callbacks import ComparisonCallback
 
-Results = Mapping[str, Sequence[Mapping[str, Any]]]  # name -> its finished results, one a seed
-_RAW = ("clearing_times", "mean_exits", "blocked_runs")
+Results: TypeAlias = Mapping[str, Sequence[Plain]]  # name -> its finished results, one a seed
 _RESAMPLES = 20_000
 _FEWEST = 10  # seeds: an interval of fewer is too short, see `bootstrap_interval`
 
@@ -108,7 +108,7 @@ class Job(NamedTuple):
         return self.name if self.seed is None else f"{self.name}-seed{self.seed}"
 
 
-def do(job: Job, plan: Plan, folder: Path) -> dict[str, Any] | None:
+def do(job: Job, plan: Plan, folder: Path) -> Plain | None:
     """Return the result of a job: from the folder if it is done, else do it; None if another process is about it.
 
     Raises
@@ -121,12 +121,16 @@ def do(job: Job, plan: Plan, folder: Path) -> dict[str, Any] | None:
         if not mine:
             return None
         if store.path(job.title) is None:
-            found = _fixed(job, plan) if job.seed is None else _trained(job, plan, folder)
-            store.keep(job.title, found, of_plan)
+            if job.seed is None:
+                policy: Policy = fixed_policy(job.name, make_task(plan.task))
+                made: Plain = {"policy": job.name}
+            else:
+                policy, made = _trained(job, plan, folder)
+            store.keep(job.title, {**made, **_final(policy, plan)}, of_plan)
     return read_result(folder, job, plan)
 
 
-def read_result(folder: Path, job: Job, plan: Plan) -> dict[str, Any] | None:
+def read_result(folder: Path, job: Job, plan: Plan) -> Plain | None:
     """Return the finished result of a job, if there is one.
 
     Raises
@@ -137,14 +141,14 @@ def read_result(folder: Path, job: Job, plan: Plan) -> dict[str, Any] | None:
     return Store(folder).load(job.title, _of_plan(job, plan))
 
 
-def _of_plan(job: Job, plan: Plan) -> dict[str, Any]:
+def _of_plan(job: Job, plan: Plan) -> dict[str, object]:
     """Return what decides the result of a job."""
-    told: dict[str, Any] = {"task": plan.task, "task_digest": make_task(plan.task).digest(), "runs": plan.runs}
+    told: dict[str, object] = {"task": plan.task, "task_digest": make_task(plan.task).digest(), "runs": plan.runs}
     if job.seed is not None:
         told |= {name: getattr(plan, name) for name in ("minutes", "checkpoints", "validation_runs")}
         told["config"] = _config(job, plan).as_table()
-    elif job.name in PRETRAINED or names_file(job.name):
-        told["network"] = network_digest(PRETRAINED.get(job.name, Path(job.name)))
+    elif (network := digest_of(job.name)) is not None:
+        told["network"] = network
     return told | {"code": source_stamp()}
 
 
@@ -153,26 +157,20 @@ def _config(job: Job, plan: Plan) -> TrainingConfig:
     return task_config(plan.task, job.seed or 0, start=ALGORITHMS[job.name].start)
 
 
-def _fixed(job: Job, plan: Plan) -> dict[str, Any]:
-    """Judge a policy that is not trained here."""
-    return {"policy": job.name, **_final(fixed_policy(job.name, make_task(plan.task)), plan)}
-
-
 def fixed_policy(name: str, task: Task) -> Policy:
     """Return a policy that is not trained here: the rule of the task, or what `crowd_env.agents.make_policy` takes."""
     return StrategyPolicy(task.rule, name=RULE) if name == RULE else make_policy(name)
 
 
-def _trained(job: Job, plan: Plan, folder: Path) -> dict[str, Any]:
-    """Train, and judge the best policy of all checkpoints; a network is kept beside the result, under the same name."""
+def _trained(job: Job, plan: Plan, folder: Path) -> tuple[Policy, Plain]:
+    """Train; return the best policy of all checkpoints, whose network is kept beside its result, and what led to it."""
     from .learned.callbacks import ComparisonCallback
 
     config = _config(job, plan)
-    place = place_of(config)
+    place, physics = place_of(config), arguments_of(physics_of(config))
 
-    def judge(policy: Policy) -> dict[str, Any]:
-        draws: dict[str, Any] = {"runs": plan.validation_runs, "first_seed": VALIDATION_SEED}
-        return checkpoint(evaluate(policy, place, **draws, **arguments_of(physics_of(config))))
+    def judge(policy: Policy) -> dict[str, object]:
+        return checkpoint(evaluate(policy, place, runs=plan.validation_runs, first_seed=VALIDATION_SEED, **physics))
 
     callback = ComparisonCallback(60.0 * plan.minutes, judge, plan.checkpoints)
     ALGORITHMS[job.name].train(config, callback)
@@ -181,10 +179,10 @@ def _trained(job: Job, plan: Plan, folder: Path) -> dict[str, Any]:
     if isinstance(policy, LearnedPolicy):
         policy.save(folder / f"{job.title}{NUMBERS}")
     facts = {"algorithm": job.name, "seed": job.seed, "start": config.start, "curve": callback.curve, "best": row}
-    return {**facts, **_final(policy, plan)}
+    return policy, facts
 
 
-def checkpoint(result: Evaluation) -> dict[str, Any]:
+def checkpoint(result: Evaluation) -> dict[str, object]:
     """Return the figures of a checkpoint: ``order`` says which is better, fewer runs unfinished first, then sooner out."""
     last = last_times(result)
     cleared = result.column("unfinished") == 0
@@ -196,17 +194,22 @@ def checkpoint(result: Evaluation) -> dict[str, Any]:
     }
 
 
-def _final(policy: Policy, plan: Plan) -> dict[str, Any]:
+def _final(policy: Policy, plan: Plan) -> Plain:
     """Return the figures of a policy in the task as it stands, on held-out draws, and those of every run."""
     task = make_task(plan.task)
-    draws: dict[str, Any] = {"runs": plan.runs, "first_seed": task.seeds.start, "measure": True}
-    result = evaluate(policy, task.place(), **draws, **task.arguments())
-    row = task_row(task, task.place(), result, [result])
-    del row["minus_first"], row["credible"]  # beside nothing else than itself
-    last = np.where(result.column("unfinished") == 0, last_times(result), np.nan)
-    raw = (last, mean_times(result), np.isfinite(result.column("blocked_since")))
-    runs = {name: [json_number(one) for one in values.astype(float)] for name, values in zip(_RAW, raw, strict=True)}
-    return {"final": row, "of_runs": runs, "constants": result.constants}
+    (result,) = compare([policy_entry(policy, task)], task.place(), [task.scheme], runs=plan.runs)
+    (row,) = task_rows(task, task.place(), [result])
+    runs = {
+        "clearing_times": clearing_times(result),
+        "mean_exits": mean_times(result),
+        "blocked_runs": np.isfinite(result.column("blocked_since")),
+    }
+    return {
+        # Beside nothing else than itself.
+        "final": {name: value for name, value in row.items() if name not in ("minus_first", "credible")},
+        "of_runs": {name: [json_number(float(one)) for one in values] for name, values in runs.items()},
+        "constants": result.constants,
+    }
 
 
 # ----------------------------------------------------------------------------------------------------------- what came out
@@ -233,14 +236,14 @@ def bootstrap_interval(values: Sequence[float] | Floats) -> tuple[float, float]:
     return float(found.confidence_interval.low), float(found.confidence_interval.high)
 
 
-def summarize(results: Results) -> dict[str, Any]:
+def summarize(results: Results) -> dict[str, Plain]:
     """Return a row for each algorithm or policy, ready for JSON.
 
     ``clearing_time`` is the interquartile mean over seeds of the mean clearing time on held-out draws, of runs that cleared,
     with its bootstrap interval over seeds; of a policy without seeds the mean over draws, with its interval over draws.
     ``unfinished`` counts runs of all seeds, with Wilson's interval of their share.
     """
-    rows = {}
+    rows: dict[str, Plain] = {}
     for name, found in results.items():
         times = [np.array(one["of_runs"]["clearing_times"], dtype=np.float64) for one in found]  # null is nan
         of_seed = np.array([np.nanmean(one) if np.isfinite(one).any() else np.nan for one in times])
@@ -280,10 +283,10 @@ _COLUMNS = {
 }
 
 
-def table(rows: Mapping[str, Mapping[str, Any]]) -> str:
+def table(rows: Mapping[str, Plain]) -> str:
     """Return the rows as a table in Markdown, the soonest first."""
 
-    def soonest(item: tuple[str, Mapping[str, Any]]) -> tuple[bool, float]:
+    def soonest(item: tuple[str, Plain]) -> tuple[bool, float]:
         middle = item[1]["clearing_time"]["iqm"]
         return item[1]["unfinished"]["runs"] > 0, np.inf if middle is None else middle
 

@@ -1,6 +1,6 @@
 """Policies beside each other on the same draws: paired differences, and whether their order depends on the contact scheme."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -11,6 +11,7 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.json_file import json_number
 from crowd_env.envs.metrics import summarise
 
+from ..plain import Plain
 from .evaluation import Evaluation
 
 
@@ -60,13 +61,19 @@ def paired(one: Floats, other: Floats) -> dict[str, Any]:
     }
 
 
-def minus_first(result: Evaluation, first: Evaluation) -> dict[str, Any]:
+def minus_first(result: Evaluation, first: Evaluation) -> Plain:
     """Return the paired differences of a policy to the first one under the same scheme."""
     return {
         "policy": first.policy,
         "evacuation_time": paired(clearing_times(result), clearing_times(first)),
         "mean_exit_time": paired(clearing_means(result), clearing_means(first)),
     }
+
+
+def rows_beside(results: Sequence[Evaluation]) -> list[dict[str, Any]]:
+    """Return the `Evaluation.row` of each result with its differences to the first policy under its scheme."""
+    first = {one.scheme: one for one in reversed(results)}
+    return [{**one.row(), "minus_first": minus_first(one, first[one.scheme])} for one in results]
 
 
 def ratio(result: Evaluation, first: Evaluation) -> float | None:
@@ -91,7 +98,7 @@ def order_of(times: Floats) -> tuple[int, float]:
     return int(np.isnan(times).sum()), np.inf if half is None else half
 
 
-def ranking(results: Sequence[Evaluation], *, of: Any = clearing_times) -> dict[str, Any]:
+def ranking(results: Sequence[Evaluation], *, of: Callable[[Evaluation], Floats] = clearing_times) -> dict[str, Any]:
     """Return the order of the policies under every scheme, that of `order_of`, and how far the schemes agree.
 
     ``schemes`` holds the ``order`` with the median ``times`` [s] of all runs, ``tau`` Kendall's tau-b of each pair of schemes,
@@ -121,16 +128,12 @@ def ranking(results: Sequence[Evaluation], *, of: Any = clearing_times) -> dict[
     }
 
 
-def _contradictions(table: Mapping[str, Mapping[str, Floats]], names: Sequence[str]) -> list[dict[str, Any]]:
-    found = []
+def _contradictions(table: Mapping[str, Mapping[str, Floats]], names: Sequence[str]) -> list[Plain]:
+    found: list[Plain] = []
     for one, other in combinations(names, 2):
-        faster, slower = [], []
-        for scheme, row in table.items():
-            low, high = paired(row[one], row[other])["ci95"]
-            if low is not None and high < 0.0:
-                faster.append(scheme)
-            if low is not None and low > 0.0:
-                slower.append(scheme)
+        bounds = {scheme: paired(row[one], row[other])["ci95"] for scheme, row in table.items()}
+        faster = [scheme for scheme, (_, high) in bounds.items() if high is not None and high < 0.0]
+        slower = [scheme for scheme, (low, _) in bounds.items() if low is not None and low > 0.0]
         if faster and slower:
             found.append({"policies": [one, other], "first_faster_under": faster, "second_faster_under": slower})
     return found

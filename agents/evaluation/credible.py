@@ -5,11 +5,11 @@ pushed, and a flow, so that no number holds for all of them: what the rule does 
 scheme makes of a crowd that does its worst.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from crowd_env import Scenario
 
+from ..plain import Plain
 from ..tasks.lower_bounds import LARGEST_RECORDED_FLOW, exit_widths, touching_flow
 from ..walking import RuleAtShare
 from .entries import RULE
@@ -17,10 +17,8 @@ from .entries import RULE
 _OVERLAP, _OVERLAP_MM = 1.25, 1.0  # the deepest of many draws scatters: so many times the rule's, and so much more
 _SPEED, _FLOW, _HURRY = 1.25, 1.1, 1.05  # times what is allowed
 
-EvaluationRow = Mapping[str, Any]  # of `Evaluation.row`
 
-
-def credibility(row: EvaluationRow, rows: Sequence[EvaluationRow], place: Scenario) -> dict[str, Any]:
+def credibility(row: Plain, rows: Sequence[Plain], place: Scenario) -> Plain:
     """Return whether what a policy did can be believed: ``ok`` and the ``reasons``, ready for JSON.
 
     Nobody may have escaped.  The deepest overlap and the largest speed of anyone may be a quarter more than under the rule at
@@ -50,7 +48,7 @@ def credibility(row: EvaluationRow, rows: Sequence[EvaluationRow], place: Scenar
 
 
 def _checks(
-    row: EvaluationRow, rule: EvaluationRow, best: Sequence[EvaluationRow], place: Scenario
+    row: Plain, rule: Plain, best: Sequence[Plain], place: Scenario
 ) -> list[tuple[str, float, float, str, str]]:
     """Return what is checked: name, value, the most that is believed, its unit, and why."""
     wanted = max(part.desired_speed.high for part in place.population.parts)
@@ -66,7 +64,7 @@ def _checks(
     ]
 
 
-def _largest_flow(best: Sequence[EvaluationRow], place: Scenario) -> tuple[float, str]:
+def _largest_flow(best: Sequence[Plain], place: Scenario) -> tuple[float, str]:
     """Return the largest flow [1/s] that is believed, without tolerance, and whose it is."""
     width = float(exit_widths(place).sum())
     flows = {

@@ -1,14 +1,14 @@
 """Evaluate policies on the same draws: the same people at the same starting positions, for every policy and scheme."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Required, TypedDict
 
 import numpy as np
 from typing_extensions import Unpack
 
 from crowd_env import CrowdEnv, EpisodeMetrics, Scenario, make_scenario
-from crowd_env.analysis.figures import column, figures_of, median_time, named
+from crowd_env.analysis.figures import columns_of, figures_of, median_time, named
 from crowd_env.analysis.results.measurements import Measured, MeasurementRecorder
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.behaviors.headway import Headway
@@ -23,6 +23,7 @@ from crowd_env.physics import SCHEMES
 from ..controllers import Controller
 from ..drivers import UNHINDERED, DrivenCrowd, Hindrance
 from ..mixed import learned_people
+from ..plain import Plain
 from ..policy import Policy
 from .goals import at_goals
 
@@ -33,6 +34,17 @@ VALIDATION_SEED = 2_000_000
 # From here on are draws on which what did best on those is tried again, and from 10 million on those that belong to one
 # policy alone: see `crowd_env.agents.learned.significance_test` and `crowd_env.agents.evaluation.submission`.
 FINAL_SEED, OWN_SEED = 3_000_000, 10_000_000
+_MEANS = ("mean_exit", "contact_impulse", "mean_exit_learned", "mean_exit_others", "walked")
+_WITH_MAX = ("max_density", "max_pressure", "hurry")  # beside their mean stands the largest of all runs
+
+
+class Draws(TypedDict, total=False):
+    """Which evacuations are run, and whether they are measured; see `evaluate_crowds`."""
+
+    runs: Required[int]
+    first_seed: int
+    measure: bool
+    progress: Callable[[int], None] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +59,7 @@ class Evaluation:
     time_limit: float  # s
     exit_names: tuple[str, ...] = ()  # of the rows of Geometry.exits
     measured: Measured | None = None
-    constants: dict[str, Any] = field(default_factory=dict)  # of a policy that is made of constants
+    constants: Plain = field(default_factory=dict)  # of a policy that is made of constants
     learned: Bools | None = None  # (R, N)  whom the policy moves in a mixed crowd; the others follow the rule
 
     @property
@@ -55,9 +67,9 @@ class Evaluation:
         """Number of evacuations."""
         return len(self.episodes)
 
-    def column(self, name: str) -> np.ndarray:
+    def column(self, name: str) -> Floats:
         """Return one metric of every run (runs,)."""
-        return column(self.episodes, name)
+        return columns_of(self.episodes)[name]
 
     def times_of_all(self) -> Floats:
         """Return the exit times (runs, N) [s]; people who did not get out count until the time limit.
@@ -75,22 +87,31 @@ class Evaluation:
 
     def mean_exit_of(self, those: Bools) -> Floats:
         """Return the mean exit time (runs,) [s] of ``those`` (R, N); nan where there are none, or one is left inside."""
-        return _mean_of(np.array(self.exit_times), those)
+        count, times = those.sum(axis=1), np.where(those, self.exit_times, 0.0)
+        return np.where(count > 0, times.sum(axis=1) / np.maximum(count, 1), np.nan)
 
     def exit_time_95(self) -> Floats:
         """Return when 95 % of the people were out (runs,) [s]; nan where fewer got out."""
         times = np.sort(np.array(self.exit_times), axis=1)  # nan go last
         return np.asarray(times[:, int(np.ceil(0.95 * times.shape[1] - 1e-9)) - 1])
 
+    def columns(self) -> dict[str, Floats]:
+        """Return of every run (runs,) what `figures_of_runs` is made of: its metrics and, where it was measured, the rest."""
+        found = columns_of(self.episodes) | {"mean_exit": np.array(self.exit_times).mean(axis=1)}
+        if self.learned is not None:
+            found["mean_exit_learned"] = self.mean_exit_of(self.learned)
+            found["mean_exit_others"] = self.mean_exit_of(~self.learned)
+        if (measured := self.measured) is not None:
+            found |= {name: getattr(measured, name) for name in _WITH_MAX}
+            found["walked"] = measured.walked.mean(axis=1)
+            found["crushed"] = (measured.crushed > 0.0).sum(axis=1).astype(np.float64)
+            found["crushed_time"] = measured.crushed.sum(axis=1)
+        return found
+
     def row(self) -> dict[str, Any]:
-        """Return the figures as one JSON row, in SI units; impulse and way are means per person.
+        """Return the figures as one JSON row, in SI units: `figures_of_runs`, and those of single people.
 
-        ``crushed_share`` is of the people who at any time bore more than 1600 N/m, ``crushed_time`` how long these did, see
-        `crowd_env.analysis.results.measurements.INJURY`; ``hurry`` is the largest of anyone's mean speed over the
-        own desired speed.
-
-        ``evacuation_time`` and ``mean_exit`` are over the runs in which everyone got out, ``median_time`` says when the last
-        person was out in half of all runs, ``mean_exit_time`` is over the people who got out.
+        ``exit_time_95`` says when 95 % of the people were out, ``mean_exit_time`` is over the people who got out.
         """
         out = np.concatenate(self.exit_times)
         out = out[np.isfinite(out)]
@@ -99,47 +120,27 @@ class Evaluation:
             "scheme": self.scheme,
             "learned_share": self.learned_share,
             "constants": self.constants,
-            **figures_of(self.episodes),
-            "median_time": median_time(self.column("evacuation_time")),
+            **figures_of_runs(self.columns(), self.scheme, len(self.exit_times[0])),
             "exit_time_95": named(self.exit_time_95()),
             "last_exit": float(out.max()) if len(out) else None,
             "mean_exit_time": named(self.column("mean_exit_time")),
-            "mean_exit": named(np.array(self.exit_times).mean(axis=1)),
-            "contact_impulse": named(self.column("contact_impulse")),
-            "max_overlap": float(self.column("max_overlap").max()),
         }
-        if self.learned is not None:
-            row["mean_exit_learned"] = named(self.mean_exit_of(self.learned))
-            row["mean_exit_others"] = named(self.mean_exit_of(~self.learned))
-        return row if self.measured is None else row | self._measured_row(self.measured)
-
-    def _measured_row(self, measured: Measured) -> dict[str, Any]:
+        if (measured := self.measured) is None:
+            return row
         simulated = max(measured.simulated, 1e-9)
-        return {
+        return row | {
             "exits": self._exits(measured),
-            "walked": named(measured.walked.mean(axis=1)),
-            "max_density": {**named(measured.max_density), "max": float(measured.max_density.max())},
-            "max_pressure": {**named(measured.max_pressure), "max": float(measured.max_pressure.max())},
-            "crushed_share": named((measured.crushed > 0.0).mean(axis=1)),
-            "crushed_time": named(_mean_of(measured.crushed, measured.crushed > 0.0)),
-            "pressure_is_force": self.pressure_is_force,
-            "hurry": {**named(measured.hurry), "max": float(measured.hurry.max())},
             "computing_seconds": measured.computing,
             "simulated_seconds": measured.simulated,
             "physics_per_simulated_second": (measured.computing - measured.replanning) / simulated,
             "replanning_per_simulated_second": measured.replanning / simulated,
         }
 
-    @property
-    def pressure_is_force(self) -> bool:
-        """Whether the scheme has forces that a body bears, or impulses that only keep bodies apart."""
-        return self.scheme not in SCHEMES or SCHEMES[self.scheme].info.impulses_are_forces
-
-    def _exits(self, measured: Measured) -> dict[str, Any]:
+    def _exits(self, measured: Measured) -> dict[str, Plain]:
         """Return for each exit how many took it in a run, when on average, and when its last one did."""
         times, names = np.array(self.exit_times), np.array([*self.exit_names, ""])
         taken = names[measured.exit_index]
-        found = {}
+        found: dict[str, Plain] = {}
         for name in dict.fromkeys(self.exit_names):
             by_this = taken == name
             last = np.where(by_this, times, -1.0).max(axis=1)
@@ -151,10 +152,35 @@ class Evaluation:
         return found
 
 
-def _mean_of(values: Floats, those: Bools) -> Floats:
-    """Return the mean of some values of each row (R, N); nan where there are none."""
-    count = those.sum(axis=1)
-    return np.where(count > 0, np.where(those, values, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
+def figures_of_runs(runs: Mapping[str, Floats], scheme: str, people: int) -> dict[str, Any]:
+    """Return the figures that the `Evaluation.columns` of R runs of so many people amount to, ready for JSON.
+
+    ``evacuation_time`` and ``mean_exit`` are over the runs in which everyone got out, ``median_time`` says when the last
+    person was out in half of all runs.  Impulse and way are means per person.
+
+    ``crushed_share`` is of the people who at any time bore more than 1600 N/m, ``crushed_time`` how long these did, see
+    `crowd_env.analysis.results.measurements.INJURY`; ``hurry`` is the largest of anyone's mean speed over the desired speed.
+    """
+    found = {
+        **figures_of(runs),
+        "median_time": median_time(runs["evacuation_time"]),
+        **{name: named(runs[name]) for name in _MEANS if name in runs},
+        **{name: {**named(runs[name]), "max": float(runs[name].max())} for name in _WITH_MAX if name in runs},
+        "max_overlap": float(runs["max_overlap"].max()),
+    }
+    if "crushed" not in runs:
+        return found
+    crushed = runs["crushed"]
+    return found | {
+        "crushed_share": named(crushed / people),
+        "crushed_time": named(np.where(crushed > 0.0, runs["crushed_time"] / np.maximum(crushed, 1.0), np.nan)),
+        "pressure_is_force": pressure_is_force(scheme),
+    }
+
+
+def pressure_is_force(scheme: str) -> bool:
+    """Return whether a scheme has forces that a body bears, or impulses that only keep bodies apart."""
+    return scheme not in SCHEMES or SCHEMES[scheme].info.impulses_are_forces
 
 
 def evaluate(
@@ -189,8 +215,8 @@ def evaluate(
     return evaluate_crowd(crowd, runs=runs, first_seed=first_seed, measure=measure, progress=progress)
 
 
-def evaluate_crowd(crowd: DrivenCrowd, **options: Any) -> Evaluation:
-    """Run evacuations of one crowd, here; ``options`` are those of `evaluate_crowds`.
+def evaluate_crowd(crowd: DrivenCrowd, **draws: Unpack[Draws]) -> Evaluation:
+    """Run evacuations of one crowd, here; ``draws`` are those of `evaluate_crowds`.
 
     Raises
     ------
@@ -198,7 +224,7 @@ def evaluate_crowd(crowd: DrivenCrowd, **options: Any) -> Evaluation:
         If the number of runs or the seed is out of range, or the crowd does not fit.
     """
     found: list[Evaluation] = []
-    evaluate_crowds([crowd], finished=lambda _, result: found.append(result), **options)
+    evaluate_crowds([crowd], finished=lambda _, result: found.append(result), **draws)
     return found[0]
 
 

@@ -21,12 +21,14 @@ from crowd_env.core.files.store import Store
 from crowd_env.physics import ContactScheme
 from crowd_env.physics.settings import AsPhysics
 
+from .. import PRETRAINED
 from ..networks import network_digest
 from ..runs import versions
 from ..tasks.task import Task
+from ..trained import names_file
 from .comparison import clearing_times
 from .entries import Entry
-from .evaluation import Evaluation
+from .evaluation import Evaluation, pressure_is_force
 
 _KEPT = "kept"  # folder below
 _SETTINGS = "evaluation.json"
@@ -72,6 +74,12 @@ def _made_by(entry: Entry, physics: Physics) -> dict[str, Any]:
 
 def _name(entry: Entry, law: ContactScheme) -> str:
     return f"{_KEPT}/{_plain(entry.name)}-{_plain(law.info.name)}"
+
+
+def digest_of(policy: str) -> str | None:
+    """Return the digest of the network that a policy of this name has, if it has one."""
+    path = PRETRAINED.get(policy, Path(policy) if names_file(policy) else None)
+    return None if path is None else network_digest(path)
 
 
 @functools.cache
@@ -170,7 +178,7 @@ class EvaluationFolder(Store):
             title, unit, scale = _SHOWN[kind]
             full = full and scale * full
             maps.append(HeatMap(f"{title}, {said}", scale * values, origin, CELL, unit, kind, full))  # type: ignore[arg-type]
-        note = f"Density: people within 1 m of a place over π m².  {_PRESSURE[result.pressure_is_force]}"
+        note = f"Density: people within 1 m of a place over π m².  {_PRESSURE[pressure_is_force(result.scheme)]}"
         name = f"heat-{_plain(result.policy)}-{_plain(result.scheme)}.png"
         title = f"{result.policy}, {scenario.name}, {result.scheme}, {result.runs} runs"
         return heat_maps(self.folder / name, scenario.geometry, maps, title=title, note=note)

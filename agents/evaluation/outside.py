@@ -5,7 +5,6 @@ Nothing here needs a learning library.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -14,15 +13,17 @@ from crowd_env.analysis.figures import cell
 from crowd_env.core.checks import whole
 from crowd_env.envs.settings import arguments_of
 
+from ..plain import Plain
 from ..tasks import make_preset, make_task
 from ..tasks.presets import training_place
-from .evaluation import evaluate
-from .protocol import task_row
+from .entries import policy_entry
+from .protocol import task_rows
+from .same_draws import compare
 
 _LINE = "{policy}: left inside in {unfinished} of {runs}; half of them {median_time:.1f} s, mean exit {mean_exit[mean]:.1f} s"
 
 
-def training_options(task: str) -> dict[str, Any]:
+def training_options(task: str) -> Plain:
     """Return the arguments of `crowd_env.parallel_env` and of `crowd_env.CrowdEnv` for the room that a task's preset trains in.
 
     Raises
@@ -53,7 +54,7 @@ class Outside:
     choose: Callable[[np.ndarray], np.ndarray]
 
     @property
-    def env_options(self) -> dict[str, Any]:
+    def env_options(self) -> Plain:
         """Options of `CrowdEnv` that it was made for."""
         preset = make_preset(self.task)
         return {"frame": "path", "action": preset.action, "observation": ObservationLayout(terms=preset.terms)}
@@ -66,7 +67,7 @@ class Outside:
         return np.asarray(self.choose(observation))
 
 
-def judge_outside(policy: Outside, runs: int = 40) -> dict[str, Any]:
+def judge_outside(policy: Outside, runs: int = 40) -> Plain:
     """Return the figures of a policy in its task as it stands, on the first held-out draws: `protocol.task_figures`.
 
     Raises
@@ -74,12 +75,11 @@ def judge_outside(policy: Outside, runs: int = 40) -> dict[str, Any]:
     ValueError
         If the number of runs is out of range.
     """
-    task, runs = make_task(policy.task), whole("runs", runs)
-    options: dict[str, Any] = {"runs": runs, "first_seed": task.seeds.start, "measure": True}
-    result = evaluate(policy, task.place(), **options, **task.arguments())
-    return task_row(task, task.place(), result, [result])
+    task = make_task(policy.task)
+    results = compare([policy_entry(policy, task)], task.place(), [task.scheme], runs=whole("runs", runs))
+    return task_rows(task, task.place(), results)[0]
 
 
-def line_of(row: dict[str, Any]) -> str:
+def line_of(row: Plain) -> str:
     """Return the figures of `judge_outside` in a line."""
     return cell(_LINE, row)

@@ -7,7 +7,7 @@ on, which no training draws.
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 from urllib.parse import quote
 
 import numpy as np
@@ -15,7 +15,7 @@ from rich.table import Table
 
 from crowd_env import CrowdEnv, Scenario, Step
 from crowd_env.analysis.results.measurements import INJURY
-from crowd_env.core.arrays.state import Floats, as_grid
+from crowd_env.core.arrays.state import Bools, Floats, as_grid
 from crowd_env.core.executors import Executor, Serial
 from crowd_env.core.executors.executor import never
 from crowd_env.core.files.json_file import json_number
@@ -25,32 +25,47 @@ from crowd_env.envs.rollout import make_batches, simulate_batch
 from crowd_env.physics.pressure import contact_pressure
 from crowd_env.scenarios.generated import VERSION, conditions_of, draw_place
 
-from .. import PRETRAINED, make_policy
+from .. import make_policy
 from ..drivers import DrivenCrowd, Hindrance
-from ..networks import network_digest
+from ..plain import Plain
 from ..policy import Policy
 from ..rules import StrategyPolicy
-from ..trained import names_file
 from .entries import RULE
 from .evaluation import HELD_OUT_SEED
-from .folder import source_stamp
+from .folder import digest_of, source_stamp
 from .goals import at_goals
+from .report import table_of
 
 PLANS = 2000
 # Rules that a pedestrian could walk by: `zipper` knows more, and `rule-best-speed` asks for a search in every plan.
 RULES = (RULE, "density-cap", "headway", "follow", "evolution", "yield-when-stuck")
 HINDSIGHT = "best rule in hindsight"
 BLOCK = 20  # plans of a piece of work
+_COLUMNS = {
+    "plans": "{plans}",
+    "left in": "{left_in}",
+    "elsewhere": "{elsewhere}",
+    "all out,\nas meant, %": "{out:%1} ({out_interval[0]:%1}..{out_interval[1]:%1})",
+    "above\n1.6 kN/m, %": "{pressed:%1} ({pressed_interval[0]:%1}..{pressed_interval[1]:%1})",
+    "last out,\nIQM, s": "{time:half}",
+    "over\nhindsight": "{over_hindsight:.3f}",
+}
 
 
-class Outcomes(NamedTuple):
-    """What came of one policy in K plans."""
+Of = TypeVar("Of", float, Floats)
 
-    time: Floats  # (K,)  s    when the last person was out; inf where somebody was left or strayed
-    left: Floats  # (K,)  people left inside
-    strayed: Floats  # (K,)  people out by an exit that their route does not lead to, see `strayed`
-    pressure: Floats  # (K,)  N/m  greatest contact force on someone over circumference, mean of a decision step
-    impulse: Floats  # (K,)  N s  contact impulse magnitudes per person
+
+class Outcome(NamedTuple, Generic[Of]):
+    """What came of one policy in one plan, or in K of them (K,)."""
+
+    time: Of  # s    when the last person was out; inf where somebody was left or strayed
+    left: Of  # people left inside
+    strayed: Of  # people out by an exit that their route does not lead to, see `strayed`
+    pressure: Of  # N/m  greatest contact force on someone over circumference, mean of a decision step
+    impulse: Of  # N s  contact impulse magnitudes per person
+
+
+Outcomes: TypeAlias = Outcome[Floats]
 
 
 class PressureRecorder:
@@ -102,69 +117,57 @@ def judge_plans(
     ValueError
         If a policy is unknown, or the folder holds plans of another version of the generator.
     """
-    facts = {"generated": VERSION, "first": first, "block": BLOCK, "most": most}
-    store = None if folder is None else Store(folder, facts)
-    blocks = -(-plans // BLOCK)
-    pieces = [(name, first + BLOCK * k, most) for k in range(blocks) for name in policies]
-    made_by = {name: _made_by(name) for name in policies}
-    found: dict[tuple[str, int, int | None], Mapping[str, Any]] = {}
-    for piece in pieces if store is not None else ():
-        kept = store.load(_title(*piece[:2]), made_by[piece[0]], redo=True) if store is not None else None
-        if kept is not None:
-            found[piece] = kept
+    store = None
+    if folder is not None:
+        store = Store(folder, {"generated": VERSION, "first": first, "block": BLOCK, "most": most})
+    made_by = {name: {"network": digest_of(name), "code": source_stamp()} for name in policies}
+    pieces = [(name, first + k, most) for k in range(0, plans, BLOCK) for name in policies]
+    found: dict[tuple[str, int, int | None], Plain] = {}
+    if store is not None:
+        kept = {piece: store.load(_title(piece), made_by[piece[0]], redo=True) for piece in pieces}
+        found = {piece: one for piece, one in kept.items() if one is not None}
     todo = [piece for piece in pieces if piece not in found]
     if progress is not None:
         progress(BLOCK * len(found))
 
-    def done(number: int, outcome: Mapping[str, Any]) -> None:
-        found[todo[number]] = outcome
+    def done(number: int, outcome: Plain) -> None:
+        piece = todo[number]
+        found[piece] = outcome
         if store is not None:
-            store.keep(_title(*todo[number][:2]), outcome, made_by[todo[number][0]])
+            store.keep(_title(piece), outcome, made_by[piece[0]])
         if progress is not None:
             progress(BLOCK)
 
     (executor or Serial()).run(_judge_block, todo, done)
 
-    def joined(name: str, part: str) -> Floats:
-        values = [found[name, first + BLOCK * k, most][part] for k in range(blocks)]
-        return np.concatenate([np.array(one, dtype=np.float64) for one in values])[:plans]
+    def joined(name: str) -> Outcomes:
+        blocks = [found[piece] for piece in pieces if piece[0] == name]
+        parts = ([one for block in blocks for one in block[part]] for part in Outcome._fields)
+        of = Outcome(*(np.array(values, dtype=np.float64)[:plans] for values in parts))
+        return of._replace(time=np.where(of.left + of.strayed > 0.0, np.inf, of.time))
 
-    found_of = {name: Outcomes(*(joined(name, part) for part in Outcomes._fields)) for name in policies}
-    return {
-        name: one._replace(time=np.where(one.left + one.strayed > 0.0, np.inf, one.time))
-        for name, one in found_of.items()
-    }
+    return {name: joined(name) for name in policies}
 
 
-def _judge_block(piece: tuple[str, int, int | None], stopped: Callable[[], bool]) -> dict[str, list[float | None]]:
-    """Return the outcomes of a policy in `BLOCK` plans, as `Outcomes` without the infinite times."""
+def _judge_block(piece: tuple[str, int, int | None], stopped: Callable[[], bool]) -> Plain:
+    """Return the outcomes of a policy in `BLOCK` plans, a list for each part; infinite times are None."""
     name, first, most = piece
     found = [judge_plan(name, seed, most, stopped) for seed in range(first, first + BLOCK)]
-    return {part: [json_number(getattr(one, part)) for one in found] for part in Outcomes._fields}
-
-
-class Outcome(NamedTuple):
-    """What came of one policy in one plan; the fields are those of `Outcomes`."""
-
-    time: float  # s    0 where somebody was left or strayed
-    left: float
-    strayed: float
-    pressure: float  # N/m
-    impulse: float  # N s
+    return {part: [json_number(getattr(one, part)) for one in found] for part in Outcome._fields}
 
 
 def judge_plan(
     policy: str | Policy, seed: int, most: int | None = None, stopped: Callable[[], bool] = never
-) -> Outcome:
+) -> Outcome[float]:
     """Run one policy in the place of a ``seed``, the draw of people being that of the seed too."""
     place, (law, manner, noise) = draw_place(seed=seed), conditions_of(seed)
     if most is not None and place.population.people > most:
         return Outcome(*[np.nan] * len(Outcome._fields))
-    who = StrategyPolicy(routing_of(place), name=RULE) if policy == RULE else make_policy(policy)
+    routing = routing_of(place)
     driver = DrivenCrowd(
-        who,
+        StrategyPolicy(routing, name=RULE) if policy == RULE else make_policy(policy),
         place,
-        {"physics": law, "walking": manner, "routing": routing_of(place)},
+        {"physics": law, "walking": manner, "routing": routing},
         hindrance=Hindrance(noise=noise),
         passes_rest=True,
     ).settled()
@@ -172,15 +175,10 @@ def judge_plan(
     episodes = simulate_batch(batches[0], stopped).episodes
     if not episodes:
         raise KeyboardInterrupt
-    episode, left = at_goals(episodes[0], place), episodes[0].metrics.unfinished
-    missing = episode.metrics.unfinished
-    return Outcome(
-        0.0 if missing else float(episode.metrics.evacuation_time),
-        left,
-        missing - left,
-        episode.record,
-        float(episode.metrics.contact_impulse),
-    )
+    found, left = at_goals(episodes[0], place), episodes[0].metrics.unfinished
+    metrics = found.metrics
+    time = np.inf if metrics.unfinished else metrics.evacuation_time
+    return Outcome(time, left, metrics.unfinished - left, found.record, metrics.contact_impulse)
 
 
 def hindsight(found: Mapping[str, Outcomes], rules: Sequence[str] = RULES) -> Floats:
@@ -206,67 +204,42 @@ def figures(found: Mapping[str, Outcomes]) -> list[dict[str, Any]]:
     more than `INJURY`; shares have Wilson intervals.  ``time`` [s] is the interquartile mean over plans of the time of the last
     person, ``over_hindsight`` the median over plans of the time over that of the best rule, of plans that both cleared.
     """
-    plans, rules = len(next(iter(found.values())).time), [found[name] for name in RULES if name in found]
-    best = hindsight(found) if rules else np.full(plans, np.inf)
-    rows = [_row(name, one.time, one.left, best, one) for name, one in found.items()]
+    rules = [found[name] for name in RULES if name in found]
+    best = hindsight(found) if rules else np.full_like(next(iter(found.values())).time, np.inf)
+    rows = [_row(name, one.time, one.left, best, one.pressure) for name, one in found.items()]
     if np.isfinite(best).any():
         rows.append(_row(HINDSIGHT, best, np.min([one.left for one in rules], axis=0), best))
     return rows
 
 
-def _row(name: str, time: Floats, left: Floats, best: Floats, one: Outcomes | None = None) -> dict[str, Any]:
+def _row(name: str, time: Floats, left: Floats, best: Floats, pressure: Floats | None = None) -> dict[str, Any]:
     plans, out = len(time), np.isfinite(time)
     both, inside = out & np.isfinite(best), ~out & (left > 0.0)
-    row: dict[str, Any] = {"policy": name, "plans": plans, "out": float(out.mean())}
-    row |= {"left_in": int(inside.sum()), "elsewhere": int((~out & ~inside).sum())}
-    row |= {
-        "out_interval": list(share_interval(int(out.sum()), plans)),
+    row = {
+        "policy": name,
+        "plans": plans,
+        **_share("out", out),
+        "left_in": int(inside.sum()),
+        "elsewhere": int((~out & ~inside).sum()),
         "time": json_number(float(interquartile_mean(time))),
+        "over_hindsight": json_number(np.median(time[both] / best[both])) if both.any() else None,
     }
-    row["over_hindsight"] = json_number(np.median(time[both] / best[both])) if both.any() else None
-    if one is not None:
-        pressed = one.pressure > INJURY
-        row |= {"pressed": float(pressed.mean()), "pressed_interval": list(share_interval(int(pressed.sum()), plans))}
-        row["median_pressure"] = float(np.median(one.pressure))
-    return row
+    if pressure is None:
+        return row
+    return row | {**_share("pressed", pressure > INJURY), "median_pressure": float(np.median(pressure))}
 
 
-def table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
+def _share(name: str, those: Bools) -> dict[str, Any]:
+    return {name: float(those.mean()), f"{name}_interval": list(share_interval(int(those.sum()), len(those)))}
+
+
+def table(rows: Sequence[Plain], title: str) -> Table:
     """Return the figures of policies as a table."""
-    made = Table(title=title, caption="IQM: interquartile mean over plans; intervals: Wilson, 95 %")
-    heads = (
-        "policy",
-        "plans",
-        "somebody left in",
-        "somebody elsewhere",
-        "all out, as meant",
-        "somebody above 1.6 kN/m",
-        "last out, IQM, s",
-        "over hindsight",
+    return table_of(
+        {"": rows}, _COLUMNS, "IQM: interquartile mean over plans; %: with its 95 % interval (Wilson).", title
     )
-    for k, head in enumerate(heads):
-        made.add_column(head, justify="left" if k == 0 else "right")
-    for row in rows:
-        out, pressed = (_share(row, name) for name in ("out", "pressed"))
-        over = "" if row["over_hindsight"] is None else f"{row['over_hindsight']:.3f}"
-        time = "never" if row["time"] is None else f"{row['time']:.1f}"
-        counts = (str(row[name]) for name in ("plans", "left_in", "elsewhere"))
-        made.add_row(row["policy"], *counts, out, pressed, time, over)
-    return made
 
 
-def _share(row: Mapping[str, Any], name: str) -> str:
-    if name not in row:
-        return ""
-    low, high = (100.0 * bound for bound in row[f"{name}_interval"])
-    return f"{100.0 * row[name]:.1f} % ({low:.1f} to {high:.1f})"
-
-
-def _title(policy: str, first: int) -> str:
+def _title(piece: tuple[str, int, int | None]) -> str:
+    policy, first, _ = piece
     return f"{quote(policy, safe='')}-{first}"
-
-
-def _made_by(policy: str) -> dict[str, Any]:
-    """Return what decides the outcomes of a policy beside the plans: its network and the code."""
-    path = PRETRAINED.get(policy, Path(policy) if names_file(policy) else None)
-    return {"network": None if path is None else network_digest(path), "code": source_stamp()}

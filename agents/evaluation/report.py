@@ -1,32 +1,68 @@
-"""Tables of evaluations, for people and for programs."""
+"""Tables of evaluations, for people: each is a format for every column, filled from judged rows."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import TypeAlias
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from crowd_env.analysis.figures import cell, median_time, number, percent, spread
+from crowd_env.analysis.figures import cell, median_time
 
-from .comparison import minus_first, ranking
+from ..plain import Plain
+from .comparison import ranking, rows_beside
 from .evaluation import Evaluation
 
-Cells = Callable[[Evaluation, Evaluation], Mapping[str, str]]
-"""From a result and that of the first policy beside it to the cells of its row, by the headings of their columns."""
+Columns: TypeAlias = Mapping[str, str]  # heading -> the format of its cells, see `crowd_env.analysis.figures.cell`
+Sections: TypeAlias = Mapping[str, Sequence[Plain]]  # what stands above some rows -> these
 
-# What the columns of `_times` are.
+# What the columns of `_TIMES` are.
 _WORDS = (
     "Seconds. half: when the last person was out in half of all runs; last and mean: of the last person, ± sd, and of all, in "
     "the runs that cleared; Δ: longer than the first policy on the draws that both cleared, and its 95 % interval; left: in so "
     "many more runs someone was left inside;"
 )
-_EXITS = 4  # more do not fit side by side
-# Of `crowding_table`; a star is behind what nobody would feel.
-_CROWDING = {
+_TIMES = {
+    "half": "{median_time:half}",
+    "last": "{evacuation_time:spread}",
+    "Δ last": "{longer[evacuation_time]:difference}",
+    "left": "{longer[evacuation_time][more_left]:+d}",
+    "95 %": "{half_95:half}",
+    "mean": "{mean_exit[mean]:.1f}",
+    "Δ mean": "{longer[mean_exit_time]:difference}",
+    "in": "{unfinished}",
+}
+_COMPARISON = {
+    "half": "{median_time:half/2}",
+    "last": "{evacuation_time:spread/2}",
+    "Δ last": "{longer[evacuation_time]:difference/2}",
+    "left": _TIMES["left"],
+    "mean": "{mean_exit[mean]:.2f}",
+    "in": _TIMES["in"],
+    "runs left %": "{unfinished_share:percent}",
+    "N s": "{contact_impulse[mean]:.0f}",
+}
+_LEFT = {
+    "in": _TIMES["in"],
+    "runs left": "{unfinished_runs} of {runs}",
+    "left %": "{unfinished_share:percent}",
+    "blocked": "{blocked_runs} of {runs}",
+    "blocked %": "{blocked_share:percent}",
+}
+_TASK = {
+    "blocked": _LEFT["blocked"],
+    "%": _LEFT["blocked %"],
+    "unfinished": "{unfinished_runs}",
+    "half": _TIMES["half"],
+    "clearing": "{evacuation_time:interval}",
+    "mean exit": "{mean_exit:interval}",
     "flow\n1/s": "{flow[mean]:.2f}",
+}
+# A star is behind what nobody would feel.
+_CROWDING = {
+    "flow\n1/s": _TASK["flow\n1/s"],
     "dens.\n1/m2": "{max_density[mean]:.1f}",
     "pressure\nkN/m": "{max_pressure[mean]:k}{star}",
     "crushed\n%": "{crushed_share[mean]:%}{star}",
@@ -38,6 +74,7 @@ _CROWDING = {
     "comp.\nms/s": "{computing:m}",
     "plan\nms/s": "{replanning_per_simulated_second:m}",
 }
+_EXITS = 4  # more do not fit side by side
 
 
 def table_console() -> Console:
@@ -46,29 +83,54 @@ def table_console() -> Console:
     return console if console.is_terminal else Console(width=104)
 
 
-def table_of(groups: Mapping[str, Sequence[Evaluation]], cells: Cells, caption: str, title: str = "") -> Table:
-    """Return a table with a row for each result, and a section for each group that has a name."""
-    left: dict[str, Any] = {"title_justify": "left", "caption_justify": "left"}
-    table = Table(title=title or None, caption=caption, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), **left)
+def table_of(sections: Sections, columns: Columns, caption: str, title: str = "") -> Table:
+    """Return a table with a row for each policy, and a section for each name that is not empty."""
+    table = Table(
+        title=title or None,
+        caption=caption,
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        title_justify="left",
+        caption_justify="left",
+    )
     table.add_column("policy", overflow="fold", max_width=20)  # what is too long goes on below, numbers stay whole
-    rows = {group: [(one.policy, cells(one, results[0])) for one in results] for group, results in groups.items()}
-    for heading in next((found for some in rows.values() for _, found in some), ()):
+    for heading in columns:
         table.add_column(heading, justify="right", no_wrap=True)
-    for group, some in rows.items():
-        if group:
+    for name, rows in sections.items():
+        if name:
             table.add_section()
-            table.add_row(Text(group, style="bold"))
-        for policy, found in some:
-            table.add_row(Text(f" {policy}"), *map(Text, found.values()))
+            table.add_row(Text(name, style="bold"))
+        for row in rows:
+            table.add_row(Text(f" {row['policy']}"), *(Text(cell(text, row)) for text in columns.values()))
     return table
 
 
 def by_scheme(results: Sequence[Evaluation]) -> dict[str, list[Evaluation]]:
     """Return the results under each scheme."""
-    found: dict[str, list[Evaluation]] = {}
-    for result in results:
-        found.setdefault(result.scheme, []).append(result)
-    return found
+    return {
+        name: [one for one in results if one.scheme == name] for name in dict.fromkeys(one.scheme for one in results)
+    }
+
+
+def _sections(groups: Mapping[str, Sequence[Evaluation]]) -> Sections:
+    return {name: list(map(_shown, results, rows_beside(results))) for name, results in groups.items()}
+
+
+def _shown(result: Evaluation, row: Plain) -> Plain:
+    """Return a row with what only tables show: ``longer`` than the first policy, which has no such thing itself."""
+    found = {
+        **row,
+        "longer": None if row["minus_first"]["policy"] == row["policy"] else row["minus_first"],
+        "half_95": median_time(result.exit_time_95()),
+        "impulse": row["contact_impulse"]["mean"] / 1e3,
+    }
+    if result.measured is None:
+        return found
+    return found | {
+        "star": " " if row["pressure_is_force"] else "*",
+        "computing": row["physics_per_simulated_second"] + row["replanning_per_simulated_second"],
+        "by_exit": list(row["exits"].values()),
+    }
 
 
 def comparison_table(results: Sequence[Evaluation], title: str) -> Table:
@@ -77,39 +139,13 @@ def comparison_table(results: Sequence[Evaluation], title: str) -> Table:
         f"{_WORDS} in: people left inside; runs left: % of runs in which someone was, and its 95 % interval; N s: contact "
         "impulse per person."
     )
-
-    def cells(result: Evaluation, first: Evaluation) -> dict[str, str]:
-        row, times = result.row(), _times(result, first, digits=2)
-        return {
-            **{name: times[name] for name in ("half", "last", "Δ last", "left", "mean", "in")},
-            "runs left %": percent(row["unfinished_share"]),
-            "N s": number(row["contact_impulse"]["mean"], digits=0),
-        }
-
-    return table_of({"": results}, cells, caption, title)
-
-
-# ------------------------------------------------------------------------------------------ policies under many schemes
+    return table_of(_sections({"": results}), _COMPARISON, caption, title)
 
 
 def times_table(results: Sequence[Evaluation], title: str) -> Table:
     """Return a table of how long policies took, and how much longer than the first one on the same draws."""
     caption = f"{_WORDS} 95 %: when 95 % were out in half of all runs; in: people left inside."
-    return table_of(by_scheme(results), _times, caption, title)
-
-
-def _times(result: Evaluation, first: Evaluation, digits: int = 1) -> dict[str, str]:
-    row, longer, own = result.row(), minus_first(result, first), result is first
-    return {
-        "half": half(row["median_time"], digits),
-        "last": spread(row["evacuation_time"], digits=digits),
-        "Δ last": "" if own else with_interval(longer["evacuation_time"], digits, "+"),
-        "left": "" if own else f"{longer['evacuation_time']['more_left']:+d}",
-        "95 %": half(median_time(result.exit_time_95()), digits),
-        "mean": number(row["mean_exit"]["mean"], digits=digits),
-        "Δ mean": "" if own else with_interval(longer["mean_exit_time"], digits, "+"),
-        "in": str(row["unfinished"]),
-    }
+    return table_of(_sections(by_scheme(results)), _TIMES, caption, title)
 
 
 def left_table(results: Sequence[Evaluation]) -> Table:
@@ -118,18 +154,25 @@ def left_table(results: Sequence[Evaluation]) -> Table:
         "Runs in which someone was left inside, and those of them in which the exits blocked: how many, and % of runs with "
         "its 95 % interval (Wilson): none of few runs does not mean never."
     )
+    return table_of(_sections(by_scheme(results)), _LEFT, caption)
 
-    def cells(result: Evaluation, first: Evaluation) -> dict[str, str]:
-        row = result.row()
-        return {
-            "in": str(row["unfinished"]),
-            "runs left": f"{row['unfinished_runs']} of {row['runs']}",
-            "left %": percent(row["unfinished_share"]),
-            "blocked": f"{row['blocked_runs']} of {row['runs']}",
-            "blocked %": percent(row["blocked_share"]),
-        }
 
-    return table_of(by_scheme(results), cells, caption)
+def task_table(
+    groups: Mapping[str, Sequence[Evaluation]], title: str, note: str = "", starts: Mapping[str, str] | None = None
+) -> Table:
+    """Return a table of the figures by which policies are judged on a task, with a section for each group.
+
+    ``starts`` says what policies knew before they learned (`crowd_env.agents.starts_from`): a line below, for want of room.
+    """
+    caption = (
+        "Runs of all in which the exits blocked, and in which someone was left inside, blocked ones included; %: with its "
+        "95 % interval (Wilson). half: s, when the last person was out in half of all runs. clearing, of the last person, and "
+        f"mean exit, of everybody: s, in the runs that cleared, with the 95 % interval.{note}"
+    )
+    known = starts or {}
+    for start in dict.fromkeys(known.values()):
+        caption += f" Starts from {start}: {', '.join(name for name in known if known[name] == start)}."
+    return table_of(_sections(groups), _TASK, caption, title)
 
 
 def crowding_table(results: Sequence[Evaluation]) -> Table:
@@ -141,46 +184,32 @@ def crowding_table(results: Sequence[Evaluation]) -> Table:
         "deepest; fastest: largest speed of anyone; comp.: processor time per simulated second, and what planning anew takes "
         "of it."
     )
-    for result in results:
-        if lost := result.row()["escaped"]:
+    sections = _sections(by_scheme(results))
+    for scheme, rows in sections.items():
+        for row in (row for row in rows if row["escaped"]):
             caption += (
-                f" VOID: {lost} people were outside of the plan in runs of {result.policy} under {result.scheme}."
+                f" VOID: {row['escaped']} people were outside of the plan in runs of {row['policy']} under {scheme}."
             )
-    for scheme in dict.fromkeys(result.scheme for result in results if not result.pressure_is_force):
-        caption += f" *{scheme} has no forces: its impulses keep bodies apart, and nobody would feel that pressure."
-
-    def cells(result: Evaluation, first: Evaluation) -> dict[str, str]:
-        row = result.row()
-        row |= {
-            "star": " " if row["pressure_is_force"] else "*",
-            "impulse": row["contact_impulse"]["mean"] / 1e3,
-            "computing": row["physics_per_simulated_second"] + row["replanning_per_simulated_second"],
-        }
-        return {heading: cell(text, row) for heading, text in _CROWDING.items()}
-
-    return table_of(by_scheme(results), cells, caption)
+        if not rows[0]["pressure_is_force"]:
+            caption += f" *{scheme} has no forces: its impulses keep bodies apart, and nobody would feel that pressure."
+    return table_of(sections, _CROWDING, caption)
 
 
 def exits_table(results: Sequence[Evaluation]) -> Table | None:
     """Return a table of how many people took which exit; None if there is one alone, or too many for a table."""
-    if not 1 < len(set(results[0].exit_names)) <= _EXITS:
+    names = list(dict.fromkeys(results[0].exit_names))
+    if not 1 < len(names) <= _EXITS:
         return None
-
-    def cells(result: Evaluation, first: Evaluation) -> dict[str, str]:
-        found = {}
-        for name, taken in result.row()["exits"].items():
-            time = taken["mean_exit_time"]
-            found[name] = number(taken["people"]["mean"], digits=1) + ("" if time is None else f"  {time:6.1f} s")
-        return found
-
-    return table_of(by_scheme(results), cells, "People by each exit, and their mean exit time.")
+    text = "{by_exit[%d][people][mean]:.1f}  {by_exit[%d][mean_exit_time]:6.1f} s"
+    columns = {name: text % (k, k) for k, name in enumerate(names)}
+    return table_of(_sections(by_scheme(results)), columns, "People by each exit, and their mean exit time.")
 
 
 def ranking_lines(results: Sequence[Evaluation]) -> list[str]:
     """Return the order of the policies under every scheme, and what to make of it, in words."""
     found = ranking(results)
     width = max(len(scheme) for scheme in found["schemes"])
-    lines = [f"{scheme:{width}}  {_order(row['order'], row['times'])}" for scheme, row in found["schemes"].items()]
+    lines = [f"{scheme:{width}}  {_order(**row)}" for scheme, row in found["schemes"].items()]
     if len(found["schemes"]) > 1:
         taus = [tau for tau in found["tau"].values() if tau is not None]
         agree = f" (Kendall's tau of the least alike: {min(taus):.2f})" if taus else ""
@@ -196,24 +225,8 @@ def ranking_lines(results: Sequence[Evaluation]) -> list[str]:
     return lines
 
 
-def _order(names: Sequence[str], times: dict[str, float]) -> str:
-    text = names[0]
-    for before, name in pairwise(names):
+def _order(order: Sequence[str], times: Mapping[str, float | None]) -> str:
+    text = order[0]
+    for before, name in pairwise(order):
         text += (" = " if times[before] == times[name] else " < ") + name
     return text
-
-
-def half(time: float | None, digits: int = 1) -> str:
-    """Return when half of all runs had cleared, in words if they never did."""
-    return "never" if time is None else f"{time:.{digits}f}"
-
-
-def with_interval(found: Mapping[str, Any], digits: int = 1, sign: str = "") -> str:
-    """Return "52.3 (51.2..53.4)": a mean with its interval, "-" for none; the larger the numbers, the fewer digits."""
-    if found["mean"] is None:
-        return "-"
-    bounds = [bound for bound in found["ci95"] if bound is not None]
-    largest = max(abs(value) for value in (found["mean"], *bounds))
-    digits = min(digits, 2 if largest < 9.995 else 1 if largest < 99.95 else 0)
-    between = "..".join(f"{bound:{sign}.{digits}f}" for bound in bounds)
-    return f"{found['mean']:{sign}.{digits}f}" + (f" ({between})" if between else "")

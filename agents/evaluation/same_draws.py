@@ -10,13 +10,14 @@ from crowd_env.core.console import notes, progress_bar, say
 from crowd_env.core.executors import Executor, Processes, Serial
 from crowd_env.physics.settings import AsPhysics
 
+from ..plain import Plain
 from ..runs import versions
 from ..tasks import Task
-from .comparison import clearing_means, minus_first, ranking
+from .comparison import clearing_means, ranking, rows_beside
 from .entries import Entry
-from .evaluation import HELD_OUT_SEED, Evaluation, evaluate_crowds
+from .evaluation import HELD_OUT_SEED, Draws, Evaluation, evaluate_crowds
 from .folder import EvaluationFolder
-from .protocol import task_row
+from .protocol import task_rows
 
 _WORTH_PROCESSES = 50  # runs: a process takes some seconds to begin
 
@@ -65,27 +66,20 @@ def compare(
 
     with progress_bar("evaluating", all_runs) as progress:
         crowds = [pairs[k][0].driver(scenario, physics=replace(pairs[k][1], threads=threads)) for k in todo]
-        options: dict[str, Any] = {"runs": runs, "first_seed": HELD_OUT_SEED + seed, "measure": True}
-        evaluate_crowds(crowds, executor=executor, finished=finished, progress=count, **options)
+        draws: Draws = {"runs": runs, "first_seed": HELD_OUT_SEED + seed, "measure": True, "progress": count}
+        evaluate_crowds(crowds, executor=executor, finished=finished, **draws)
     return [result for result in results if result is not None]
 
 
 def summary(
-    results: Sequence[Evaluation], scenario: Scenario, settings: dict[str, Any], task: Task | None = None
+    results: Sequence[Evaluation], scenario: Scenario, settings: Plain, task: Task | None = None
 ) -> dict[str, Any]:
     """Return everything about an evaluation but single runs, ready for JSON; rows of a task are those of its protocol."""
-    rows = []
-    for result in results:
-        if task is not None:
-            rows.append(task_row(task, scenario, result, results))
-            continue
-        first = next(one for one in results if one.scheme == result.scheme)
-        rows.append(result.row() | {"minus_first": minus_first(result, first)})
     return {
         **settings,
         "people": scenario.population.people,
         "time_limit": scenario.time_limit,
-        "rows": rows,
+        "rows": rows_beside(results) if task is None else task_rows(task, scenario, results),
         "ranking": {"last": ranking(results), "mean": ranking(results, of=clearing_means)},
         "versions": versions(),
     }

@@ -11,35 +11,35 @@ import base64
 import hashlib
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env import EpisodeMetrics, Scenario
-from crowd_env.analysis.figures import figures_of, median_time, named
+from crowd_env import Scenario
+from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.atomic import write_text
 from crowd_env.core.files.json_file import read_json
-from crowd_env.physics import SCHEMES
 
 from .. import PRETRAINED
 from ..networks import network_digest
+from ..plain import Plain
 from ..runs import versions
 from ..tasks import TASKS, Task
 from ..tasks.variations import AS_IT_STANDS, Variation, variations
 from ..walking import RuleAtShare
-from .comparison import clearing_means, clearing_times
-from .entries import RULE
-from .evaluation import OWN_SEED, Evaluation
+from .entries import RULE, Entry
+from .evaluation import HELD_OUT_SEED, OWN_SEED, Evaluation, figures_of_runs
 from .protocol import task_figures
-from .robustness import Found, facts_of_variation
+from .robustness import Judged, Trial, facts_of_variation, judge_trial, make_trial, make_trials
 
 REFERENCES = (RULE, RuleAtShare.name)  # that every policy stands beside, on the same draws
 FORMAT = 3
 OWN_DRAWS = Variation("own-draws", "draws of its own")
 _PART = 4  # of the draws of a task: as many are a policy's own
+_CHECKED = 10  # draws of the rule that are held against those that lie there
 _MIXED = ("mean_exit_learned", "mean_exit_others")  # figures of mixed crowds
 # Column of a run -> its digits.  The first four are numbers of people; of ``blocked``, whether the run was.
 _DIGITS = {
@@ -48,14 +48,11 @@ _DIGITS = {
     **dict.fromkeys(("walked", "max_density", "hurry", *_MIXED), 5),
 }
 _COLUMNS = tuple(_DIGITS)
-_OWN = _COLUMNS[12:]  # beside those of `EpisodeMetrics` and crushes
-_WITH_MAX = {"max_density", "max_pressure", "hurry"}  # beside their mean stands the largest of all runs
 _FIGURES = 6  # digits of other numbers
 _KEYS = {"format", "task", "policies", "networks", "columns", "trials", "versions"}
-_RUNS = dict[str, np.ndarray]  # column -> (R,)
 
 
-def own_seed(policy: str, network: str | None, constants: Mapping[str, Any]) -> int:
+def own_seed(policy: str, network: str | None, constants: Plain) -> int:
     """Return the seed of a policy's own draws, of the digest of its network or, of a rule, of its name and constants."""
     text = network or json.dumps([policy, _rounded(constants)], sort_keys=True)
     return OWN_SEED + int(hashlib.sha256(text.encode()).hexdigest(), 16) % 2**40
@@ -66,69 +63,89 @@ def own_runs(task: Task) -> int:
     return max(1, task.runs // _PART)
 
 
-def write_submissions(
-    folder: Path,
-    task: Task,
-    policies: Mapping[str, Path | None],
-    results: Sequence[Evaluation],
-    own: Mapping[str, Sequence[Evaluation]],
-    found: Found,
+def submit(
+    task: Task, policies: Sequence[str], *, runs: int, few: int, out: Path, folder: Path | None = None
 ) -> list[Path]:
-    """Write the file of a task's references and one for each policy; return the paths of the latter.
+    """Judge policies by the protocol of a task, write the file of its references and one for each; return the latter's paths.
+
+    Where the references lie in ``out``, the rule is run on some draws alone, to hold the code against them.
 
     Parameters
     ----------
-    policies : names in ``results``, with the file of the network if there is one.
-    results : of the policies and of `REFERENCES` on the held-out draws of the task; where the references lie there already
-        (`references_known`) the rule on some of the draws is enough, to hold the code against them.
-    own : by policy, its results and those of the rule on its own draws.
-    found : trials of at least the policies and the rule on the variations of the task, with their results; empty: none.
+    policies : names, as `crowd_env.agents.evaluation.entries.make_entries` takes them.
+    runs, few : the first draws of the task as it stands, and of each of its variations; none of these at 0.
+    folder : keeps what has been evaluated, so that an interrupted submission goes on.
 
     Raises
     ------
     ValueError
-        If the references that lie there did other things: they were made by other code.
+        If a policy is unknown, or the references that lie there did other things: they were made by other code.
     """
-    as_it_stands, own_facts = (facts_of_variation(task, one, task.place()) for one in (AS_IT_STANDS, OWN_DRAWS))
-    trials, judged = [as_it_stands], [results]
-    for trial, those in found:
-        if trial.variation.name != "task":
-            trials.append(facts_of_variation(task, trial.variation, trial.place))
-            judged.append(those)
+    path = out / f"{task.name}.json"
+    known = runs == task.runs and not {*policies} & {*REFERENCES} and references_known(path, task, few)
+    names = list(dict.fromkeys(((RULE,) if known else REFERENCES) + tuple(policies)))
+    whole = make_trial(task, AS_IT_STANDS, names)
+    varied = make_trials(task, list(dict.fromkeys(policies if known else (RULE, *policies))))[1:] if few else []
 
-    def content(named: Mapping[str, Path | None]) -> dict[str, Any]:
-        of = [
-            {**facts, "of": {one.policy: _kept(one) for one in those if one.policy in named}}
-            for facts, those in zip(trials, judged, strict=True)
-        ]
-        digests = {name: None if path is None else network_digest(path) for name, path in named.items()}
-        networks = {
-            name: base64.b64encode(path.read_bytes()).decode()
-            for name, path in named.items()
-            if path is not None and name not in PRETRAINED
-        }
-        for name in named.keys() & own.keys():
-            kept = {one.policy: _kept(one) for one in own[name]}
-            seed = own_seed(name, digests[name], kept[name].get("constants", {}))
-            of.insert(1, {**own_facts, "first_seed": seed, "of": kept})
-        facts = {"format": FORMAT, "task": task.identity(), "policies": digests, "networks": networks}
-        return {**facts, "columns": list(_COLUMNS), "trials": of, "versions": versions()}
+    def judged(trial: Trial, count: int, name: str, seed: int = 0) -> list[Evaluation]:
+        return judge_trial(trial, count, seed, folder=None if folder is None else folder / name)
 
-    path, by_name = folder / f"{task.name}.json", {one.policy: one for one in results}
-    anew = by_name.keys() >= set(REFERENCES)
+    rule, results = whole.entries[0], list[Evaluation]()
+    if known:
+        results = judged(whole._replace(entries=[rule]), min(_CHECKED, runs), "checked")
+    results += judged(whole._replace(entries=whole.entries[len(results) :]), runs, "all")
     if path.exists():
-        before = read_json(path)["trials"][0]["of"][RULE]["runs"]
-        now = _kept(by_name[RULE])["runs"]
-        then, here = (_runs_of({"runs": one[: len(now)]}, _COLUMNS)["last_time"] for one in (before, now))
-        if (anew and len(before) != len(now)) or not np.allclose(then, here, rtol=1e-4, equal_nan=True):
-            raise ValueError(f"{path}: the rule does other things here, so the code is another; submit all of it again")
-    if anew:
-        write_content(path, content(dict.fromkeys(REFERENCES)))
+        _check_rule(path, results[0], None if known else runs)
+    found = [(whole, results), *((one, judged(one, few, one.variation.name)) for one in varied)]
+    if not known:
+        write_content(path, _content(task, [entry for entry in whole.entries if entry.name in REFERENCES], found))
     paths = []
-    for name, source in policies.items():
-        paths.append(folder / task.name / f"{name.replace('/', '-')}.json")
-        write_content(paths[-1], content({name: source}))
+    for given, entry, result in zip(names, whole.entries, results, strict=True):
+        if given in policies:
+            name, seed = entry.name.replace("/", "-"), own_seed(entry.name, _digest(entry), result.constants)
+            own = whole._replace(variation=OWN_DRAWS, entries=list(dict.fromkeys((rule, entry))))
+            those = judged(own, min(runs, own_runs(task)), f"own-{name}", seed - HELD_OUT_SEED)
+            trial = {**_trial(own, those), "first_seed": seed}
+            paths.append(out / task.name / f"{name}.json")
+            write_content(paths[-1], _content(task, [entry], found, trial))
     return paths
+
+
+def _digest(entry: Entry) -> str | None:
+    return None if entry.source is None else network_digest(entry.source)
+
+
+def _check_rule(path: Path, rule: Evaluation, runs: int | None) -> None:
+    """Raise ValueError unless the rule of the references did the same, on as many ``runs`` if these are given."""
+    before, now = read_json(path)["trials"][0]["of"][RULE]["runs"], _kept(rule)["runs"]
+    then, here = (_runs_of(one[: len(now)])["last_time"] for one in (before, now))
+    if len(before) != (runs or len(before)) or not np.allclose(then, here, rtol=1e-4, equal_nan=True):
+        raise ValueError(f"{path}: the rule does other things here, so the code is another; submit all of it again")
+
+
+def _content(task: Task, entries: Sequence[Entry], found: Iterable[Judged], own: Plain | None = None) -> Plain:
+    """Return what a file holds of some policies: their networks, and their runs in all trials and on draws of their ``own``."""
+    names = [entry.name for entry in entries]
+    trials = [_trial(one, [result for result in results if result.policy in names]) for one, results in found]
+    return {
+        "format": FORMAT,
+        "task": task.identity(),
+        "policies": {entry.name: _digest(entry) for entry in entries},
+        "networks": {
+            entry.name: base64.b64encode(entry.source.read_bytes()).decode()
+            for entry in entries
+            if entry.source is not None and entry.name not in PRETRAINED
+        },
+        "columns": _COLUMNS,
+        "trials": [*trials[:1], *([] if own is None else [own]), *trials[1:]],
+        "versions": versions(),
+    }
+
+
+def _trial(trial: Trial, results: Iterable[Evaluation]) -> Plain:
+    """Return what a file holds of a trial: what it is, and the runs of some policies."""
+    of = {one.policy: _kept(one) for one in results}
+    return {**facts_of_variation(trial.task, trial.variation, trial.place), "of": of}
 
 
 def references_known(path: Path, task: Task, few: int) -> bool:
@@ -141,7 +158,7 @@ def references_known(path: Path, task: Task, few: int) -> bool:
     return len(trials[0]["of"][RULE]["runs"]) == task.runs and beside == ({few} if few else set())
 
 
-def write_content(path: Path, content: Mapping[str, Any]) -> None:
+def write_content(path: Path, content: Plain) -> None:
     """Write a file of submissions, whole or not at all, with a line for each run."""
     path.parent.mkdir(parents=True, exist_ok=True)
     text = json.dumps(_rounded(content), indent=0, allow_nan=False)
@@ -164,57 +181,63 @@ def read_submission(path: Path) -> dict[str, Any]:
     references = path.parent.with_suffix(".json")
     content, beside = _read(path), _read(references)
     try:
-        ((policy, digest),) = content["policies"].items()
-        task = TASKS[content["task"]["name"]]
-        if policy in PRETRAINED and network_digest(PRETRAINED[policy]) != digest:
-            raise ValueError(f"{path} names the shipped policy {policy}, but holds the digest of another network")
-        if policy not in PRETRAINED and digest is not None:
-            network = base64.b64decode(content["networks"][policy], validate=True)
-            if hashlib.sha256(network).hexdigest() != digest:
-                raise ValueError(f"{path} holds another network than its digest says")
-        named = dict.fromkeys((*REFERENCES, policy))
-        rows: list[dict[str, Any]] = []
-        few: list[dict[str, Any]] = []
-        runs: list[dict[str, Any]] = []
-        public = [trial for trial in content["trials"] if trial["variation"] != OWN_DRAWS.name]
-        least = min(len(one["runs"]) for trial in public for one in trial["of"].values())
-        by_name = {one["variation"]: one for one in beside["trials"]}
-        constants = public[0]["of"].get(policy, {}).get("constants", {})
-        for trial in content["trials"]:
-            variation, mine = trial["variation"], trial["variation"] == OWN_DRAWS.name
-            if mine and trial["first_seed"] != own_seed(policy, digest, constants):
-                raise ValueError(f"{path}: the draws of its own are not those of {policy}; submit again")
-            place = _now(task.name, repr(task)).places[variation]
-            rules = trial["of"] if mine else by_name[variation]["of"]
-            of = {name: (rules if name in REFERENCES else trial["of"]).get(name) for name in named}
-            for name in {"task": named, OWN_DRAWS.name: (RULE, policy)}.get(variation, (RULE,)):
-                if of[name] is None:
-                    raise ValueError(f"{path}: there are no runs of {name} in {variation}; submit again")
-            columns = {name: _runs_of(one, _COLUMNS) for name, one in of.items() if one is not None}
-            if len({len(one["last_time"]) for one in columns.values()}) != 1:
-                raise ValueError(f"{path}: {variation} has other numbers of draws than {references.name}")
-            for found, count in ((rows, task.runs), (few, least)):
-                figures = [_figures(name, trial, of[name], columns[name], place, count) for name in columns]
-                found += [{**task_figures(task.name, place, one, figures), "variation": variation} for one in figures]
-            runs += [{**trial, "policy": name, **one} for name, one in columns.items()]
+        return _judged(path, content, {one["variation"]: one["of"] for one in beside["trials"]})
     except (KeyError, TypeError, IndexError, AttributeError, ValueError) as error:
         if str(error).startswith(str(path)):
             raise
         raise ValueError(f"{path} is damaged: {type(error).__name__} {error}") from None
-    few = [row for row in few if row["policy"] in (RULE, policy) and row["variation"] != OWN_DRAWS.name]
+
+
+def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> dict[str, Any]:
+    """Return what `read_submission` does; ``beside`` has what the rules did, by variation."""
+    ((policy, digest),) = content["policies"].items()
+    task = TASKS[content["task"]["name"]]
+    if policy in PRETRAINED and network_digest(PRETRAINED[policy]) != digest:
+        raise ValueError(f"{path} names the shipped policy {policy}, but holds the digest of another network")
+    if policy not in PRETRAINED and digest is not None:
+        network = base64.b64decode(content["networks"][policy], validate=True)
+        if hashlib.sha256(network).hexdigest() != digest:
+            raise ValueError(f"{path} holds another network than its digest says")
+    whole, own, *varied = content["trials"]
+    runs: list[dict[str, Any]] = []
+    kept: dict[str, dict[str, Plain]] = {}  # variation -> policy -> its runs
+    for trial in content["trials"]:
+        name, of = trial["variation"], trial["of"]
+        if trial is not own:
+            of = {**of, **{one: beside[name].get(one) for one in REFERENCES}}
+        elif own["first_seed"] != own_seed(policy, digest, whole["of"][policy].get("constants", {})):
+            raise ValueError(f"{path}: the draws of its own are not those of {policy}; submit again")
+        needed = {AS_IT_STANDS.name: (*REFERENCES, policy), OWN_DRAWS.name: (RULE, policy)}.get(name, (RULE,))
+        for one in needed:
+            if of.get(one) is None:
+                raise ValueError(f"{path}: there are no runs of {one} in {name}; submit again")
+        kept[name] = {one: of[one] for one in dict.fromkeys((*REFERENCES, policy)) if of.get(one) is not None}
+        columns = {one: _runs_of(found["runs"]) for one, found in kept[name].items()}
+        if len({len(one["last_time"]) for one in columns.values()}) != 1:
+            raise ValueError(f"{path}: {name} has other numbers of draws than {task.name}.json")
+        runs += [{"variation": name, "policy": one, **found} for one, found in columns.items()]
+    least = min(len(one["runs"]) for trial in (whole, *varied) for one in kept[trial["variation"]].values())
+
+    def rows(trial: Plain, count: int) -> list[dict[str, Any]]:
+        name = trial["variation"]
+        place = _now(task.name, repr(task)).places[name]
+        figures = [_figures(one, trial, found, count) for one, found in kept[name].items()]
+        return [{**row, "variation": name} for row in task_figures(task.name, place, figures)]
+
+    few = [row for trial in (whole, *varied) for row in rows(trial, least) if row["policy"] in (RULE, policy)]
     return {
         "task": content["task"],
         "policy": {"name": policy, "sha256": digest},
         "seeds": {"first": task.seeds.start, "runs": task.runs},
-        "rows": [row for row in rows if row["variation"] == "task"],
-        "own": [row for row in rows if row["variation"] == OWN_DRAWS.name],
-        "robustness": {"runs": least, "rows": few} if len(public) > 1 else None,
+        "rows": rows(whole, task.runs),
+        "own": rows(own, task.runs),
+        "robustness": {"runs": least, "rows": few} if varied else None,
         "runs": runs,
         "versions": content["versions"],
     }
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> Plain:
     """Return what a file holds, held against its task."""
     content = read_json(path)
     if not isinstance(content, dict) or not set(content) >= _KEYS or content["format"] != FORMAT:
@@ -249,8 +272,8 @@ def _read(path: Path) -> dict[str, Any]:
 class _Now(NamedTuple):
     """A task as it stands."""
 
-    identity: dict[str, Any]
-    facts: dict[str, dict[str, Any]]  # by variation
+    identity: dict[str, object]
+    facts: dict[str, dict[str, object]]  # by variation
     places: dict[str, Scenario]
 
 
@@ -265,67 +288,31 @@ def _now(name: str, described: str) -> _Now:
 
 
 def _kept(result: Evaluation) -> dict[str, Any]:
-    """Return what a file holds of a policy in a variation."""
-    measured = result.measured
-    assert measured is not None
-    learned = np.zeros_like(measured.crushed, dtype=bool) if result.learned is None else result.learned
-    others = learned if result.learned is None else ~learned
-    columns = {
-        "blocked": np.isfinite(result.column("blocked_since")),
-        "crushed": (measured.crushed > 0.0).sum(axis=1),
-        "last_time": clearing_times(result),  # not known where somebody is left inside, also below
-        "mean_exit": clearing_means(result),
-        "max_pressure": measured.max_pressure,
-        "crushed_time": measured.crushed.sum(axis=1),
-        "walked": measured.walked.mean(axis=1),
-        "max_density": measured.max_density,
-        "hurry": measured.hurry,
-        "mean_exit_learned": result.mean_exit_of(learned),  # none where all are alike
-        "mean_exit_others": result.mean_exit_of(others),
-    }
-    values = [columns[name] if name in columns else result.column(name) for name in _COLUMNS]
-    lines = [_line(run) for run in zip(*values, strict=True)]
+    """Return what a file holds of a policy in a trial: its constants, if it has some, and a line for each run."""
+    runs, unknown = result.columns(), np.full(result.runs, np.nan)
+    runs |= {"blocked": np.isfinite(runs["blocked_since"]), "last_time": runs["evacuation_time"]}
+    lines = [_line(run) for run in zip(*(runs.get(name, unknown) for name in _COLUMNS), strict=True)]
     return {**({"constants": result.constants} if result.constants else {}), "runs": lines}
 
 
-def _runs_of(kept: Mapping[str, Any], columns: Sequence[str]) -> _RUNS:
+def _runs_of(lines: Sequence[str]) -> dict[str, Floats]:
     """Return the columns of the runs that a file holds."""
-    lines = [[np.nan if one == "-" else float(one or 0) for one in line.split(",")] for line in kept["runs"]]
-    return dict(zip(columns, np.array(lines, dtype=np.float64).T, strict=True))
+    rows = [[np.nan if one == "-" else float(one or 0) for one in line.split(",")] for line in lines]
+    return dict(zip(_COLUMNS, np.array(rows, dtype=np.float64).T, strict=True))
 
 
-def _figures(
-    policy: str, trial: Mapping[str, Any], kept: Mapping[str, Any], runs: _RUNS, place: Scenario, count: int
-) -> dict[str, Any]:
+def _figures(policy: str, trial: Plain, kept: Plain, count: int) -> Plain:
     """Return the figures of a policy as `Evaluation.row` has them, made of its first ``count`` runs."""
-    runs = {name: values[:count] for name, values in runs.items()}
-    known = {name: values for name, values in runs.items() if name in EpisodeMetrics._fields}
-    known["evacuation_time"] = np.where(runs["unfinished"] == 0, runs["last_time"], np.nan)
-    runs["mean_exit"] = np.where(runs["unfinished"] == 0, runs["mean_exit"], np.nan)
-    known["blocked_since"] = np.where(runs["blocked"] > 0, 0.0, np.nan)
-    unknown: dict[str, Any] = dict.fromkeys(EpisodeMetrics._fields, np.nan)
-    of_runs = (dict(zip(known, values, strict=True)) for values in zip(*known.values(), strict=True))
-    episodes = [EpisodeMetrics(**(unknown | one)) for one in of_runs]
-    crushed = runs["crushed"]
-    runs["crushed_share"] = crushed / place.population.people
-    runs["crushed_time"] = np.where(crushed > 0, runs["crushed_time"] / np.maximum(crushed, 1), np.nan)
-    names = ("mean_exit", "contact_impulse", "max_pressure", "crushed_share", "crushed_time", *_OWN)
+    runs = _runs_of(kept["runs"][:count])
+    cleared = runs["unfinished"] == 0
+    runs["evacuation_time"] = np.where(cleared, runs["last_time"], np.nan)
+    runs["mean_exit"] = np.where(cleared, runs["mean_exit"], np.nan)
+    runs["blocked_since"] = np.where(runs["blocked"] > 0, 0.0, np.nan)
     if trial["learned_share"] == 1.0:
-        names = names[: -len(_MIXED)]
-    found = {name: named(runs[name]) for name in names}
-    for name in runs.keys() & _WITH_MAX:
-        found[name]["max"] = float(runs[name].max())
-    return {
-        "policy": policy,
-        "scheme": trial["scheme"],
-        "learned_share": trial["learned_share"],
-        "constants": kept.get("constants", {}),
-        **figures_of(episodes),
-        "median_time": median_time(known["evacuation_time"]),
-        **found,
-        "max_overlap": float(runs["max_overlap"].max()),
-        "pressure_is_force": SCHEMES[trial["scheme"]].info.impulses_are_forces,
-    }
+        runs = {name: values for name, values in runs.items() if name not in _MIXED}
+    facts = {"policy": policy, "scheme": trial["scheme"], "learned_share": trial["learned_share"]}
+    figures = figures_of_runs(runs, trial["scheme"], trial["people"])
+    return {**facts, "constants": kept.get("constants", {}), **figures}
 
 
 def _line(run: Sequence[float]) -> str:
@@ -334,7 +321,7 @@ def _line(run: Sequence[float]) -> str:
     return ",".join(f"{float(one):.{n}g}".lstrip("0") if np.isfinite(one) else "-" for one, n in rounded)
 
 
-def _rounded(value: Any) -> Any:
+def _rounded(value: object) -> object:
     """Return plain data with numbers of `_FIGURES` digits."""
     if isinstance(value, float):
         return float(f"{value:.{_FIGURES}g}")

@@ -17,15 +17,13 @@ from crowd_env.core.files.json_file import json_number
 from crowd_env.core.files.store import Store
 
 from .. import PRETRAINED, starts_from
-from ..networks import network_digest
-from ..tasks.task import place_digest
 from ..tasks.tiers import SETTINGS, TIERS, Setting, bound_time
-from ..trained import names_file
 from .comparison import clearing_times, order_of
 from .credible import credibility
 from .entries import RULE
 from .evaluation import Evaluation
-from .robustness import make_trial
+from .folder import digest_of
+from .robustness import facts_of_variation, make_trial
 from .same_draws import compare
 
 FOLDER = Path("docs/tasks/tiers")  # of a checkout
@@ -42,12 +40,13 @@ def usual(setting: Setting) -> list[str]:
 
 def identity(setting: Setting) -> dict[str, Any]:
     """Return what decides the runs of a setting, ready for JSON, but for the policy."""
-    one = setting.variation
+    task, one = setting.task, setting.variation
+    facts = facts_of_variation(task, one, one.place(task))
     return {
-        "task": setting.task.identity(),
-        "place": place_digest(one.place(setting.task)),
-        "scheme": one.scheme or setting.task.scheme,
-        "learned_share": one.learned_share or setting.task.learned_share or 1.0,
+        "task": task.identity(),
+        "place": facts["digest"],
+        "scheme": facts["scheme"],
+        "learned_share": facts["learned_share"],
         "hindrances": one.hindrances(),
         "runs": setting.runs,
     }
@@ -64,22 +63,18 @@ def judge(setting: Setting, policies: Sequence[str], folder: Path = FOLDER) -> d
     store, made_by = Store(folder), identity(setting)
     for name in policies:
         rows = (store.load(setting.title, made_by, redo=True) or {}).get("rows", {})
-        network = _network(name)
+        network = digest_of(name)
         if name in rows and rows[name]["network"] == network:
             continue
         trial = make_trial(setting.task, setting.variation, [name])
         if trial.left_out:
             say(f"{setting.title}: {name} cannot move these people there")
             continue
-        (result,) = compare(trial.entries, trial.place, [trial.scheme], runs=setting.runs)
+        (result,) = compare(trial.entries, trial.place, [made_by["scheme"]], runs=setting.runs)
         rows[name] = {"network": network, **_figures(result)}
         store.keep(setting.title, {"bound": bound_time(setting), "rows": rows}, made_by)
         say(f"{setting.title}: {name}: {order_of(clearing_times(result))}")
     return dict((store.load(setting.title, made_by, redo=True) or {}).get("rows", {}))
-
-
-def _network(name: str) -> str | None:
-    return network_digest(PRETRAINED.get(name, Path(name))) if name in PRETRAINED or names_file(name) else None
 
 
 def _figures(result: Evaluation) -> dict[str, Any]:

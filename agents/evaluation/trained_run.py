@@ -33,8 +33,8 @@ from .plans import RULES as PLAN_RULES
 from .plans import figures as plan_figures
 from .plans import judge_plans
 from .plans import table as plans_table
-from .protocol import task_row, task_table
-from .report import by_scheme, comparison_table, crowding_table
+from .protocol import task_rows
+from .report import by_scheme, comparison_table, crowding_table, task_table
 from .same_draws import compare
 
 LEARNED = "learned"
@@ -77,7 +77,7 @@ def judge(folder: Path, config: TrainingConfig, runs: int, threads: int, *, fres
     computed = iter(compare(entries, place, [law_of(config)], runs=runs, threads=threads, folder=kept))
     results = [known.get(entry.name) or next(computed) for entry in (*rules, *named)]
     rule, learned = results[0], results[-1]
-    rows = [task_row(task, place, one, results) if own else one.row() | _beside(one, learned) for one in results]
+    rows = task_rows(task, place, results) if own else [one.row() | _beside(one, learned) for one in results]
     starts = starts_of(config, results)
     content = {
         "config": config.as_table(),

@@ -41,7 +41,7 @@ def figures_of(result: Evaluation) -> dict[str, float]:
     }
 
 
-def figures_in_plans(outcomes: Sequence[Outcome]) -> dict[str, float]:
+def figures_in_plans(outcomes: Sequence[Outcome[float]]) -> dict[str, float]:
     """Return the figures of evacuations in generated places in a learning curve.
 
     ``unfinished`` is the number of places with a pedestrian left inside or astray.  ``evacuation_time`` is the interquartile

@@ -67,8 +67,7 @@ def report(
     runs of the mean over all overlapping contacts of a run. ``outside_mm`` is the furthest that any body reached beyond a
     wall. The shares of runs in which people were left inside, and in which the exits blocked, have Wilson's interval.
     """
-    metrics = [episode.metrics for episode in episodes]
-    chosen = make_scheme(scheme)
+    runs, chosen = columns_of([episode.metrics for episode in episodes]), make_scheme(scheme)
     return {
         "scenario": scenario.name,
         "scheme": chosen.info.name,
@@ -80,7 +79,7 @@ def report(
         "version": __version__,
         "people": scenario.population.people,
         "population": plain(scenario.population.parts),
-        **figures_of(metrics),
+        **figures_of(runs),
         **{name: named(np.array([figure.of(one) for one in episodes])) for name, figure in FIGURES.items()},
         "exits": exits_of(scenario, episodes),
         "blocked": [
@@ -89,30 +88,35 @@ def report(
             if np.isfinite(episode.metrics.blocked_since)
         ],
         "overlap_mm": {
-            "mean": 1e3 * float(column(metrics, "mean_overlap").mean()),
-            "max": 1e3 * float(column(metrics, "max_overlap").max()),
+            "mean": 1e3 * float(runs["mean_overlap"].mean()),
+            "max": 1e3 * float(runs["max_overlap"].max()),
         },
-        "outside_mm": 1e3 * float(column(metrics, "max_outside").max()),
-        "residual": float(column(metrics, "residual").max()),
-        "unconverged_steps": int(column(metrics, "unconverged").sum()),
+        "outside_mm": 1e3 * float(runs["max_outside"].max()),
+        "residual": float(runs["residual"].max()),
+        "unconverged_steps": int(runs["unconverged"].sum()),
     }
 
 
-def figures_of(metrics: Sequence[EpisodeMetrics]) -> dict[str, Any]:
-    """Return the figures that every report of many evacuations has, ready for JSON; see `report`."""
-    runs, unfinished = len(metrics), column(metrics, "unfinished")
-    left, blocked = int((unfinished > 0).sum()), int(np.isfinite(column(metrics, "blocked_since")).sum())
+def columns_of(metrics: Sequence[EpisodeMetrics]) -> dict[str, Floats]:
+    """Return the metrics of evacuations by name, each of every run (R,)."""
+    return dict(zip(EpisodeMetrics._fields, np.array(metrics, dtype=np.float64).T.copy(), strict=True))
+
+
+def figures_of(runs: Mapping[str, Floats]) -> dict[str, Any]:
+    """Return the figures that every report of many evacuations has, ready for JSON, from `columns_of` them; see `report`."""
+    count, unfinished = len(runs["unfinished"]), runs["unfinished"]
+    left, blocked = int((unfinished > 0).sum()), int(np.isfinite(runs["blocked_since"]).sum())
     return {
-        "runs": runs,
+        "runs": count,
         "unfinished": int(unfinished.sum()),
         "unfinished_runs": left,
-        "unfinished_share": share(left, runs),
+        "unfinished_share": share(left, count),
         "blocked_runs": blocked,
-        "blocked_share": share(blocked, runs),
-        "evacuation_time": named(column(metrics, "evacuation_time")),
-        "flow": named(column(metrics, "flow")),
-        "max_speed": float(column(metrics, "max_speed").max()),
-        "escaped": int(column(metrics, "escaped").sum()),
+        "blocked_share": share(blocked, count),
+        "evacuation_time": named(runs["evacuation_time"]),
+        "flow": named(runs["flow"]),
+        "max_speed": float(runs["max_speed"].max()),
+        "escaped": int(runs["escaped"].sum()),
     }
 
 
@@ -183,11 +187,6 @@ def peak_flow(times: Floats) -> float:
     return float(following.max()) / span
 
 
-def column(metrics: Sequence[EpisodeMetrics], name: str) -> Floats:
-    """Return one of the metrics of every evacuation (R,)."""
-    return np.array([getattr(one, name) for one in metrics], dtype=np.float64)
-
-
 def named(values: np.ndarray) -> dict[str, Any]:
     """Return mean, spread and interval of the mean of the finite values, ready for JSON."""
     mean, sd, ci95 = summarise(values)
@@ -232,11 +231,40 @@ def percent(share: Mapping[str, Any]) -> str:
     return f"{100.0 * share['mean']:.0f} ({low:.0f}..{high:.0f})"
 
 
-_SCALED = {"%": (100.0, ".0f"), "k": (1e-3, ".1f"), "m": (1e3, ".1f")}  # percent, and units with a prefix
+def half(time: float | None, digits: int = 1) -> str:
+    """Return when [s] half of all runs had cleared, in words if they never did."""
+    return "never" if time is None else f"{time:.{digits}f}"
+
+
+def with_interval(found: Mapping[str, Any], digits: int = 1, sign: str = "") -> str:
+    """Return "52.3 (51.2..53.4)": a mean with its interval, "–" for none; the larger the numbers, the fewer digits."""
+    if found["mean"] is None:
+        return "–"
+    bounds = [bound for bound in found["ci95"] if bound is not None]
+    largest = max(abs(value) for value in (found["mean"], *bounds))
+    digits = min(digits, 2 if largest < 9.995 else 1 if largest < 99.95 else 0)
+    between = "..".join(f"{bound:{sign}.{digits}f}" for bound in bounds)
+    return f"{found['mean']:{sign}.{digits}f}" + (f" ({between})" if between else "")
+
+
+# What a format writes of a figure, with so many digits: "{evacuation_time:spread/2}".
+_WRITTEN: dict[str, Callable[[Any, int], str]] = {
+    "half": half,
+    "spread": lambda found, digits: "–" if found["mean"] is None else spread(found, digits=digits),
+    "percent": lambda found, digits: percent(found),
+    "interval": with_interval,
+    "difference": lambda found, digits: "–" if found is None else with_interval(found, digits, "+"),
+}
+_SCALED = {
+    "%": (100.0, ".0f"),
+    "%1": (100.0, ".1f"),
+    "k": (1e-3, ".1f"),
+    "m": (1e3, ".1f"),
+}  # percent, and units with a prefix
 
 
 class _Cells(string.Formatter):
-    """Format strings over what JSON holds: a dash for what is missing, `_SCALED` units, a minus of its own for differences."""
+    """Format strings over what JSON holds: a dash for what is missing, `_WRITTEN` figures, `_SCALED` units, a true minus."""
 
     def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> Any:
         try:
@@ -245,6 +273,9 @@ class _Cells(string.Formatter):
             return None, field_name
 
     def format_field(self, value: Any, format_spec: str) -> str:
+        name, _, digits = format_spec.partition("/")
+        if name in _WRITTEN:
+            return _WRITTEN[name](value, int(digits or 1))
         if value is None:
             return "–"
         scale, format_spec = _SCALED.get(format_spec, (None, format_spec))

@@ -87,13 +87,19 @@ def small(monkeypatch):
         unfinished = np.array([0.0] * (runs - 1) + [0.0 if isinstance(policy, Evolved) else 3.0])
         columns = {"unfinished": unfinished, "blocked_since": np.where(unfinished > 0, 20.0, np.nan)}
         times = np.full((runs, 4), time) + np.arange(runs)[:, None]
+        exits = np.where(unfinished[:, None] > 0, np.nan, times)
         constants = asdict(policy) if isinstance(policy, Evolved) else {}
-        return SimpleNamespace(column=columns.__getitem__, times_of_all=lambda: times, constants=constants)
+        found = {"times_of_all": lambda: times, "exit_times": exits, "constants": constants}
+        return SimpleNamespace(column=columns.__getitem__, **found)
+
+    def compared(entries, place, physics, *, runs):
+        return [evaluated(one.policy, place, runs=runs, first_seed=1_000_000) for one in entries]
 
     row = {"clearing_time": {"mean": 50.0, "ci95": [49.0, 51.0]}, "mean_exit": {"mean": 30.0, "ci95": [29.0, 31.0]}}
     row |= {"flow": 1.7, "unfinished": 0, "runs": 4}
     monkeypatch.setattr(jobs, "evaluate", evaluated)
-    monkeypatch.setattr(jobs, "task_row", lambda *_: row | {"minus_first": None, "credible": None})
+    monkeypatch.setattr(jobs, "compare", compared)
+    monkeypatch.setattr(jobs, "task_rows", lambda *_: [row | {"minus_first": None, "credible": None}])
     known = {"quick": Algorithm("for tests", quick), "ppo": ALGORITHMS["ppo"]}
     for module in (command, jobs):
         monkeypatch.setattr(module, "ALGORITHMS", known)

@@ -11,7 +11,7 @@ from evaluations import call, hall, run
 from crowd_env import Uniform, make_scheme
 from crowd_env.agents import POLICIES
 from crowd_env.agents.evaluation import credible
-from crowd_env.agents.evaluation.protocol import credible_lines
+from crowd_env.agents.evaluation.protocol import credible_lines, task_rows
 from crowd_env.agents.rules import ShortestPath
 from crowd_env.agents.tasks import TASKS, Task
 from crowd_env.agents.tasks.lower_bounds import exit_widths, touching_flow
@@ -117,7 +117,7 @@ def test_only_the_rule_under_the_same_scheme_counts(crowd):
     place, rule, other = crowd
     elsewhere = replace(rule, scheme="dem")
     assert credibility(other(), [elsewhere, other()], place)["ok"] is None
-    assert "add rule: other under nsm2" in credible_lines([elsewhere, other()], place)[1]
+    assert "add rule: other under nsm2" in credible_lines(task_rows(SMALL, place, [elsewhere, other()]))[1]
 
 
 def test_people_one_behind_the_other():

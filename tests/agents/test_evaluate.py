@@ -146,7 +146,7 @@ def test_one_json_object_with_a_row_for_each_policy_and_scheme(small):
 def test_who_is_left_inside_has_no_time_and_is_counted():
     results = [made_up("quick", "dem", [30.0, 31.0, 32.0]), made_up("slow", "dem", [40.0, 50.0, 60.0], unfinished=True)]
     slow = next(line for line in printed(times_table(results, "title")).splitlines() if "slow" in line)
-    assert " ".join(slow.split()) == "slow never - - +3 never - - 3"
+    assert " ".join(slow.split()) == "slow never – – +3 never – – 3"
 
 
 def test_policies_that_do_the_same_share_a_curve():

@@ -12,7 +12,7 @@ from crowd_env.agents.evaluation import shipped
 from crowd_env.agents.evaluation.comparison import mean_times
 from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_crowd
-from crowd_env.agents.evaluation.protocol import task_row
+from crowd_env.agents.evaluation.protocol import task_rows
 from crowd_env.agents.tasks import TASKS
 from crowd_env.agents.walking import Follow
 from crowd_env.core.files.json_file import read_json, write_json
@@ -76,10 +76,8 @@ def test_it_is_what_an_evaluation_finds(runs, monkeypatch):
     computed = [here(name, ROOM, runs) for name in there]
     for one, other in zip(there.values(), computed, strict=True):
         np.testing.assert_array_equal(np.array(one.exit_times), np.float32(other.exit_times))
-        ours, theirs = (
-            task_row(ROOM, ROOM.place(), result, results)
-            for result, results in ((one, [*there.values()]), (other, computed))
-        )
+    rows = (task_rows(ROOM, ROOM.place(), results) for results in (list(there.values()), computed))
+    for ours, theirs in zip(*rows, strict=True):
         assert ours.keys() == theirs.keys() and ours["credible"] == theirs["credible"]
         for figure, value in theirs.items():
             same(ours[figure], value)

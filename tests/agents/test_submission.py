@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from crowd_env.agents import PRETRAINED
 from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.evaluation.evaluation import FINAL_SEED, HELD_OUT_SEED, OWN_SEED
-from crowd_env.agents.evaluation.protocol import task_row
+from crowd_env.agents.evaluation.protocol import task_rows
 from crowd_env.agents.evaluation.same_draws import compare
 from crowd_env.agents.evaluation.submission import REFERENCES, own_seed, read_submission, write_content
 from crowd_env.agents.networks import network_digest
@@ -114,8 +114,7 @@ def test_its_figures_are_those_of_an_evaluation(files):
     place = SMALL.place()
     entries = make_entries([*REFERENCES, "follow"], place, SMALL)
     results = compare(entries, place, ["nsm2"], runs=3)
-    for result, found in zip(results, read_submission(files[0])["rows"], strict=True):
-        expected = task_row(SMALL, place, result, results)
+    for expected, found in zip(task_rows(SMALL, place, results), read_submission(files[0])["rows"], strict=True):
         for name, value in found.items():
             if name not in ("variation", "constants"):
                 _near(value, expected[name], name)
@@ -259,7 +258,7 @@ def test_a_policy_that_comes_later_is_submitted_alone_and_is_the_same_as_beside_
         walked.extend((entry.name, options["runs"]) for entry in entries)
         return compare(entries, *args, **options)
 
-    monkeypatch.setattr("crowd_env.cli.agents.submit.compare", seen)
+    monkeypatch.setattr("crowd_env.agents.evaluation.robustness.compare", seen)
     code, _, err = call("--task", "small", "--policy", "follow", "--robustness-runs", 2, "--out", tmp_path)
     assert code == 0, err
     assert walked.count(("rule", 3)) == 1 and ("rule-best-speed", 3) not in walked and ("rule", 2) not in walked

@@ -14,7 +14,8 @@ from crowd_env import CrowdEnv, Uniform, make_scenario, make_scheme
 from crowd_env.agents.evaluation.entries import make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
-from crowd_env.agents.evaluation.protocol import task_row, task_table
+from crowd_env.agents.evaluation.protocol import task_rows
+from crowd_env.agents.evaluation.report import task_table
 from crowd_env.agents.tasks import TASKS, Task
 from crowd_env.agents.tasks import probe as probing
 from crowd_env.agents.tasks import task as module
@@ -187,7 +188,7 @@ def test_runs_are_counted_and_no_time_limit_counts_as_a_time():
         stuck, episodes=[stuck.episodes[0], *(one._replace(blocked_since=9.0) for one in stuck.episodes[1:])]
     )
     place = SMALL.place()
-    rows = [task_row(SMALL, place, one, [quick, stuck]) for one in (quick, stuck)]
+    rows = task_rows(SMALL, place, [quick, stuck])
     assert [(row["blocked"], row["unfinished"], row["left"]) for row in rows] == [(0, 0, 0), (2, 3, 3)]
     assert [row["mean_exit"]["mean"] for row in rows] == [pytest.approx(16.0), None]
     assert [row["median_time"] for row in rows] == [31.0, None]

@@ -1,12 +1,13 @@
 """Train algorithms with several seeds on a task and judge them: ``crowd-env benchmark``."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from crowd_env.agents.benchmark import ALGORITHMS, Job, Plan, do, fixed_policy, read_result, summarize, table
 from crowd_env.agents.evaluation.entries import RULE
+from crowd_env.agents.plain import Plain
 from crowd_env.agents.tasks import PRESETS, make_preset, make_task
 from crowd_env.agents.training_config import RUNS, check_budget, check_libraries
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
@@ -60,7 +61,7 @@ def main(
         for k, job in enumerate([] if report_only else jobs):
             said = _said(do(job, plan, folder))
             say(f"{k + 1}/{len(jobs)} {job.title}: {said}")
-        results: dict[str, list[dict[str, Any]]] = {}
+        results: dict[str, list[Plain]] = {}
         for job in jobs:
             if (result := read_result(folder, job, plan)) is not None:
                 results.setdefault(job.name, []).append(result)
@@ -72,7 +73,7 @@ def main(
     typer.echo(table(rows), nl=False)
 
 
-def _said(result: dict[str, Any] | None) -> str:
+def _said(result: Plain | None) -> str:
     if result is None:
         return "another process is about it"
     row = result["final"]

@@ -3,22 +3,22 @@
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.table import Table
 
-from crowd_env import SCHEMES, Scenario, make_scheme
+from crowd_env import SCHEMES, make_scheme
 from crowd_env.agents import starts_from
 from crowd_env.agents.evaluation import plans, report, robustness
 from crowd_env.agents.evaluation.entries import RULE, make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, Evaluation
+from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
-from crowd_env.agents.evaluation.protocol import credible_lines, task_table
+from crowd_env.agents.evaluation.protocol import credible_lines
 from crowd_env.agents.evaluation.same_draws import compare, summary
-from crowd_env.agents.tasks import TASKS, Task
+from crowd_env.agents.plain import Plain
+from crowd_env.agents.tasks import TASKS
 from crowd_env.agents.tasks.presets import ALL_PLACES
 from crowd_env.agents.training_config import GENERATED, RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
@@ -104,17 +104,33 @@ def main(
             if beside := _first_given(given):
                 raise ValueError(f"--task {GENERATED} draws places, people and laws itself, {beside} too; leave it out")
             count = whole("--runs", plans.PLANS if runs is None else runs, RUNS)
-            with closing(Processes(threads) if threads > 1 and not ray else _executor(ray, 1)) as executor:
-                _judge_plans(policies or plans.RULES, count, out, as_json, executor)
+            judged = policies or plans.RULES
+            where_to = Processes(threads) if threads > 1 and not ray else _executor(ray, 1)
+            bar = progress_bar("judging in generated places", count * len(judged))
+            with closing(where_to) as executor, bar as progress:
+                outcomes = plans.judge_plans(judged, count, folder=out, executor=executor, progress=progress)
+            rows = plans.figures(outcomes)
+            table = plans.table(rows, f"{count} generated places that training never draws")
+            figures: Plain = {"task": dict(ALL_PLACES), "plans": count, "rows": rows}
+            _tell(figures, None if out is None else out / "rows.json", as_json, [table])
             return
         if vary:
             if task is None:
                 raise ValueError("--robustness varies a task; name one by --task")
             if beside := _first_given(given):
                 raise ValueError(f"--robustness says itself what it varies, {beside} among it; leave one out")
+            runs = whole("--runs", robustness.few_runs(task) if runs is None else runs, RUNS)
+            whole("--seed", seed, Range(0, HELD_OUT_SEED - runs - 1))
+            trials, found = robustness.make_trials(task, policies or [RULE]), list[robustness.Judged]()
             with closing(_executor(ray, threads)) as executor:
-                how = {"seed": seed, "threads": threads, "out": out}
-                _vary(task, policies or [RULE], as_json, executor, runs, **how)
+                for one in trials:
+                    kept = None if out is None else out / one.variation.name
+                    results = robustness.judge_trial(one, runs, seed, threads=threads, folder=kept, executor=executor)
+                    found.append((one, results))
+            title = f"{task.name}, version {task.version}, and its variations: {runs} runs each"
+            table, lines = robustness.robustness_table(found, title), robustness.lines_of_trials(found)
+            figures = robustness.summary_of_trials(task, found, runs, seed)
+            _tell(figures, None if out is None else out / "robustness.json", as_json, [table], lines)
             return
         if task is None:
             where = read_place(CrowdOptions(scenario=place or _SCENARIO, exit=exit, unit=unit, people=people))
@@ -143,8 +159,9 @@ def main(
             require_libraries(".png")  # before the work, not after it
             folder = EvaluationFolder(out, settings)
         with closing(_executor(ray, threads)) as executor:
-            options: dict[str, Any] = {"seed": seed, "threads": threads, "folder": folder, "executor": executor}
-            results = compare(entries, where, schemes, runs=runs, **options)
+            results = compare(
+                entries, where, schemes, runs=runs, seed=seed, threads=threads, folder=folder, executor=executor
+            )
         figures = summary(results, where, settings, task)
         if folder is not None:
             write_json(folder.folder / "rows.json", figures)
@@ -153,11 +170,18 @@ def main(
             say(f"rows.json, runs.csv and {len(pictures)} pictures: {folder.folder}/")
     title = run_title(where, people=f"{where.population.people} people", runs=f"{runs} runs each")
     title += "" if learned is None else f", {100 * learned:g} % learned"
-    starts = {one.name: starts_from(str(one.source or one.name)) for one in entries}
-    _print(figures, as_json, *_tables(results, title, where, task, starts))
+    lines = report.ranking_lines(results)
+    if task is None:
+        tables = [report.times_table(results, title), report.left_table(results)]
+    else:
+        starts = {one.name: starts_from(str(one.source or one.name)) for one in entries}
+        heading = f"{task.name}, version {task.version}: {title}"
+        tables = [report.task_table(report.by_scheme(results), heading, starts=starts)]
+        lines += credible_lines(figures["rows"])
+    _tell(figures, None, as_json, [*tables, report.exits_table(results), report.crowding_table(results)], lines)
 
 
-def _first_given(given: Mapping[str, Any]) -> str | None:
+def _first_given(given: Mapping[str, object]) -> str | None:
     """Return the first option that the command line gives, if any."""
     return next((name for name, value in given.items() if value is not None), None)
 
@@ -167,45 +191,12 @@ def _executor(ray: bool, threads: int) -> Executor:
     return RayCluster(threads) if ray else Serial()
 
 
-def _vary(task: Task, policies: Sequence[str], as_json: bool, executor: Executor, runs: int | None, **how: Any) -> None:
-    """Judge policies on a task and its variations, ``how`` is that of `judge_trial`, and print what came out."""
-    runs = whole("--runs", robustness.few_runs(task) if runs is None else runs, RUNS)
-    whole("--seed", how["seed"], Range(0, HELD_OUT_SEED - runs - 1))
-    trials, on = robustness.make_trials(task, policies), partial(compare, executor=executor)
-    found = [(one, robustness.judge_trial(task, one, on, runs=runs, **how)) for one in trials]
-    figures = robustness.summary_of_trials(task, found, runs, how["seed"])
-    if how["out"] is not None:
-        write_json(how["out"] / "robustness.json", figures)
-    title = f"{task.name}, version {task.version}, and its variations: {runs} runs each"
-    _print(figures, as_json, [robustness.robustness_table(found, title)], robustness.lines_of_trials(found))
-
-
-def _judge_plans(policies: Sequence[str], count: int, out: Path | None, as_json: bool, executor: Executor) -> None:
-    """Judge policies in generated places, and print what came out."""
-    with progress_bar("judging in generated places", count * len(policies)) as progress:
-        found = plans.judge_plans(policies, count, folder=out, executor=executor, progress=progress)
-    rows = plans.figures(found)
-    figures = {"task": dict(ALL_PLACES), "plans": count, "rows": rows}
-    if out is not None:
-        write_json(out / "rows.json", figures)
-    _print(figures, as_json, [plans.table(rows, f"{count} generated places that training never draws")], [])
-
-
-def _tables(
-    results: list[Evaluation], title: str, place: Scenario, task: Task | None, starts: Mapping[str, str]
-) -> tuple[list[Table | None], list[str]]:
-    """Return the tables of a comparison, and the lines below them."""
-    judged, credible = [report.times_table(results, title), report.left_table(results)], list[str]()
-    if task is not None:
-        heading = f"{task.name}, version {task.version}: {title}"
-        judged = [task_table(report.by_scheme(results), heading, starts=starts)]
-        credible = credible_lines(results, place)
-    tables = [*judged, report.exits_table(results), report.crowding_table(results)]
-    return tables, [*report.ranking_lines(results), *credible]
-
-
-def _print(figures: Mapping[str, Any], as_json: bool, tables: Sequence[Table | None], lines: Sequence[str]) -> None:
-    """Print figures as one JSON object, or as tables with lines below them."""
+def _tell(
+    figures: Plain, file: Path | None, as_json: bool, tables: Sequence[Table | None], lines: Sequence[str] = ()
+) -> None:
+    """Write figures into a file, if there is one; print them as one JSON object, or as tables with lines below them."""
+    if file is not None:
+        write_json(file, figures)
     if as_json:
         typer.echo(json.dumps(figures, allow_nan=False))
         return

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.analysis.figures import FIGURES, column, doubts, interval, named, number, spread
+from crowd_env.analysis.figures import FIGURES, columns_of, doubts, interval, named, number, spread
 from crowd_env.core.checks import counted
 from crowd_env.rendering.report.runs import Runs, table
 
@@ -65,7 +65,7 @@ def time_words(name: str) -> Callable[[Runs], str]:
 
 
 def _range(one: Runs) -> str:
-    times = column([episode.metrics for episode in one.episodes], "evacuation_time")
+    times = columns_of([episode.metrics for episode in one.episodes])["evacuation_time"]
     known = times[times == times]
     return f"{known.min():.1f} to {known.max():.1f} s" if len(known) else "–"
 
