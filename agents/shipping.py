@@ -3,13 +3,14 @@
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import cast
 
 from crowd_env.core.files.atomic import written
 from crowd_env.core.files.json_file import read_json, write_json
 
 from .evaluation.trained_run import RESULTS
 from .networks import NETWORK, network_digest
+from .plain import Plain
 from .pretrained import FOLDER
 from .tasks import make_task
 from .tasks.presets import ALL_PLACES
@@ -62,7 +63,7 @@ def ship(run: Path, name: str, *, replace: bool = False) -> Path:
     return path
 
 
-def _place(name: str) -> tuple[dict[str, Any], Path]:
+def _place(name: str) -> tuple[Plain, Path]:
     """Return the identity of the task of a name, and where its network is kept."""
     if name == _GENERALIST:
         return dict(ALL_PLACES), FOLDER / f"{name}{NUMBERS}"
@@ -74,16 +75,16 @@ def _place(name: str) -> tuple[dict[str, Any], Path]:
     return make_task(task).identity(), FOLDER / task / f"{policy}{NUMBERS}"
 
 
-def _results(path: Path) -> dict[str, Any]:
+def _results(path: Path) -> Plain:
     """Return what a finished run has written about itself."""
     found = read_json(path)
     for key in ("task", "network", *_FROM_RESULTS):
         if not isinstance(found, dict) or key not in found:
             raise ValueError(f"{path} lacks {key!r}: it was not written by this version of train.py")
-    return dict(found)
+    return cast(Plain, found)
 
 
-def _check_task(path: Path, noted: Any, present: Mapping[str, Any]) -> None:
+def _check_task(path: Path, noted: object, present: Plain) -> None:
     """Raise ValueError unless a file was made for this very task."""
     if noted == present:
         return

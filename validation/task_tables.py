@@ -171,7 +171,7 @@ def _judged(content: dict[str, Any], policy: str) -> dict[str, Any]:
     }
 
 
-def _spread(found: dict[str, Any], sign: str = "") -> str:
+def _spread(found: Mapping[str, Any], sign: str = "") -> str:
     if found["mean"] is None:
         return "–"
     low, high = found["ci95"]

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
@@ -35,7 +34,7 @@ def clearing_means(result: Evaluation) -> Floats:
     return np.asarray(np.array(result.exit_times).mean(axis=1))
 
 
-def paired(one: Floats, other: Floats) -> dict[str, Any]:
+def paired(one: Floats, other: Floats) -> Plain:
     """Return how much longer ``one`` took than ``other``, run by run on the same draws; nan: somebody was left inside.
 
     ``mean`` and ``ci95`` are of the difference in the ``draws`` that both cleared (t interval over them); ``faster`` is the
@@ -70,7 +69,7 @@ def minus_first(result: Evaluation, first: Evaluation) -> Plain:
     }
 
 
-def rows_beside(results: Sequence[Evaluation]) -> list[dict[str, Any]]:
+def rows_beside(results: Sequence[Evaluation]) -> list[Plain]:
     """Return the `Evaluation.row` of each result with its differences to the first policy under its scheme."""
     first = {one.scheme: one for one in reversed(results)}
     return [{**one.row(), "minus_first": minus_first(one, first[one.scheme])} for one in results]
@@ -98,7 +97,7 @@ def order_of(times: Floats) -> tuple[int, float]:
     return int(np.isnan(times).sum()), np.inf if half is None else half
 
 
-def ranking(results: Sequence[Evaluation], *, of: Callable[[Evaluation], Floats] = clearing_times) -> dict[str, Any]:
+def ranking(results: Sequence[Evaluation], *, of: Callable[[Evaluation], Floats] = clearing_times) -> Plain:
     """Return the order of the policies under every scheme, that of `order_of`, and how far the schemes agree.
 
     ``schemes`` holds the ``order`` with the median ``times`` [s] of all runs, ``tau`` Kendall's tau-b of each pair of schemes,

@@ -8,7 +8,7 @@ social dilemmas") draw it for learners.
 """
 
 from dataclasses import replace
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from crowd_env.analysis.figures import named
 
 from ..drivers import DrivenCrowd
 from ..mixed import MixedEnv
+from ..plain import Plain
 from ..policy import Policy
 from ..tasks.task import Task
 from .comparison import clearing_times, paired
@@ -47,7 +48,7 @@ def _crowd(policy: Policy, task: Task, deviator: Policy | None, share: float) ->
     return crowd if deviator is None else replace(crowd, policy=deviator, learned_share=share, others=policy)
 
 
-def gain(all_follow: Evaluation, some_deviate: Evaluation) -> dict[str, Any]:
+def gain(all_follow: Evaluation, some_deviate: Evaluation) -> Plain:
     """Return how much sooner those are out who deviate [s] than the same people in the same draws where they follow.
 
     It is a `paired` difference; ``share`` is its mean over the mean time of following, None where no draw is left.
@@ -86,7 +87,7 @@ def deterrent(policy: Policy, task: Task, *, runs: int, deviator: Policy, share:
     return float(sooner / harder) if harder > 0.0 else np.inf
 
 
-def price_of_anarchy(all_push: Evaluation, all_follow: Evaluation) -> dict[str, Any]:
+def price_of_anarchy(all_push: Evaluation, all_follow: Evaluation) -> Plain:
     """Return the time of a crowd that pushes over that of one that follows a policy.
 
     ``mean_exit`` of everybody and ``last_exit`` are over the runs that everyone left, None where there are none; ``blocked``
@@ -98,7 +99,7 @@ def price_of_anarchy(all_push: Evaluation, all_follow: Evaluation) -> dict[str, 
     return {**found, "blocked": [one["blocked"], other["blocked"]], "runs": all_push.runs}
 
 
-def payoffs(result: Evaluation) -> dict[str, Any]:
+def payoffs(result: Evaluation) -> Plain:
     """Return the times of a crowd [s], and of those who deviate and of the others if somebody deviates.
 
     They are over the runs that everyone left; ``blocked`` counts the others.

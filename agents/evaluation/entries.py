@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 from typing_extensions import Unpack
 
@@ -88,11 +87,10 @@ def make_entries(
         raise ValueError(f"policy {twice[0]!r} is named twice; once is enough")
     if learned_share is None and task is not None:
         learned_share = task.learned_share
-    crowd = _Crowd(scenario, task, learned_share)
     found = []
     for name in names:
         try:
-            found.append(_make(name, crowd))
+            found.append(_make(name, scenario, task, learned_share))
         except Unsuited as error:
             error.policy = name
             raise
@@ -114,40 +112,34 @@ class Unsuited(ValueError):
     policy = ""
 
 
-class _Crowd(NamedTuple):
-    """What the policies of an evaluation share."""
-
-    scenario: Scenario
-    task: Task | None
-    learned_share: float | None
-
-
-def _make(name: str, crowd: _Crowd) -> Entry:
-    scenario, task, of = crowd.scenario, crowd.task, (crowd.task, crowd.learned_share)
+def _make(name: str, scenario: Scenario, task: Task | None, learned_share: float | None) -> Entry:
     own = [route.name for route in scenario.routes]
     route_set = tuple(dict.fromkeys([*STRATEGIES, *own, *scenario.geometry.exit_names]))
-    if name == RULE and task is not None:
-        return policy_entry(StrategyPolicy(task.rule, name=RULE), *of)
-    if name == RULES:
-        return policy_entry(StrategyPolicy("shortest", rules=True, name=RULES), *of)
-    if name in route_set:
-        return policy_entry(StrategyPolicy(name), *of)
-    if name in POLICIES:
-        return policy_entry(make_policy(name), *of)
-    if names_own(name):
-        return policy_entry(load_own("--policies", name), *of)
     plain, sampled = name.removesuffix(SAMPLED), name.endswith(SAMPLED)
-    if plain in PRETRAINED:
-        return replace(_learned_entry(PRETRAINED[plain], crowd, sampled), name=name)
-    if names_file(plain):
-        return _learned_entry(Path(plain), crowd, sampled)
-    if name == RULE:
+    if name == RULE and task is not None:
+        policy: Policy = StrategyPolicy(task.rule, name=RULE)
+    elif name == RULES:
+        policy = StrategyPolicy("shortest", rules=True, name=RULES)
+    elif name in route_set:
+        policy = StrategyPolicy(name)
+    elif name in POLICIES:
+        policy = make_policy(name)
+    elif names_own(name):
+        policy = load_own("--policies", name)
+    elif plain in PRETRAINED:
+        entry = _learned_entry(PRETRAINED[plain], scenario, task, learned_share, sampled)
+        return replace(entry, name=name)
+    elif names_file(plain):
+        return _learned_entry(Path(plain), scenario, task, learned_share, sampled)
+    elif name == RULE:
         raise ValueError(
             "policy 'rule' is the strategy of a task; give --task NAME, or name a strategy such as shortest"
         )
-    of_task = [] if task is None else [RULE]
-    known = ", ".join(dict.fromkeys([*of_task, *route_set[:4], RULES, *route_set[4:], *POLICIES, *PRETRAINED]))
-    raise ValueError(f"unknown policy {name!r}; known: {known}, or the path of a learned network (.safetensors)")
+    else:
+        of_task = [] if task is None else [RULE]
+        known = ", ".join(dict.fromkeys([*of_task, *route_set[:4], RULES, *route_set[4:], *POLICIES, *PRETRAINED]))
+        raise ValueError(f"unknown policy {name!r}; known: {known}, or the path of a learned network (.safetensors)")
+    return policy_entry(policy, task, learned_share)
 
 
 def policy_entry(
@@ -171,7 +163,9 @@ def _check_mixed(policy: Policy, rule: str) -> None:
     raise Unsuited(why)
 
 
-def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
+def _learned_entry(
+    path: Path, scenario: Scenario, task: Task | None, learned_share: float | None, sampled: bool
+) -> Entry:
     """Return the entry of a network: its file says whether it is a policy or a controller; ``sampled``: it draws its actions.
 
     Raises
@@ -179,19 +173,18 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
     ValueError
         If it cannot be read, or was trained in a scenario with other regions, exits or routes.
     """
-    scenario, of = crowd.scenario, (crowd.task, crowd.learned_share)
     found = load_trained(path)
     if isinstance(found, LearnedPolicy):
         if not sampled:
-            return policy_entry(found, *of, path)
+            return policy_entry(found, task, learned_share, path)
         try:
-            entry = policy_entry(found.sampled(), *of, path)
+            entry = policy_entry(found.sampled(), task, learned_share, path)
         except ValueError as error:
             raise ValueError(f"{path}{SAMPLED}: {error}") from None
         return replace(entry, name=entry.name + SAMPLED)
     if sampled:
         raise ValueError(f"{path}{SAMPLED}: a controller takes the most likely choices alone")
-    if crowd.learned_share is not None:
+    if learned_share is not None:
         raise Unsuited(f"{path} sends everyone of a region to an exit; leave out --set learned, or it")
     try:
         batch = RoutingBatch(**routing_arguments(scenario, **found.options))
@@ -202,7 +195,7 @@ def _learned_entry(path: Path, crowd: _Crowd, sampled: bool = False) -> Entry:
             f"{path} was trained for {found.trained.get('scenario', 'another place')} and observes "
             f"{found.network.inputs} numbers; {scenario.name} has {batch.layout.size}"
         )
-    return replace(controller_entry(found, crowd.task), name=path.stem, source=path)
+    return replace(controller_entry(found, task), name=path.stem, source=path)
 
 
 def controller_entry(controller: Controller, task: Task | None = None) -> Entry:

@@ -23,6 +23,7 @@ from crowd_env.physics.settings import AsPhysics
 
 from .. import PRETRAINED
 from ..networks import network_digest
+from ..plain import Plain
 from ..runs import versions
 from ..tasks.task import Task
 from ..trained import names_file
@@ -46,21 +47,21 @@ _NUMBERS = ("simulated", "computing", "replanning")
 
 def settings_of(
     scenario: Scenario, runs: int, seed: int, task: Task | None = None, learned_share: float | None = None
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Return the settings that all results of a folder share; the digest is of everything in a scenario that can matter."""
     held = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     for name in ("name", "title", "reference"):
         del held[name]
     headway, outline = scenario.behavior(Headway), scenario.behavior(Outline)
     held |= {"manner": headway, "outline": outline}
-    facts: dict[str, Any] = {} if task is None else {"task": task.identity()}
+    facts: dict[str, object] = {} if task is None else {"task": task.identity()}
     facts |= {"scenario": scenario.name, "manner": Headway.plain_of(headway), "outline": Outline.plain_of(outline)}
     if learned_share is not None:
         facts["learned_share"] = learned_share
     return {**facts, "digest": fingerprint(held), "runs": runs, "seed": seed}
 
 
-def _made_by(entry: Entry, physics: Physics) -> dict[str, Any]:
+def _made_by(entry: Entry, physics: Physics) -> Plain:
     """Return what else a result depends on: the network, the physics with its parameters, and the code."""
     law = physics.law
     network = None if entry.source is None else network_digest(entry.source)
@@ -107,7 +108,7 @@ class EvaluationFolder(Store):
         If the folder holds results with other settings, or of something else.
     """
 
-    def __init__(self, folder: Path, settings: dict[str, Any]) -> None:
+    def __init__(self, folder: Path, settings: Plain) -> None:
         super().__init__(folder, settings, about=_SETTINGS, owned=_OWNED)
 
     def load_result(self, entry: Entry, physics: AsPhysics) -> Evaluation | None:
@@ -184,7 +185,7 @@ class EvaluationFolder(Store):
         return heat_maps(self.folder / name, scenario.geometry, maps, title=title, note=note)
 
 
-def content_of(result: Evaluation) -> dict[str, Any]:
+def content_of(result: Evaluation) -> Plain:
     """Return what a file holds of a measured evaluation: plain data and arrays."""
     measured = result.measured
     assert measured is not None
@@ -201,7 +202,7 @@ def content_of(result: Evaluation) -> dict[str, Any]:
     return content if result.learned is None else content | {"learned": result.learned}
 
 
-def evaluation_of(policy: str, scheme: str, kept: dict[str, Any]) -> Evaluation:
+def evaluation_of(policy: str, scheme: str, kept: Plain) -> Evaluation:
     """Return the evaluation that a file holds, see `content_of`."""
     kinds = EpisodeMetrics.__annotations__.values()  # int or float
     rows = ([kind(one) for kind, one in zip(kinds, row, strict=True)] for row in kept["episodes"].tolist())

@@ -7,7 +7,7 @@ on, which no training draws.
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
+from typing import Generic, NamedTuple, TypeAlias, TypeVar
 from urllib.parse import quote
 
 import numpy as np
@@ -196,7 +196,7 @@ def interquartile_mean(values: Floats) -> Floats:
     return np.asarray(ordered[..., cut : ordered.shape[-1] - cut].mean(axis=-1))
 
 
-def figures(found: Mapping[str, Outcomes]) -> list[dict[str, Any]]:
+def figures(found: Mapping[str, Outcomes]) -> list[Plain]:
     """Return a row for each policy, and one for the best rule of each plan picked in hindsight, ready for JSON.
 
     ``out`` is the share of plans in which everybody got out where they meant to; ``left_in`` counts the plans in which somebody
@@ -212,7 +212,7 @@ def figures(found: Mapping[str, Outcomes]) -> list[dict[str, Any]]:
     return rows
 
 
-def _row(name: str, time: Floats, left: Floats, best: Floats, pressure: Floats | None = None) -> dict[str, Any]:
+def _row(name: str, time: Floats, left: Floats, best: Floats, pressure: Floats | None = None) -> Plain:
     plans, out = len(time), np.isfinite(time)
     both, inside = out & np.isfinite(best), ~out & (left > 0.0)
     row = {
@@ -229,7 +229,7 @@ def _row(name: str, time: Floats, left: Floats, best: Floats, pressure: Floats |
     return row | {**_share("pressed", pressure > INJURY), "median_pressure": float(np.median(pressure))}
 
 
-def _share(name: str, those: Bools) -> dict[str, Any]:
+def _share(name: str, those: Bools) -> Plain:
     return {name: float(those.mean()), f"{name}_interval": list(share_interval(int(those.sum()), len(those)))}
 
 

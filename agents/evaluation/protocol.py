@@ -1,7 +1,6 @@
 """What is said of every policy on a task: the same figures, in the same order, for every task."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from crowd_env import Scenario
 
@@ -18,14 +17,14 @@ _FIGURES = (
 )
 
 
-def task_rows(task: Task, place: Scenario, results: Sequence[Evaluation]) -> list[dict[str, Any]]:
+def task_rows(task: Task, place: Scenario, results: Sequence[Evaluation]) -> list[Plain]:
     """Return the `task_figures` of results on a task, each beside the first policy under its scheme."""
     rows = rows_beside(results)
     found = zip(task_figures(task.name, place, rows), rows, strict=True)
     return [{**figures, "minus_first": row["minus_first"]} for figures, row in found]
 
 
-def task_figures(task: str, place: Scenario, rows: Sequence[Plain]) -> list[dict[str, Any]]:
+def task_figures(task: str, place: Scenario, rows: Sequence[Plain]) -> list[Plain]:
     """Return the figures of policies on a task, from their `Evaluation.row`, ready for JSON, in SI units.
 
     ``blocked`` counts the runs that ended because nobody had got out for ``blocked_after`` of the task, ``unfinished`` all runs

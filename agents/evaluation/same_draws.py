@@ -3,7 +3,6 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from crowd_env import Physics, Scenario
 from crowd_env.core.console import notes, progress_bar, say
@@ -71,9 +70,7 @@ def compare(
     return [result for result in results if result is not None]
 
 
-def summary(
-    results: Sequence[Evaluation], scenario: Scenario, settings: Plain, task: Task | None = None
-) -> dict[str, Any]:
+def summary(results: Sequence[Evaluation], scenario: Scenario, settings: Plain, task: Task | None = None) -> Plain:
     """Return everything about an evaluation but single runs, ready for JSON; rows of a task are those of its protocol."""
     return {
         **settings,

@@ -13,7 +13,6 @@ import shutil
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -61,7 +60,7 @@ def shipped(task: Task, place: Scenario, law: ContactScheme, runs: int) -> dict[
     return found
 
 
-def _first(name: str, value: Any, runs: int) -> Any:
+def _first(name: str, value: object, runs: int) -> object:
     """Return what is kept of the first runs, in double precision."""
     if not isinstance(value, np.ndarray) or name == "maps":
         return value
@@ -99,12 +98,12 @@ def ship(task: Task, runs: int | None = None, executor: Executor | None = None) 
     results = compare(entries, place, [task.scheme], runs=runs, folder=folder, executor=executor)
     store = Store(FOLDER / task.name, task.identity())
     for result in results:
-        content = content_of(result)
-        content |= {"walked": content["walked"].mean(axis=1, keepdims=True), "maps": np.zeros((4, 0, 0))}
+        kept = content_of(result)
+        content = {**kept, "walked": kept["walked"].mean(axis=1, keepdims=True), "maps": np.zeros((4, 0, 0))}
         store.keep(result.policy, {key: _single(value) for key, value in content.items()})
 
 
-def _single(value: Any) -> Any:
+def _single(value: object) -> object:
     """Return arrays of numbers in single precision."""
     return value.astype(np.float32) if isinstance(value, np.ndarray) and value.dtype == np.float64 else value
 

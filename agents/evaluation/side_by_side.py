@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from crowd_env import Scenario
 from crowd_env.envs.rollout import Driver
@@ -42,10 +41,19 @@ def record_beside(
     return [films[title] for title in ways]
 
 
-def write_beside(path: Path, films: list[Recording], **options: Any) -> Path:
-    """Write a film of about twelve seconds and return the path; the options are those of `write_film`, None = not given."""
-    own: dict[str, Any] = {"width": _WIDTH, "speed": max(1.0, round(max(film.end for film in films) / _SECONDS))}
-    if path.suffix.lower() == ".gif":
-        own["fps"] = _GIF_FPS
-    given = {name: value for name, value in options.items() if value is not None}
-    return write_film(path, films, titles=[film.facts["shown_as"] for film in films], **(own | given))
+def write_beside(
+    path: Path,
+    films: list[Recording],
+    *,
+    width: int | None = None,
+    fps: float | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> Path:
+    """Write a film of about twelve seconds and return the path; the options are those of `write_film`."""
+    if fps is None and path.suffix.lower() == ".gif":
+        fps = _GIF_FPS
+    speed = max(1.0, round(max(film.end for film in films) / _SECONDS))
+    titles = [film.facts["shown_as"] for film in films]
+    return write_film(
+        path, films, titles=titles, fps=fps, width=_WIDTH if width is None else width, speed=speed, progress=progress
+    )

@@ -199,7 +199,7 @@ def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> dict[str
         if hashlib.sha256(network).hexdigest() != digest:
             raise ValueError(f"{path} holds another network than its digest says")
     whole, own, *varied = content["trials"]
-    runs: list[dict[str, Any]] = []
+    runs: list[Plain] = []
     kept: dict[str, dict[str, Plain]] = {}  # variation -> policy -> its runs
     for trial in content["trials"]:
         name, of = trial["variation"], trial["of"]
@@ -218,7 +218,7 @@ def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> dict[str
         runs += [{"variation": name, "policy": one, **found} for one, found in columns.items()]
     least = min(len(one["runs"]) for trial in (whole, *varied) for one in kept[trial["variation"]].values())
 
-    def rows(trial: Plain, count: int) -> list[dict[str, Any]]:
+    def rows(trial: Plain, count: int) -> list[Plain]:
         name = trial["variation"]
         place = _now(task.name, repr(task)).places[name]
         figures = [_figures(one, trial, found, count) for one, found in kept[name].items()]
@@ -287,7 +287,7 @@ def _now(name: str, described: str) -> _Now:
     return _Now(task.identity(), facts, places)
 
 
-def _kept(result: Evaluation) -> dict[str, Any]:
+def _kept(result: Evaluation) -> Plain:
     """Return what a file holds of a policy in a trial: its constants, if it has some, and a line for each run."""
     runs, unknown = result.columns(), np.full(result.runs, np.nan)
     runs |= {"blocked": np.isfinite(runs["blocked_since"]), "last_time": runs["evacuation_time"]}

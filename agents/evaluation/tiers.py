@@ -5,7 +5,7 @@ A file for each setting holds the runs of all policies that were tried there; a 
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from crowd_env.core.files.json_file import json_number
 from crowd_env.core.files.store import Store
 
 from .. import PRETRAINED, starts_from
+from ..plain import Plain
 from ..tasks.tiers import SETTINGS, TIERS, Setting, bound_time
 from .comparison import clearing_times, order_of
 from .credible import credibility
@@ -38,7 +39,7 @@ def usual(setting: Setting) -> list[str]:
     return [name for name in dict.fromkeys((*_ROWS, *own)) if name != "generalist" or name in PRETRAINED]
 
 
-def identity(setting: Setting) -> dict[str, Any]:
+def identity(setting: Setting) -> Plain:
     """Return what decides the runs of a setting, ready for JSON, but for the policy."""
     task, one = setting.task, setting.variation
     facts = facts_of_variation(task, one, one.place(task))
@@ -52,7 +53,7 @@ def identity(setting: Setting) -> dict[str, Any]:
     }
 
 
-def judge(setting: Setting, policies: Sequence[str], folder: Path = FOLDER) -> dict[str, dict[str, Any]]:
+def judge(setting: Setting, policies: Sequence[str], folder: Path = FOLDER) -> dict[str, Plain]:
     """Return what policies did in a setting, by name; what is in the folder is taken from there, what is not is made.
 
     Raises
@@ -77,7 +78,7 @@ def judge(setting: Setting, policies: Sequence[str], folder: Path = FOLDER) -> d
     return dict((store.load(setting.title, made_by, redo=True) or {}).get("rows", {}))
 
 
-def _figures(result: Evaluation) -> dict[str, Any]:
+def _figures(result: Evaluation) -> Plain:
     """Return when the last person of each run was out [s], and what says whether that can be believed."""
     row = result.row()
     kept = {name: row[name] for name in _KEPT} | {"flow": row["flow"]["mean"], "hurry": row["hurry"]["max"]}
@@ -132,7 +133,7 @@ def standing(setting: Setting, folder: Path) -> Standing | None:
     return Standing(setting, content["bound"], *_best(learned), *_best(rules), hindsight)
 
 
-def _credible(name: str, rows: Mapping[str, Mapping[str, Any]], place: Scenario) -> bool:
+def _credible(name: str, rows: Mapping[str, Plain], place: Scenario) -> bool:
     told = {k: {**row, "flow": {"mean": row["flow"]}, "hurry": {"max": row["hurry"]}} for k, row in rows.items()}
     return credibility(told[name], list(told.values()), place)["ok"] is not False
 

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.table import Table
@@ -19,6 +18,7 @@ from crowd_env.scenarios.titles import run_title
 from .. import starts_from, told_start
 from ..controllers import FixedSplit, RandomController
 from ..networks import NETWORK, network_digest
+from ..plain import Plain
 from ..rules import StrategyPolicy
 from ..tasks.presets import ALL_PLACES
 from ..trained import SAMPLED, LearnedPolicy, load_trained
@@ -77,7 +77,7 @@ def judge(folder: Path, config: TrainingConfig, runs: int, threads: int, *, fres
     computed = iter(compare(entries, place, [law_of(config)], runs=runs, threads=threads, folder=kept))
     results = [known.get(entry.name) or next(computed) for entry in (*rules, *named)]
     rule, learned = results[0], results[-1]
-    rows = task_rows(task, place, results) if own else [one.row() | _beside(one, learned) for one in results]
+    rows = task_rows(task, place, results) if own else [{**one.row(), **_beside(one, learned)} for one in results]
     starts = starts_of(config, results)
     content = {
         "config": config.as_table(),
@@ -106,7 +106,7 @@ def judge_in_plans(folder: Path, config: TrainingConfig, plans: int, threads: in
     return plans_table(rows, f"{plans} generated places that training never draws")
 
 
-def _beside(result: Evaluation, learned: Evaluation) -> dict[str, Any]:
+def _beside(result: Evaluation, learned: Evaluation) -> Plain:
     """Return the times of a policy, of runs that cleared, and how much longer the learned one takes on the same draws."""
     of = {"last": clearing_times, "mean": clearing_means}
     more = {name: paired(times(learned), times(result)) for name, times in of.items()}
@@ -141,7 +141,7 @@ def _curve(folder: Path) -> tuple[list[dict[str, float]], dict[str, float]]:
     return curve, kept_row(folder, curve)
 
 
-def training_of(folder: Path) -> dict[str, Any]:
+def training_of(folder: Path) -> Plain:
     """Return what the training took in all, and the figures of the network that was kept."""
     from ..learned.significance_test import outcome
 

@@ -8,13 +8,13 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import Any
 
 from crowd_env import Scenario, make_scenario
 from crowd_env.core.checks import known, whole
 from crowd_env.envs.observation.layout import USUAL
 from crowd_env.scenarios.generated import VERSION
 
+from ..plain import Plain
 from .task import make_task
 
 # What everyone sees: the usual terms, and of those who are nearer the exit the next one and how many they are.
@@ -47,24 +47,24 @@ class Preset:
     _: KW_ONLY
     people: int
     dt: float
-    options: Mapping[str, Any]
-    action: str | Mapping[str, Any]
+    options: Plain
+    action: str | Plain
     terms: tuple[str, ...]
-    reward: Mapping[str, Any]
+    reward: Plain
     start: str
-    ppo: Mapping[str, Any]
-    once_cloned: Mapping[str, Any]
+    ppo: Plain
+    once_cloned: Plain
     envs: int
     steps: int
     eval_every: int
     eval_runs: int
 
-    def settings(self, start: str) -> dict[str, Any]:
+    def settings(self, start: str) -> Plain:
         """Return the settings of PPO for a start."""
         return {**self.ppo, **(self.once_cloned if start != "rule" else {})}
 
 
-def training_place(scenario: str, options: Mapping[str, Any], people: int | None) -> Scenario:
+def training_place(scenario: str, options: Plain, people: int | None) -> Scenario:
     """Return a scenario under options, with so many people of its kinds if that is given.
 
     Raises
@@ -81,11 +81,9 @@ def training_place(scenario: str, options: Mapping[str, Any], people: int | None
 _FILE = Path(__file__).with_name("presets.toml")
 _READ = tomllib.loads(_FILE.read_text(encoding="utf-8"))
 _USUAL = _READ.pop("usual")
-GENERALIST: Mapping[str, Any] = _READ.pop(
-    "generated"
-)  # what one policy for all places is trained with, see presets.toml
+GENERALIST: Plain = _READ.pop("generated")  # what one policy for all places is trained with, see presets.toml
 # What a training in all places is for, as files note it: the generator at its version.
-ALL_PLACES: Mapping[str, Any] = {"name": "generated", "version": VERSION}
+ALL_PLACES: Plain = {"name": "generated", "version": VERSION}
 # Name of the task -> preset.
 PRESETS: Mapping[str, Preset] = {
     name: Preset(name, **{**_USUAL, **facts, "terms": tuple(facts.get("terms", _WITH_AHEAD))})

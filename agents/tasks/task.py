@@ -24,6 +24,7 @@ from crowd_env.physics.scheme import DECISION_DT
 from crowd_env.physics.settings import AsPhysics
 
 from ..evaluation.evaluation import HELD_OUT_SEED
+from ..plain import Plain
 
 Decides = Literal["walking", "routing"]
 _WORDS = ("name", "title", "reference")  # of a scenario, which change no evacuation
@@ -62,7 +63,7 @@ class Task:
     about: str
     _: KW_ONLY
     scenario: str
-    options: Mapping[str, Any]
+    options: Plain
     people: int
     scheme: str
     dt: float
@@ -112,7 +113,7 @@ class Task:
             part = replace(part, dt=self.dt)
         return {"physics": part, "routing": Routing(self.rule, signs=False), "decision_dt": self.decision_dt}
 
-    def configuration(self) -> dict[str, Any]:
+    def configuration(self) -> Plain:
         """Return everything that decides what happens in the task, as plain data."""
         return {
             "scenario": plain_place(self.place()),
@@ -127,12 +128,12 @@ class Task:
         """Return a hash of the `configuration`."""
         return fingerprint(self.configuration())
 
-    def identity(self) -> dict[str, Any]:
+    def identity(self) -> dict[str, object]:
         """Return what files that were made for this very task note of it: name, version and digest."""
         return {"name": self.name, "version": self.version, "digest": self.digest()}
 
 
-def plain_place(place: Scenario) -> dict[str, Any]:
+def plain_place(place: Scenario) -> Plain:
     """Return everything in a scenario that decides what happens, as plain data; what is as in the papers goes unsaid."""
     usual = {name: FULL_SPEED[name] for name in ("strategy", "max_drive")} | {"pulls": Pulls(), "balance": None}
     unsaid = [*_WORDS, *(name for name, value in usual.items() if getattr(place, name) == value)]

@@ -6,10 +6,10 @@ later than that and not later than the best rule.  Hard: the same, at most 75 % 
 """
 
 import tomllib
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from ..plain import Plain
 from .lower_bounds import capacity_time, free_walk_time
 from .task import Task, make_task
 from .variations import AS_IT_STANDS, Variation, variations
@@ -33,7 +33,7 @@ class Setting(NamedTuple):
         return self.task.name if self.variation is AS_IT_STANDS else f"{self.task.name}-{self.variation.name}"
 
 
-def _read(tier: str, facts: Mapping[str, Any]) -> Setting:
+def _read(tier: str, facts: Plain) -> Setting:
     told = dict(facts)
     task, runs = make_task(told.pop("task")), told.pop("runs", RUNS)
     name = told.pop("name", AS_IT_STANDS.name)

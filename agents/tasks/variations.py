@@ -5,15 +5,15 @@ They stand beside the tasks, whose digests do not depend on them.  What a policy
 """
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from crowd_env import Scenario
 
+from ..plain import Plain
 from .task import TASKS, Task
 
 _SLOW = {"distribution": "normal", "mean": 1.0, "sd": 0.2, "low": 0.5, "high": 1.5}  # m/s  many old people
@@ -41,8 +41,8 @@ class Variation:
     about: str
     _: KW_ONLY
     people: float = 1.0
-    options: Mapping[str, Any] = field(default_factory=dict)
-    population: Mapping[str, Any] = field(default_factory=dict)
+    options: Plain = field(default_factory=dict)
+    population: Plain = field(default_factory=dict)
     scheme: str | None = None
     learned_share: float | None = None
     angle: float = 0.0
@@ -90,7 +90,7 @@ _CROWDS = {
 _OPTIONS = {"door_width": "a door of", "exit_width": "exits of", "width": "a width of", "distance": "a pillar at"}
 
 
-def _read(facts: Mapping[str, Any]) -> Iterator[Variation]:
+def _read(facts: Plain) -> Iterator[Variation]:
     """Yield the variations of a task in ``variations.toml``, in the order of tables."""
     yield _CROWDS[facts["people"]]
     for name in (one for one in _OPTIONS if one in facts):

@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -58,7 +58,7 @@ def main(
         _say(about, f"{onnx}: {len(graph)} bytes", as_json)
 
 
-def _say(about: dict[str, Any], line: str, as_json: bool) -> None:
+def _say(about: dict[str, object], line: str, as_json: bool) -> None:
     """Print what is in a file as JSON, or say it in a line."""
     if as_json:
         typer.echo(json.dumps(about))

@@ -39,7 +39,13 @@ def _grid(text: str) -> list[int]:
     return [columns, rows]
 
 
-_SET = {"dt": float, "outline": str, "interval": float, "grid": _grid, "runners": int}
+_SET: Mapping[str, Callable[[str], object]] = {
+    "dt": float,
+    "outline": str,
+    "interval": float,
+    "grid": _grid,
+    "runners": int,
+}
 
 
 def train(folder: Path, config: TrainingConfig, threads: int = 1) -> bool:

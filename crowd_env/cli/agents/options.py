@@ -1,6 +1,6 @@
 """Options that commands about policies share."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
 from crowd_env.agents import POLICIES, PRETRAINED
@@ -30,7 +30,7 @@ Threads = Annotated[int, of_runs("Of the simulation; results do not depend on it
 OneTask = Annotated[str, plain(f"The task: {', '.join(TASKS)}.", among=TASKS)]
 
 
-def changes(texts: Sequence[str] | None, kinds: Mapping[str, Any]) -> dict[str, Any]:
+def changes(texts: Sequence[str] | None, kinds: Mapping[str, Callable[[str], object]]) -> dict[str, Any]:
     """Return what --set changes: NAME=VALUE, each turned into what ``kinds`` says of its name.
 
     Raises
