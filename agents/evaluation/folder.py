@@ -131,21 +131,18 @@ class EvaluationFolder(Store):
     def write_runs(self, results: Sequence[Evaluation], seed: int) -> None:
         """Write ``runs.csv``, one line a run."""
         exits = list(dict.fromkeys(results[0].exit_names))
-        own = ["policy", "scheme", "run", "seed", "last_time", "exit_time_95", *EpisodeMetrics._fields]
-        own += ["walked", "max_density", "max_pressure", "crushed", "crushed_time"]
+        columns = ["last_time", "exit_time_95", *EpisodeMetrics._fields]
+        columns += ["walked", "max_density", "max_pressure", "crushed", "crushed_time"]
         rows: list[list[object]] = []
         for result in results:
-            measured = result.measured
-            assert measured is not None
-            names = np.array([*result.exit_names, ""])[measured.exit_index]
-            columns = (clearing_times(result), result.exit_time_95(), measured.walked.mean(axis=1))
-            for k, (episode, last, most, way) in enumerate(zip(result.episodes, *columns, strict=True)):
-                crushed = measured.crushed[k]
-                peaks = (measured.max_density[k], measured.max_pressure[k], (crushed > 0.0).sum(), crushed.sum())
-                numbers = [_text(v) for v in (last, most, *episode, way, *peaks)]
+            assert result.measured is not None
+            runs = result.columns() | {"last_time": clearing_times(result), "exit_time_95": result.exit_time_95()}
+            names = np.array([*result.exit_names, ""])[result.measured.exit_index]
+            for k, numbers in enumerate(zip(*(runs[name] for name in columns), strict=True)):
                 by_exit = [int((names[k] == name).sum()) for name in exits]
-                rows.append([result.policy, result.scheme, k, seed + k, *numbers, *by_exit])
-        write_csv(self.folder / "runs.csv", [*own, *(f"out by {name}" for name in exits)], rows)
+                rows.append([result.policy, result.scheme, k, seed + k, *map(_text, numbers), *by_exit])
+        head = ["policy", "scheme", "run", "seed", *columns, *(f"out by {name}" for name in exits)]
+        write_csv(self.folder / "runs.csv", head, rows)
 
     def draw(self, results: Sequence[Evaluation], scenario: Scenario) -> list[Path]:
         """Draw the egress curves of each scheme and the maps of each policy under it; return the paths."""

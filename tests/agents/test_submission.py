@@ -261,6 +261,7 @@ def test_a_policy_that_comes_later_is_submitted_alone_and_is_the_same_as_beside_
     monkeypatch.setattr("crowd_env.agents.evaluation.robustness.compare", seen)
     code, _, err = call("--task", "small", "--policy", "follow", "--robustness-runs", 2, "--out", tmp_path)
     assert code == 0, err
+    assert walked.count(("follow", 2)) == 7  # the variations, and not the task as it stands once more
     assert walked.count(("rule", 3)) == 1 and ("rule-best-speed", 3) not in walked and ("rule", 2) not in walked
     assert (tmp_path / "small.json").stat().st_mtime_ns == before
     ours, theirs = (json.loads(path.read_text()) for path in (tmp_path / "small" / "follow.json", rule))
