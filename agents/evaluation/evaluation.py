@@ -111,7 +111,7 @@ class Evaluation:
     def row(self) -> dict[str, Any]:
         """Return the figures as one JSON row, in SI units: `figures_of_runs`, and those of single people.
 
-        ``exit_time_95`` says when 95 % of the people were out, ``mean_exit_time`` is over the people who got out.
+        ``exit_time_95`` is when 95 % of the people were out, ``mean_exit_time`` is over the people who got out.
         """
         out = np.concatenate(self.exit_times)
         out = out[np.isfinite(out)]
@@ -153,9 +153,9 @@ class Evaluation:
 
 
 def figures_of_runs(runs: Mapping[str, Floats], scheme: str, people: int) -> dict[str, Any]:
-    """Return the figures that the `Evaluation.columns` of R runs of so many people amount to, ready for JSON.
+    """Return the figures that the `Evaluation.columns` of R runs amount to, ready for JSON.
 
-    ``evacuation_time`` and ``mean_exit`` are over the runs in which everyone got out, ``median_time`` says when the last
+    ``evacuation_time`` and ``mean_exit`` are over the runs in which everyone got out, ``median_time`` is when the last
     person was out in half of all runs.  Impulse and way are means per person.
 
     ``crushed_share`` is of the people who at any time bore more than 1600 N/m, ``crushed_time`` how long these did, see

@@ -5,7 +5,6 @@ import inspect
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 import numpy as np
@@ -204,10 +203,16 @@ def evaluation_of(policy: str, scheme: str, kept: Plain) -> Evaluation:
     kinds = EpisodeMetrics.__annotations__.values()  # int or float
     rows = ([kind(one) for kind, one in zip(kinds, row, strict=True)] for row in kept["episodes"].tolist())
     episodes = list(map(EpisodeMetrics._make, rows))
-    grid = Grid(tuple(kept["origin"]), kept["maps"].shape[1:])
-    of_runs: dict[str, Any] = {name: kept[name] for name in (*_ARRAYS, *_NUMBERS)}
-    measured = Measured(maps=Maps(*kept["maps"]), grid=grid, **of_runs)
-    facts = (
+    measured = Measured(
+        maps=Maps(*kept["maps"]),
+        grid=Grid(tuple(kept["origin"]), kept["maps"].shape[1:]),
+        **{name: kept[name] for name in (*_ARRAYS, *_NUMBERS)},
+    )
+    return Evaluation(
+        policy,
+        scheme,
+        episodes,
+        list(kept["exit_times"]),
         kept["ended"],
         kept["time_limit"],
         tuple(kept["exit_names"]),
@@ -215,7 +220,6 @@ def evaluation_of(policy: str, scheme: str, kept: Plain) -> Evaluation:
         kept["constants"],
         kept.get("learned"),
     )
-    return Evaluation(policy, scheme, episodes, list(kept["exit_times"]), *facts)
 
 
 def _curves(results: Sequence[Evaluation]) -> dict[str, list[np.ndarray]]:

@@ -247,7 +247,7 @@ def with_interval(found: Mapping[str, Any], digits: int = 1, sign: str = "") -> 
     return f"{found['mean']:{sign}.{digits}f}" + (f" ({between})" if between else "")
 
 
-# What a format writes of a figure, with so many digits: "{evacuation_time:spread/2}".
+# What a format writes of a figure, with its digits: "{evacuation_time:spread/2}".
 _WRITTEN: dict[str, Callable[[Any, int], str]] = {
     "half": half,
     "spread": lambda found, digits: "–" if found["mean"] is None else spread(found, digits=digits),
