@@ -163,7 +163,7 @@ def fixed_policy(name: str, task: Task) -> Policy:
 
 
 def _trained(job: Job, plan: Plan, folder: Path) -> tuple[Policy, Plain]:
-    """Train; return the best policy of all checkpoints, whose network is kept beside its result, and what led to it."""
+    """Train; return the best policy of all checkpoints and what led to it.  Its network is kept beside the result."""
     from .learned.callbacks import ComparisonCallback
 
     config = _config(job, plan)

@@ -111,7 +111,7 @@ class Evaluation:
     def row(self) -> dict[str, Any]:
         """Return the figures as one JSON row, in SI units: `figures_of_runs`, and those of single people.
 
-        ``exit_time_95`` is when 95 % of the people were out, ``mean_exit_time`` is over the people who got out.
+        ``exit_time_95`` is when 95 % of the people were out, ``mean_exit_time`` is over the people that got out.
         """
         out = np.concatenate(self.exit_times)
         out = out[np.isfinite(out)]
