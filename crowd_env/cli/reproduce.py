@@ -121,7 +121,7 @@ def _results(chosen: list[_Chosen], store: Store, executor: Executor, fresh: boo
             runs = evacuate(new, store, executor, fresh=fresh, progress=progress)
             runs |= evacuate(old, store, executor, progress=progress)
         made |= {case.name(0) for case in cases.values()}
-        yield figure.redo(settings, {key: runs[key] for key in cases})
+        yield figure.redo(name, settings, {key: runs[key] for key in cases})
 
 
 def _executor(given: Mapping[str, Any]) -> Executor:

@@ -1,7 +1,7 @@
 """What a paper is here: settings that may be ``--set``, and for each table or figure its evacuations and what it makes."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Generic, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
@@ -107,9 +107,11 @@ class Figure(Generic[AnySettings]):
     defaults: Mapping[str, object] = field(default_factory=dict)  # settings that are other by default than the paper's
     cpu_time: float = 1.0  # s, with the defaults, once the kernels are compiled; as if no other figure shared its runs
 
-    def redo(self, settings: AnySettings, runs: Mapping[Any, Any]) -> Result:
-        """Return the figure of its settings and of the runs of its cases."""
-        return self.reproduce(settings) if self.cases is None else self.reproduce(settings, runs)
+    def redo(self, name: str, settings: AnySettings, runs: Mapping[Any, Any]) -> Result:
+        """Return the figure, by its ``name``, of its settings and of the runs of its cases."""
+        found = self.reproduce(settings) if self.cases is None else self.reproduce(settings, runs)
+        title = f"{self.title} ({found.of})" if found.of else self.title
+        return replace(found, name=name, title=title, options=settings.changed())
 
     def takes(self, option: str) -> bool:
         """Return whether an option of the command line matters to the figure."""

@@ -114,15 +114,17 @@ class RawTable(NamedTuple):
 class Result:
     """A table or figure of the paper, redone."""
 
-    name: str
-    title: str
     rows: Sequence[Row]
     raw: Mapping[str, RawTable]  # end of the file name -> numbers
     draw: Callable[[], Any]  # makes the figure, of matplotlib
     remarks: Sequence[str] = ()  # what is and is not reproduced, in words
-    options: Mapping[str, object] = field(default_factory=dict)  # only values that differ from the defaults
     unit: str = ""  # that the title names, of most rows
     film: Callable[[Path], Path] | None = None  # writes a film, a GIF
+    of: str = ""  # that the title adds in brackets, such as a scheme
+    # Of the figure that was redone.
+    name: str = ""
+    title: str = ""
+    options: Mapping[str, object] = field(default_factory=dict)  # only values that differ from the defaults
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""

@@ -14,7 +14,7 @@ def results():
 
     def get(name):
         if name not in made:
-            made[name] = paper.figures[name].redo(paper.settings_of(name, {}), {})
+            made[name] = paper.figures[name].redo(name, paper.settings_of(name, {}), {})
         return made[name]
 
     return get

@@ -17,8 +17,6 @@ from crowd_env.reproduce.footbridge.runs import Trace, walk
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 
-TITLE = "Footbridge: one crowd on the deck, traces and film"
-
 _FILMED, _FPS = 12.0, 10  # s at the end of the run, frames a second
 _TIMES = 20.0  # the film shows the motion to the side so many times as large
 
@@ -63,13 +61,10 @@ def reproduce(settings: FootbridgeSettings) -> Result:
     )
     radius = simulation.bodies.radius
     return Result(
-        "bridge-deck",
-        TITLE,
         rows,
         {"trace": table},
         lambda: draw(trace, frames[-1], radius),
         remarks,
-        settings.changed(),
         film=lambda path: film(path, frames, radius),
     )
 

@@ -11,7 +11,6 @@ from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
 from crowd_env.reproduce.result import RawTable, Result, mean_row, section
 
-TITLE = "Footbridge: rules that hold people back at the entrance"
 PEOPLE = 700
 _MOST, _SWAY = 250, 0.25  # people on the deck, a sixth below the threshold; the term amplitude at 5 mm
 
@@ -68,7 +67,7 @@ def reproduce(settings: FootbridgeSettings) -> Result:
         f"fewer than {_MOST} are on the deck, amplitude while the deck moves by less than 5 mm; open always.",
         "Who is let on stays for 50 s: amplitude closes too late, and the deck sways again and again.",
     ]
-    return Result("bridge-gate", TITLE, rows, {"decisions": table}, lambda: draw(found), remarks, settings.changed())
+    return Result(rows, {"decisions": table}, lambda: draw(found), remarks)
 
 
 def draw(found: Mapping[str, Floats]) -> Figure:

@@ -15,7 +15,6 @@ from crowd_env.reproduce.footbridge.runs import Trace, half_sine, onset, stay, w
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
 from crowd_env.reproduce.result import RawTable, Result, Row, mean_row
 
-TITLE = "Footbridge: amplitude and order of steps against the number of walkers"
 LARGE = 0.015  # m, a motion that is no longer that of steps by chance, and where the onset is read
 
 THRESHOLD = Synchrony().threshold(DECK, normal_density(SPREAD))  # sum of psi squared
@@ -115,7 +114,7 @@ def reproduce(settings: FootbridgeSettings) -> Result:
             for k in range(sweep.amplitude.shape[1])
         ],
     )
-    return Result("bridge-onset", TITLE, rows, {"draws": table}, lambda: draw(sweeps), remarks, settings.changed())
+    return Result(rows, {"draws": table}, lambda: draw(sweeps), remarks)
 
 
 def draw(sweeps: Sequence[Sweep]) -> Figure:

@@ -10,10 +10,31 @@ PAPER = Paper(
     title="the footbridge, Strogatz et al. 2005 and Belykh et al. 2021",
     settings=FootbridgeSettings,
     figures={
-        "bridge-onset": Figure(onset.TITLE, onset.reproduce, None, _ALL - {"people"}, cpu_time=240),
-        "bridge-rival": Figure(rival.TITLE, rival.reproduce, None, frozenset({"seed", "duration"}), cpu_time=10),
-        "bridge-gate": Figure(gate.TITLE, gate.reproduce, None, _ALL, {"people": gate.PEOPLE}, cpu_time=180),
-        "bridge-deck": Figure(deck.TITLE, deck.reproduce, None, _ALL - {"runs"}, cpu_time=40),
+        "bridge-onset": Figure(
+            "Footbridge: amplitude and order of steps against the number of walkers",
+            onset.reproduce,
+            None,
+            _ALL - {"people"},
+            cpu_time=240,
+        ),
+        "bridge-rival": Figure(
+            "Footbridge: which starts the sway, steps in time (synchrony) or balance (pendulum)",
+            rival.reproduce,
+            None,
+            frozenset({"seed", "duration"}),
+            cpu_time=10,
+        ),
+        "bridge-gate": Figure(
+            "Footbridge: rules that hold people back at the entrance",
+            gate.reproduce,
+            None,
+            _ALL,
+            {"people": gate.PEOPLE},
+            cpu_time=180,
+        ),
+        "bridge-deck": Figure(
+            "Footbridge: one crowd on the deck, traces and film", deck.reproduce, None, _ALL - {"runs"}, cpu_time=40
+        ),
     },
     cpu_time=470,
 )

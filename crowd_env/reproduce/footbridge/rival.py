@@ -16,8 +16,6 @@ from crowd_env.reproduce.footbridge.runs import Trace, step_up
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 
-TITLE = "Footbridge: which starts the sway, steps in time (synchrony) or balance (pendulum)"
-
 _OTHER_DAMPING = 0.04 * DECK.frequency * DECK.mass  # kg/s, of the program of Belykh et al.
 _NUMBERS = {"synchrony": range(50, 251, 20), "pendulum": range(10, 151, 10)}
 _COUPLINGS: dict[str, Synchrony | Pendulum] = {"synchrony": Synchrony(), "pendulum": Pendulum()}
@@ -58,9 +56,7 @@ def reproduce(settings: FootbridgeSettings) -> Result:
             for t, n, a, r in zip(trace.time, trace.people, trace.amplitude, trace.order, strict=True)
         ],
     )
-    return Result(
-        "bridge-rival", TITLE, rows, {"traces": table}, lambda: draw(traces, critical), remarks, settings.changed()
-    )
+    return Result(rows, {"traces": table}, lambda: draw(traces, critical), remarks)
 
 
 def first_large(trace: Trace) -> int | None:

@@ -23,8 +23,6 @@ from crowd_env.reproduce.granular.grains import DIAMETER, MASS, RADIUS, passive
 from crowd_env.reproduce.granular.settings import GranularSettings
 from crowd_env.reproduce.result import RawTable, Result, Row, section
 
-TITLE = "Newton's cradle under every scheme"
-
 SPEED, AWAY = 1.0, 0.05  # m/s, m: of the ball that comes, and how far it starts from the row
 GAPS = {"touching": 0.0, "apart": 0.05}  # m
 _AFTER = 2.0  # s
@@ -107,7 +105,7 @@ def reproduce(settings: GranularSettings) -> Result:
         "The paper has no cradle: closed forms stand in its place. Energy of dem and undamped hertz is kept up to the step.",
         "A row in contact is no row of binary collisions: nsm2 throws the ball back, springs pass a wave on.",
     ]
-    return Result("cradle", TITLE, rows, {"balls": table}, lambda: draw(n, found), remarks, settings.changed(), "1")
+    return Result(rows, {"balls": table}, lambda: draw(n, found), remarks, "1")
 
 
 def draw(balls: int, found: Mapping[tuple[str, str], tuple[Floats, Floats]]) -> Figure:

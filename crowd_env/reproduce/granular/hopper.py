@@ -13,8 +13,6 @@ from crowd_env.reproduce.granular.settings import GranularSettings
 from crowd_env.reproduce.granular.silo import JAMMED, discharge, draw_silo
 from crowd_env.reproduce.result import RawTable, Result, Row
 
-TITLE = "Arches in a hopper, with friction and without"
-
 OUTLETS = (1.5, 2.0, 2.5, 3.0)  # D / d
 _GRAINS, _WIDTH, _SLOPE = 100, 12.0, 1.0  # width over d; floors at 45 degrees
 DRAWS = 4
@@ -42,7 +40,7 @@ def reproduce(settings: GranularSettings) -> Result:
     remarks = [
         "An arch is grains that bear each other over the outlet. Friction lets it be of any shape; without, it must be convex."
     ]
-    return Result("hopper", TITLE, rows, {"fillings": table}, lambda: draw(shares, arch), remarks, settings.changed())
+    return Result(rows, {"fillings": table}, lambda: draw(shares, arch), remarks)
 
 
 def draw(shares: Mapping[str, list[float]], arch: tuple[Simulation, int, str] | None) -> Figure:

@@ -11,10 +11,23 @@ PAPER = Paper(
     title="granular matter",
     settings=GranularSettings,
     figures={
-        "cradle": Figure(cradle.TITLE, cradle.reproduce, options=_SMALL, cpu_time=2),
-        "stack": Figure(stack.TITLE, stack.reproduce, options=_SMALL | {"gravity"}, cpu_time=12),
-        "silo": Figure(silo.TITLE, silo.reproduce, options=_POURED | {"grains"}, cpu_time=150),
-        "hopper": Figure(hopper.TITLE, hopper.reproduce, options=_POURED, defaults={"runs": hopper.DRAWS}, cpu_time=60),
+        "cradle": Figure("Newton's cradle under every scheme", cradle.reproduce, options=_SMALL, cpu_time=2),
+        "stack": Figure(
+            "A stack of discs at rest in a shaft", stack.reproduce, options=_SMALL | {"gravity"}, cpu_time=12
+        ),
+        "silo": Figure(
+            "Discharge of a silo against the width of its outlet",
+            silo.reproduce,
+            options=_POURED | {"grains"},
+            cpu_time=150,
+        ),
+        "hopper": Figure(
+            "Arches in a hopper, with friction and without",
+            hopper.reproduce,
+            options=_POURED,
+            defaults={"runs": hopper.DRAWS},
+            cpu_time=60,
+        ),
     },
     cpu_time=220,
 )

@@ -33,8 +33,6 @@ from crowd_env.reproduce.granular.grains import (
 from crowd_env.reproduce.granular.settings import GranularSettings
 from crowd_env.reproduce.result import RawTable, Result, Row, section
 
-TITLE = "Discharge of a silo against the width of its outlet"
-
 WIDTHS = (3.0, 4.0, 5.0, 6.0, 8.0)  # D / d
 _SILO = 20.0  # its width over d
 _SETTLE, JAMMED = 3.0, 5.0  # s; 25 times sqrt(d / g) without a grain: it is jammed
@@ -169,7 +167,7 @@ def reproduce(settings: GranularSettings) -> Result:
         f"to {last}. The paper has no silo: 3/2 is Beverloo's law in two dimensions.",
     ]
     raw = {"flows": table}
-    return Result("silo", TITLE, rows, raw, lambda: draw(points, shown[0]), remarks, settings.changed(), "1")
+    return Result(rows, raw, lambda: draw(points, shown[0]), remarks, "1")
 
 
 def draw(points: Mapping[str, tuple[Floats, Floats]], simulation: Simulation) -> Figure:

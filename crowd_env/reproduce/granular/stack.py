@@ -19,8 +19,6 @@ from crowd_env.reproduce.granular.grains import DIAMETER, MASS, RADIUS, passive,
 from crowd_env.reproduce.granular.settings import GranularSettings
 from crowd_env.reproduce.result import RawTable, Result, Row, section
 
-TITLE = "A stack of discs at rest in a shaft"
-
 _STIFF = 1.2e7  # N/m, a hundred times that of people: under them ten discs sag by a radius
 SHAFTS = {"straight": 1.0, "leaning": 1.5}  # width over diameter
 SCHEMES: dict[str, tuple[ContactScheme, float]] = {  # and the time step [s]
@@ -121,7 +119,7 @@ def reproduce(settings: GranularSettings) -> Result:
         "and it still rocks. nsm1 and nsm2 are rigid; under nsm2 discs fall for one step before they bear each other.",
     ]
     raw = {"discs": RawTable(header, lines)}
-    return Result("stack", TITLE, rows, raw, lambda: draw(n, settings, found), remarks, settings.changed())
+    return Result(rows, raw, lambda: draw(n, settings, found), remarks)
 
 
 def draw(n: int, settings: GranularSettings, found: Mapping[tuple[str, str], Stack]) -> Figure:

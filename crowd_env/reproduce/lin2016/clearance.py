@@ -31,7 +31,6 @@ class Point(NamedTuple):
 class Clearance(NamedTuple):
     """A figure of clearance times, by what it varies."""
 
-    number: int
     points: Mapping[Any, Point]
     draw: Callable[[Samples], Figure]
     printed_mean: tuple[float, float, str] | None = None  # from speed, to speed [m/s], s
@@ -46,7 +45,7 @@ class Clearance(NamedTuple):
         rows = [row for draws, one in points for row in clearance_rows(one.of, draws, one.paper, one.remark)]
         if self.printed_mean is not None:
             rows.append(_mean(found, *self.printed_mean))
-        return result(self.number, settings, found, rows, lambda: self.draw(found))
+        return result(settings, found, rows, lambda: self.draw(found))
 
 
 def _mean(found: Samples, low: float, high: float, paper: str) -> Row:
@@ -66,7 +65,7 @@ def _by_strength() -> Clearance:
         curves = [Curve(points[a].of, series(k), draws, points[a].paper) for k, (a, draws) in enumerate(found.items())]
         return leaving_curves(100, {"100 people who want 1 m/s, by the strength A of the social force": curves})
 
-    return Clearance(4, points, draw)
+    return Clearance(points, draw)
 
 
 def _by_rotation() -> Clearance:
@@ -84,11 +83,10 @@ def _by_rotation() -> Clearance:
             panels[f"{letter}. 100 people who want {speed:g} m/s"] = curves
         return leaving_curves(100, panels)
 
-    return Clearance(5, points, draw)
+    return Clearance(points, draw)
 
 
 def _by_speed(
-    number: int,
     people: int,
     speeds: Sequence[float] = SPEEDS,
     printed: Mapping[float, str] = MappingProxyType({}),
@@ -100,7 +98,7 @@ def _by_speed(
 
     points = {speed: point(speed) for speed in speeds}
     draw = partial(clearance_times, people, paper=printed, paper_mean=mean)
-    return Clearance(number, points, draw, mean)
+    return Clearance(points, draw, mean)
 
 
 # ------------------------------------------------------------------------------------------------------------ figures
@@ -216,6 +214,6 @@ def _blocked_band(axes: Axes, found: Samples, top: float) -> None:
 FIGURES = (
     _by_strength(),
     _by_rotation(),
-    _by_speed(7, 200, (*SPEEDS, 2.2), {0.6: "340", 1.0: "210"}, (1.0, 1.8, "220")),
-    _by_speed(8, 300),
+    _by_speed(200, (*SPEEDS, 2.2), {0.6: "340", 1.0: "210"}, (1.0, 1.8, "220")),
+    _by_speed(300),
 )

@@ -38,18 +38,18 @@ def window_cases(settings: LinSettings) -> dict[tuple[int, float], Case]:
     return {(people, speed): settings.case(people, speed) for people in (100, 300) for speed in _RANGES}
 
 
-def window_flow(exits: Floats, until: float, window: float = WINDOW) -> Floats:
-    """Return the flow [1/s] in each window of ``window`` seconds from t = 0 on that has begun before ``until`` [s]."""
-    edges = window * np.arange(int(np.ceil(until / window)) + 1)
-    return np.histogram(exits, edges)[0] / window
+def window_flow(exits: Floats, until: float) -> Floats:
+    """Return the flow [1/s] in each window of `WINDOW` seconds from t = 0 on that has begun before ``until`` [s]."""
+    edges = WINDOW * np.arange(int(np.ceil(until / WINDOW)) + 1)
+    return np.histogram(exits, edges)[0] / WINDOW
 
 
-def inner_flow(exits: Floats, window: float = WINDOW) -> Floats:
+def inner_flow(exits: Floats) -> Floats:
     """Return the flow [1/s] in the windows that lie wholly between the first and the last exit."""
     if len(exits) == 0:
         return np.empty(0)
-    first, last = int(np.ceil(exits[0] / window)), int(exits[-1] // window)
-    return window_flow(exits, exits[-1], window)[first:last]
+    first, last = int(np.ceil(exits[0] / WINDOW)), int(exits[-1] // WINDOW)
+    return window_flow(exits, exits[-1])[first:last]
 
 
 def windows(settings: LinSettings, found: Samples) -> Result:
@@ -66,7 +66,7 @@ def windows(settings: LinSettings, found: Samples) -> Result:
         ],
     )
 
-    return result(9, settings, found, rows, lambda: window_flows(flows, found), {"windows": raw}, "1/s")
+    return result(settings, found, rows, lambda: window_flows(flows, found), {"windows": raw}, "1/s")
 
 
 def _window_rows(found: Samples, people: int, state: str) -> list[Row]:
@@ -143,7 +143,7 @@ def mean_cases(settings: LinSettings) -> dict[tuple[int, float], Case]:
 def means(settings: LinSettings, found: Samples) -> Result:
     """Return Figure 10, made of a sample for each number of people and speed [m/s]."""
     rows = [*(row for people in _CROWDS for row in _mean_rows(found, people)), *_state_rows(found)]
-    return result(10, settings, found, rows, lambda: mean_flows(found), {"runs": raw_runs(found)}, "1/s")
+    return result(settings, found, rows, lambda: mean_flows(found), {"runs": raw_runs(found)}, "1/s")
 
 
 def _mean_rows(found: Samples, people: int) -> list[Row]:

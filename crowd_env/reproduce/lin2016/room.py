@@ -11,7 +11,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.canvas import draw_bodies, draw_geometry, draw_lines, hex_of, name_panel, new_figure
 from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.evacuations import Case
-from crowd_env.reproduce.lin2016.sample import TITLES, Samples, foot
+from crowd_env.reproduce.lin2016.sample import Samples, foot
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 
@@ -68,7 +68,7 @@ def reproduce(settings: LinSettings, found: Samples) -> Result:
         figure = draw_rooms(moments, shown.case.place.geometry)
         return foot(figure, f"{SPEED:g} m/s, draw {episode.seed}; {readings}")
 
-    return Result("lin-fig6", TITLES[6], rows, {"positions": raw}, draw, remarks, settings.changed(), "people")
+    return Result(rows, {"positions": raw}, draw, remarks, "people")
 
 
 def draw_rooms(moments: Mapping[float, Floats], geometry: Geometry) -> Figure:

@@ -19,18 +19,6 @@ from crowd_env.reproduce.result import RawTable, Result, Row
 BLOCKED = "a run is blocked when nobody has got out for 2 minutes; medians are over the runs that cleared"
 
 
-_ABOUT = {  # each figure, by its number
-    4: "100 people at 1 m/s, by the strength A of the social force",
-    5: "100 people with and without rotation",
-    6: "200 people at 0, 30, 60 and 120 s",
-    7: "200 people, by desired speed",
-    8: "300 people, by desired speed",
-    9: "flow through the exit in windows of 10 s, people/s",
-    10: "mean flow through the exit, people/s",
-}
-TITLES = {number: f"Lin, Ma, Lo, Figure {number}: {about}" for number, about in _ABOUT.items()}
-
-
 @dataclass(frozen=True, eq=False)
 class Sample:
     """The draws of one configuration, R of them, none of which need have cleared."""
@@ -108,7 +96,6 @@ def _span(values: Sequence[float]) -> str:
 
 
 def result(
-    number: int,
     settings: LinSettings,
     samples: Samples,
     rows: list[Row],
@@ -123,7 +110,7 @@ def result(
     def drawn() -> Any:
         return foot(draw(), settings.readings())
 
-    return Result(f"lin-fig{number}", TITLES[number], rows, raw, drawn, remarks, settings.changed(), unit)
+    return Result(rows, raw, drawn, remarks, unit)
 
 
 def foot(figure: Any, text: str) -> Any:

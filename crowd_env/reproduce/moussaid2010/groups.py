@@ -23,7 +23,6 @@ from crowd_env.scenarios.distributions import Uniform
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
 
-TITLE = "Figures 2 and 4: walking speed, spacing and shape of groups by their size"
 SIZES = (1, 2, 3, 4, 5)
 # Speed [m/s] by size, as the caption of Figure 2 prints the two lines.
 LINES = {"low density": (1.26, -0.04), "moderate density": (1.24, -0.08)}
@@ -118,7 +117,7 @@ def reproduce(settings: MoussaidSettings) -> Result:
         for k, place in enumerate(one.shape[e].tolist())
     ]
     table = RawTable(("size", "draw", "speed_m_s", "spacing_m", "from_right", "ahead_m", "left_m"), raw)
-    return Result("groups", TITLE, rows, {"places": table}, lambda: _draw(walks), remarks, settings.changed())
+    return Result(rows, {"places": table}, lambda: _draw(walks), remarks)
 
 
 def _draw(walks: Mapping[int, Walk]) -> Figure:

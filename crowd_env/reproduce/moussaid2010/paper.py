@@ -9,7 +9,7 @@ PAPER = Paper(
     settings=MoussaidSettings,
     figures={
         "groups": Figure(
-            groups.TITLE,
+            "Figures 2 and 4: walking speed, spacing and shape of groups by their size",
             groups.reproduce,
             options=every(MoussaidSettings, "dt"),
             cpu_time=15,

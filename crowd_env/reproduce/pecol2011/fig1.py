@@ -17,8 +17,6 @@ from crowd_env.rendering.palette import INK
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 
-TITLE = "Figure 1: two pedestrians meet head-on, for several relaxation times"
-
 # The paper gives none of these; tau spans Table 4 and Helbing's 0.5 s, the speed is the mean that section 3 quotes.
 TAUS = (0.1, 0.2, 0.3, 0.4, 0.5)  # s
 SPEED, RADIUS, MASS = 1.34, 0.25, 80.0  # m/s, m, kg
@@ -99,7 +97,7 @@ def reproduce(settings: PecolSettings) -> Result:
             for k in range(0, len(at.time), 10)
         ],
     )
-    return Result("fig1", TITLE, rows, {"trajectories": table}, lambda: draw(drawn, measured), remarks, unit="m")
+    return Result(rows, {"trajectories": table}, lambda: draw(drawn, measured), remarks, unit="m")
 
 
 def _head_on(tau: float) -> list[Row]:

@@ -13,8 +13,6 @@ from crowd_env.reproduce.pecol2011.particle import MASS, MASS_READING, RADIUS, S
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 
-TITLE = "Figure 2: a particle against a wall under the three schemes"
-
 _STEPS = 7
 _DURATION = _STEPS * STEP
 _DRAWN = 6  # instants of a trace that are drawn
@@ -103,7 +101,7 @@ def reproduce(settings: PecolSettings) -> Result:
             for at, phase in zip(trace, phases(trace), strict=True)
         ],
     )
-    return Result("fig2", TITLE, rows, {"trajectories": table}, lambda: draw(traces), remarks)
+    return Result(rows, {"trajectories": table}, lambda: draw(traces), remarks)
 
 
 def phases(trace: Sequence[Instant]) -> list[str]:

@@ -90,8 +90,6 @@ def room_remarks(settings: PecolSettings, done: Mapping[str, Evacuations]) -> li
 
 # --------------------------------------------------------------------------------------------------------- Figure 3
 
-FIG3 = "Figure 3: pedestrians out of the room against time; flows in persons/s"
-
 
 def fig3(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Result:
     """Return Figure 3."""
@@ -110,7 +108,7 @@ def fig3(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Resu
     def draw() -> Figure:
         return exits_against_time(one.exit_times, slope, start, title, printed)
 
-    return Result("fig3", f"{FIG3} ({scheme})", flow_rows(one), raw, draw, remarks, settings.changed(), "1/s")
+    return Result(flow_rows(one), raw, draw, remarks, "1/s", of=scheme)
 
 
 def exits_against_time(exit_times: Floats, slope: float, start: float, title: str, printed: str) -> Figure:
@@ -142,8 +140,6 @@ def exits_against_time(exit_times: Floats, slope: float, start: float, title: st
 
 # ---------------------------------------------------------------------------------------------------------- Table 5
 
-TABLE5 = "Table 5: average flow through the door, persons/s"
-
 SCHEMES = tuple(PRINTED)
 # The paper's order, the same with the NSM1 of its section 3, and in pairs.
 _ORDERS = (
@@ -174,7 +170,7 @@ def table5(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Re
     door = f"a door of {100 * settings.door_width:g} cm"
     title = f"Flow through {door}, {settings.runs} draws of {settings.people} people"
     raw = {"exit-times": raw_times(done)}
-    return Result("table5", TABLE5, rows, raw, lambda: flows(done, title), remarks, settings.changed(), "1/s")
+    return Result(rows, raw, lambda: flows(done, title), remarks, "1/s")
 
 
 def order_share(done: Mapping[str, Evacuations], order: tuple[str, ...]) -> tuple[float | None, int]:

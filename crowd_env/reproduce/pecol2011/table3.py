@@ -11,8 +11,6 @@ from crowd_env.reproduce.pecol2011.particle import MASS, MASS_READING, VELOCITY,
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 
-TITLE = "Table 3: velocity after contact as a function of the time step, DEM"
-
 STIFFNESS = 1.2e5  # N/m
 # As printed, x component; the y component is printed as -1 throughout.
 PRINTED = {
@@ -67,7 +65,7 @@ def reproduce(settings: PecolSettings) -> Result:
         axes.legend(frameon=False, fontsize=9.5, loc="upper left")
         return figure
 
-    return Result("table3", TITLE, rows, {"velocities": table}, draw, remarks, unit="m/s")
+    return Result(rows, {"velocities": table}, draw, remarks, unit="m/s")
 
 
 def _after_contact(h: float) -> Floats:

@@ -33,8 +33,6 @@ _EXERCISE: dict[str, Any] = {"color": "black", "marker": "D", "ls": "", "ms": 7}
 _RUN = "#b4b9bf"  # the curve of one of many
 # ---------------------------------------------------------------------------------------------------------- Table 7
 
-TABLE7 = "Table 7: evacuation of a movie theatre (synthetic plan), times in s"
-
 _RULES = (
     "5 or more in rectangle 1: from A to B",
     "5 or more in rectangle 2: from A to B",
@@ -67,7 +65,7 @@ def table7(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Re
     def draw() -> object:
         return theatre_table(theatre.theatre(), {"here, with rules": ruled, "here, without rules": free})
 
-    return Result("table7", TABLE7, rows, theatre.raw_times(done), draw, theatre.remarks(settings), {}, "s")
+    return Result(rows, theatre.raw_times(done), draw, theatre.remarks(settings), "s")
 
 
 def theatre_table(scenario: Scenario, done: Mapping[str, Egress]) -> Figure:
@@ -123,8 +121,6 @@ def _times(axes: Axes, done: Mapping[str, Egress]) -> None:
 
 # --------------------------------------------------------------------------------------------------------- Figure 6
 
-FIG6 = "Figure 6: people out of a movie theatre (synthetic plan) against time, in s"
-
 _SHARES = (0.1, 0.5, 0.9)
 _NOT_PRINTED = (
     "The exercise's curve is not printed. Drawn of it is what Table 7 tells: when the last person was out, and the mean time; "
@@ -146,7 +142,7 @@ def fig6(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Resu
         number = int(np.ceil(share * people))
         rows.append(mean_row(f"{number} people out", ordered[:, number - 1], "s", f"{100 * share:.0f} % of all"))
     said = [*theatre.remarks(settings), _NOT_PRINTED]
-    return Result("fig6", FIG6, rows, theatre.raw_times({"yes": done}), lambda: egress_panels(done), said, {}, "s")
+    return Result(rows, theatre.raw_times({"yes": done}), lambda: egress_panels(done), said, "s")
 
 
 def egress_panels(done: Egress) -> Figure:
