@@ -8,8 +8,8 @@ import shapely
 from crowd_env import Geometry, Scenario
 from crowd_env.geometry.geometry import box
 from validation.cases.case import Row, Setting, adults, number, row
-from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
-from validation.cases.voronoi import looks_at, mean_between
+from validation.cases.crowds import Floats, Passages, draw_crowds
+from validation.cases.voronoi import looks_at, mean_figures, steady
 
 RANK, HALVED = -0.8, 0.5
 
@@ -63,17 +63,13 @@ def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, fl
     moments = passages.moments(_LIMIT, _PATIENCE)
     looks = looks_at(crowds, moments, lambda x, y: (x > _LEG - 2.0) & (y < _WIDTH + 2.0))
     found = []
-    for k in range(len(runs)):
-        figures = []
-        for e in crowds.of(k):
-            times = passages.times(e)
-            begin, end = (times[round(share * len(times)) - 1] for share in (_FIRST, _LAST))
-            if np.isfinite(end):
-                flow = (round(_LAST * len(times)) - round(_FIRST * len(times))) / (end - begin)
-                mine = [one for one in looks if one.crowd == e]
-                figures.append((*mean_between(begin, end, mine, _FLOOR, _FIELD), flow))
-        density, speed, flow = (mean_of([one[part] for one in figures]) for part in range(3))
-        found.append({"density": density, "speed": speed, "flow": flow, "stuck": passages.count_stuck(k)})
+    for k, run in enumerate(runs):
+        first, last = (round(share * run.people) for share in (_FIRST, _LAST))
+        parts = [
+            steady(first, last, passages.times(e), [one for one in looks if one.crowd == e], _FLOOR, _FIELD)
+            for e in crowds.of(k)
+        ]
+        found.append({**mean_figures(parts), "stuck": passages.count_stuck(k)})
     return found
 
 

@@ -7,10 +7,11 @@ import numpy as np
 
 from crowd_env import Geometry, Normal, Scenario
 from crowd_env.geometry.geometry import box
+from validation.cases import voronoi
 from validation.cases.case import RECORDED, Row, Setting, adults, number, row
-from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of
+from validation.cases.crowds import Floats, Passages, draw_crowds
 from validation.cases.trajectories import Trajectories, read_trajectories
-from validation.cases.voronoi import Look, fundamental_diagram, looks_at, samples_between
+from validation.cases.voronoi import Look, fundamental_diagram, looks_at, mean_figures
 
 DATA = "corridor_hermes2009_uo"  # folder of the recordings
 DENSITY_WITHIN, FLOW_WITHIN, ENOUGH = 0.25, 0.15, 7
@@ -74,19 +75,13 @@ def measure(setting: Setting, runs: tuple[Run, ...] = RUNS) -> list[dict[str, An
     for k, run in enumerate(runs):
         parts = [steady(run, passages.times(e), [one for one in looks if one.crowd == e]) for e in crowds.of(k)]
         samples = np.concatenate([each for each, _ in parts])
-        draws = [(mean_of(each[:, 0]), mean_of(each[:, 1]), flow) for each, flow in parts]
-        density, speed, flow = (mean_of([one[part] for one in draws]) for part in range(3))
-        figures = {"density": density, "speed": speed, "flow": flow, "stuck": passages.count_stuck(k)}
-        found.append({**figures, "samples": samples})
+        found.append({**mean_figures(parts), "stuck": passages.count_stuck(k), "samples": samples})
     return found
 
 
 def steady(run: Run, times: Floats, looks: list[Look]) -> tuple[Floats, float]:
-    """Return densities and speeds (K, 2), and the flow between the passages of two persons; nan if the last did not pass."""
-    begin, end = times[run.first - 1], times[run.last - 1]
-    if not np.isfinite(end):
-        return np.empty((0, 2)), float("nan")
-    return samples_between(begin, end, looks, _FLOOR, FIELD), float((run.last - run.first) / (end - begin))
+    """Return densities and speeds (K, 2) and the flow of the steady part of a run; nan if its last person did not pass."""
+    return voronoi.steady(run.first, run.last, times, looks, _FLOOR, FIELD)
 
 
 def recorded_diagram(folder: Path) -> dict[float, float] | None:

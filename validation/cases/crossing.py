@@ -2,36 +2,27 @@
 
 import numpy as np
 
-from crowd_env import Cohorts, Geometry, Scenario
-from crowd_env.geometry.geometry import box
+from crowd_env import Cohorts, Scenario
 from validation.cases.case import Row, Setting, adults, number, row
 from validation.cases.crowds import Passages, draw_crowds
+from validation.cases.standards.places import place
 
 AGAINST = (0, 10, 50, 100)
 
-_PEOPLE, _DENSITY = 100, 4.0  # 1/m2, at the far end of either room
-_ROOM, _LENGTH, _WIDTH = 10.0, 10.0, 2.0  # m, side of the rooms, length and width of the corridor
+_PEOPLE = 100
+_CORRIDOR = (10.0, 20.0)  # m, x of its ends
 _PATIENCE = 20.0  # s in which nobody arrives: deadlock
 
 
 def rooms(against: int) -> Scenario:
     """Return 100 people in the western room and ``against`` in the eastern one, who change places and leave at the far wall."""
-    half, end = 0.5 * _ROOM, 2.0 * _ROOM + _LENGTH
-    depth = _PEOPLE / (_DENSITY * _ROOM) + 0.5
-    floor = [
-        box(0.0, -half, _ROOM, half),
-        box(_ROOM - 0.1, -0.5 * _WIDTH, _ROOM + _LENGTH + 0.1, 0.5 * _WIDTH),
-        box(end - _ROOM, -half, end, half),
-    ]
-    place = Geometry.from_polygon(
-        floor,
-        exits={"west": [(0.0, -half), (0.0, half)], "east": [(end, -half), (end, half)]},
-        regions={"far west": box(0.5, -half, depth, half), "far east": box(end - depth, -half, end - 0.5, half)},
-    )
+    ground = place("crossing")
     people = adults(_PEOPLE, start_region="far west", route="east")
     if not against:
-        return Scenario("crossing", place, people, 240.0)
-    return Scenario("crossing", place, Cohorts((people, adults(against, start_region="far east", route="west"))), 240.0)
+        return Scenario("crossing", ground, people, 240.0)
+    return Scenario(
+        "crossing", ground, Cohorts((people, adults(against, start_region="far east", route="west"))), 240.0
+    )
 
 
 def run(setting: Setting) -> list[Row]:
@@ -39,7 +30,7 @@ def run(setting: Setting) -> list[Row]:
     crowds = draw_crowds([rooms(against) for against in AGAINST], setting)
     slots = [crowds.people(e) for e in range(crowds.count)]
     eastward = np.concatenate([np.arange(people.stop - people.start) < _PEOPLE for people in slots])
-    door = np.where(eastward, _ROOM + _LENGTH, _ROOM)
+    door = np.where(eastward, *_CORRIDOR[::-1])
     arrived = Passages(crowds, 0, door, np.where(eastward, 1, -1))
     arrived.watch(240.0, _PATIENCE)
     last = [float(np.max(arrived.time[people][:_PEOPLE])) for people in slots]  # nan if somebody did not arrive

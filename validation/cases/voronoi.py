@@ -83,12 +83,26 @@ def samples_between(begin: float, end: float, looks: Sequence[Look], floor: Poly
     return np.array(seen).reshape(-1, 2)
 
 
-def mean_between(
-    begin: float, end: float, looks: Sequence[Look], floor: Polygon, field: Polygon
-) -> tuple[float, float]:
-    """Return the means of density [1/m2] and speed [m/s] in a field over the looks between two times [s]."""
-    density, speed = samples_between(begin, end, looks, floor, field).T
-    return mean_of(density), mean_of(speed)
+def steady(
+    first: int, last: int, times: Floats, looks: Sequence[Look], floor: Polygon, field: Polygon
+) -> tuple[Floats, float]:
+    """Return densities and speeds (K, 2), and the flow [1/s], between two passages; nan if the last is missing.
+
+    Parameters
+    ----------
+    first, last : numbers of the two, from 1 on.
+    times : (N,) s, at which people pass, in order.
+    """
+    begin, end = times[first - 1], times[last - 1]
+    if not np.isfinite(end):
+        return np.empty((0, 2)), float("nan")
+    return samples_between(begin, end, looks, floor, field), float((last - first) / (end - begin))
+
+
+def mean_figures(draws: Sequence[tuple[Floats, float]]) -> dict[str, float]:
+    """Return the means over draws of density [1/m2], speed [m/s] and flow [1/s] of what `steady` returns."""
+    figures = [(mean_of(samples[:, 0]), mean_of(samples[:, 1]), flow) for samples, flow in draws]
+    return {name: mean_of([one[k] for one in figures]) for k, name in enumerate(("density", "speed", "flow"))}
 
 
 def fundamental_diagram(samples: Floats, width: float = 0.25, least: int = 10) -> dict[float, float]:

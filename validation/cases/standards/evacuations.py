@@ -6,12 +6,9 @@ from typing import Any
 import numpy as np
 
 from crowd_env import Cohorts, DoorEvent, Geometry, Population, Scenario, Uniform
-from crowd_env.geometry.geometry import box
 from validation.cases.case import Setting, Verdict, adults
 from validation.cases.crowds import Ints, Passages, draw_crowds, mean_of, steady_flow
 from validation.cases.standards.places import place
-
-_FAR = 3.0  # m, free space behind an exit at which a flow is measured
 
 
 def last_out(setting: Setting, scenarios: list[Scenario], limit: float) -> list[float]:
@@ -38,31 +35,10 @@ def flows_past(setting: Setting, scenario: Scenario, *at: float) -> list[float]:
     return [mean_of([steady_flow(line.times(e)) for e in range(crowds.count)]) for line in lines]
 
 
-def behind(x: float, y: float, out: int) -> tuple[list[Any], Any]:
-    """Return what lies behind a door of 1 m from ``x`` in a wall along y: a neck, 3 m of free space, and the line behind.
-
-    People who vanish in the door itself would leave room for others at once, and no crowd is that fast.
-    """
-    near, far = y + 0.3 * out, y + (0.3 + _FAR) * out
-    floor = [
-        box(x, min(y, near) - 0.01, x + 1.0, max(y, near) + 0.01),
-        box(x - 1.0, min(near, far), x + 2.0, max(near, far)),
-    ]
-    return floor, [(x - 1.0, far), (x + 2.0, far)]
-
-
 def four_doors(setting: Setting) -> Verdict:
     """RiMEA 9, IMO 9: 1000 people and four doors of 1 m, or two."""
-    doors = [(4.0, 0.0, -1), (25.0, 0.0, -1), (4.0, 20.0, 1), (25.0, 20.0, 1)]
-    scenarios = []
-    for those in (doors, doors[2:]):
-        parts = [behind(*door) for door in those]
-        building = Geometry.from_polygon(
-            [box(0.0, 0.0, 30.0, 20.0), *(shape for floor, _ in parts for shape in floor)],
-            exits=[line for _, line in parts],
-            regions={"inside": box(2.0, 2.0, 28.0, 18.0)},
-        )
-        scenarios.append(Scenario("four doors", building, adults(1000, start_region="inside"), 600.0))
+    people = adults(1000, start_region="inside")
+    scenarios = [Scenario("four doors", place(name), people, 600.0) for name in ("four-doors", "two-doors")]
     four, two = last_out(replace(setting, draws=1), scenarios, 600.0)
     figure = f"{four:.0f} s through four doors, {two:.0f} s through two: {two / four:.2f} times as long"
     return Verdict(1.6 <= two / four <= 2.4, figure, {"four": four, "two": two})
@@ -84,12 +60,7 @@ def rooms(setting: Setting) -> Verdict:
 
 def near_exit(setting: Setting) -> Verdict:
     """RiMEA 11: 1000 people in one end of a room with two exits; most take the near one, some the other."""
-    parts = {name: behind(x, 20.0, 1) for name, x in (("near", 21.0), ("far", 27.0))}
-    building = Geometry.from_polygon(
-        [box(0.0, 0.0, 30.0, 20.0), *(shape for floor, _ in parts.values() for shape in floor)],
-        exits={name: line for name, (_, line) in parts.items()},
-        regions={"left": box(0.0, 0.0, 20.0, 20.0)},
-    )
+    building = place("near-exit")
     taken = exits_taken(replace(setting, draws=1), building, adults(1000, start_region="left"), 900.0)
     near, far = (int((taken == building.exit_names.index(name)).sum()) for name in ("near", "far"))
     return Verdict(near > far > 0, f"{near} by the near exit, {far} by the other", {"near": near, "far": far})

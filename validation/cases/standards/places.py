@@ -1,4 +1,4 @@
-"""The places of places.toml."""
+"""The places of places.toml, of cases and of the tests of standards."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ _PLACES = read_toml(Path(__file__).with_name("places.toml"))
 
 
 def place(name: str) -> Geometry:
-    """Return a place of the standards' tests."""
+    """Return the place of a name in places.toml."""
     facts = dict(_PLACES[name])
     floor = [box(*each) for each in facts.pop("floor")]
     regions = {region: box(*each) for region, each in facts.pop("regions", {}).items()}
