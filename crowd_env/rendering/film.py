@@ -18,6 +18,7 @@ from crowd_env.rendering.words import titles as titles_of
 _PANEL, _WIDEST = 480, 1280  # px, of one evacuation and of a film, if no width is asked for
 _SECONDS = 30.0  # s  that a film lasts at most, if no speed is asked for
 _FPS = 20.0  # 1/s, if no rate is asked for
+_REST = 1.5  # s, on the last frame
 # A GIF stores each frame whole where people walk: its rate sinks to this, so that it has about this many frames.
 _GIF_FPS, _GIF_FRAMES = 10.0, 300
 FORMATS = (".gif", ".mp4", ".png")
@@ -30,14 +31,13 @@ def write_film(
     titles: Sequence[str] = (),
     fps: float | None = None,
     width: int | None = None,
-    max_seconds: float | None = None,
-    hold: float = 1.5,
     speed: float | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Path:
     """Write the evacuations side by side under one clock and return the path.
 
-    Below them grows the curve of people inside.  An evacuation that is over earlier waits for the others.
+    Below them grows the curve of people inside.  An evacuation that is over earlier waits for the others.  The last frame
+    rests for 1.5 s.
 
     Parameters
     ----------
@@ -46,8 +46,6 @@ def write_film(
     fps : frames per second; a GIF counts in hundredths of a second, so that 30 becomes 33.3.  Default 20; of a GIF that lasts
         longer than 15 s as many as make about 300 frames, but at least 10.
     width : px of the whole film; default 480 an evacuation, at most 1280.
-    max_seconds : s of the evacuations to show; default all.
-    hold : s to rest on the last frame.
     speed : how many seconds of the evacuations a second of the film shows; default 1, or the whole number at which the film
         lasts 30 s at most.  Unless it is 1 the picture says it.
     progress : called with the number of frames that have just been drawn, and of all frames.
@@ -65,7 +63,7 @@ def write_film(
     for name, value in (("fps", fps), ("speed", speed)):
         if value is not None and not value > 0:
             raise ValueError(f"{name} is {value!r}; it must be > 0")
-    end = min(max(film.end for film in films), np.inf if max_seconds is None else max_seconds)
+    end = max(film.end for film in films)
     speed = float(max(1, np.ceil(end / _SECONDS))) if speed is None else speed
     if fps is None:
         fps = _FPS
@@ -73,10 +71,10 @@ def write_film(
             fps = float(np.clip(_GIF_FRAMES * speed / max(end, 1e-9), _GIF_FPS, _FPS))
     stage = _Stage(films, titles, width, end, speed)
     if suffix == ".mp4":
-        return write_mp4(path, stage.frames(1.0 / fps, hold, progress), fps)
+        return write_mp4(path, stage.frames(1.0 / fps, progress), fps)
     step = max(round(100.0 / fps), 2) / 100.0
     sample = [stage.frame(part * end) for part in np.linspace(0.0, 1.0, 9)]
-    return write_gif(path, stage.frames(step, hold, progress), step, sample)
+    return write_gif(path, stage.frames(step, progress), step, sample)
 
 
 def _several(recordings: Recording | Sequence[Recording], titles: Sequence[str]) -> tuple[list[Recording], list[str]]:
@@ -169,8 +167,8 @@ class _Stage:
         whole.paste(self.strip.draw(time), (0, self._plans))
         return whole
 
-    def frames(self, step: float, hold: float, progress: Callable[[int, int], object] | None) -> Iterator[Image]:
-        """Yield the images of a film, one every ``step`` [s] of it, and then the last one as long as ``hold`` [s] says."""
+    def frames(self, step: float, progress: Callable[[int, int], object] | None) -> Iterator[Image]:
+        """Yield the images of a film, one every ``step`` [s] of it, and rest on the last one."""
         shown = step * self._speed
         count = int(np.ceil(self._end / shown - 1e-9))
         for k in range(count):
@@ -178,7 +176,7 @@ class _Stage:
             if progress is not None:
                 progress(1, count)
         last = self.frame(self._end)
-        for _ in range(1 + round(hold / step)):
+        for _ in range(1 + round(_REST / step)):
             yield last
 
 

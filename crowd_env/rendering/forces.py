@@ -10,8 +10,7 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import POSITIVE, number
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.physics.pressure import ContactForces, contact_forces, mean_contact_forces
-from crowd_env.physics.simulation.simulation import Simulation
+from crowd_env.physics.pressure import ContactForces, mean_contact_forces
 from crowd_env.recording import Recording
 from crowd_env.rendering.canvas import hex_of, mark, new_figure, save_figure
 from crowd_env.rendering.discs import bodies_of, put_bodies
@@ -34,13 +33,9 @@ _WIDEST = 0.45  # of the width of the bodies: the line of the largest force
 
 def write_force_network(
     path: str | Path,
-    crowd: Recording | Simulation | ContactForces,
+    forces: ContactForces,
     *,
-    at: float | None = None,
-    e: int = 0,
     around: float | None = None,
-    full_force: float | None = None,
-    color: bool = True,
     title: str = "",
 ) -> Path:
     """Draw the normal contact forces as lines between the centers of touching people, and to walls; return the path.
@@ -50,28 +45,17 @@ def write_force_network(
     Parameters
     ----------
     path : ends in .png.
-    crowd : a recording with contacts; a simulation, after a step, or forces kept from one.
-    at : s, the moment of a recording; see `forces_of`.
-    e : environment of a simulation.
+    forces : of a recording, by `forces_of`.
     around : m, how far around the exit at which people press most is shown; inf for all of it.  Default 3.5 m, or the
         whole geometry if its longer side is at most 9 m.
-    full_force : N, the force of the widest line; default the largest seen.  Give the same to pictures to be compared.
-    color : give lines the colors of pressure too, from blue-grey (none) to red (``full_force``); else they are dark.
     title : what is seen.
 
     Raises
     ------
     ValueError
-        If the suffix is unknown, or ``around`` or ``full_force`` is not positive; or if ``crowd`` is a simulation whose scheme
-        solves for impulses.
+        If the suffix is unknown, or ``around`` is not positive.
     """
-    if isinstance(crowd, Recording):
-        crowd = forces_of(crowd, at)
-    if isinstance(crowd, Simulation) and "constraints" in crowd.scheme.info.uses:
-        of = crowd.scheme.info.name
-        raise ValueError(f"{of} solves for impulses, and those of one step are no forces: draw a recording, or a mean")
-    forces = contact_forces(crowd, e) if isinstance(crowd, Simulation) else crowd
-    figure = force_network_figure(forces, around=around, full_force=full_force, color=color, title=title)
+    figure = force_network_figure(forces, around=around, title=title)
     return save_figure(figure, path, formulas=False)
 
 
@@ -79,14 +63,11 @@ def force_network_figure(
     forces: ContactForces,
     *,
     around: float | None = None,
-    full_force: float | None = None,
-    color: bool = True,
     title: str = "",
 ) -> Figure:
     """Return the figure of `write_force_network`; its one line collection is named "forces"."""
-    for name, value in (("around", around), ("full_force", full_force)):
-        if value is not None and not value > 0:
-            raise ValueError(f"{name} is {value!r}; it must be > 0")
+    if around is not None and not around > 0:
+        raise ValueError(f"around is {around!r}; it must be > 0")
     with drawing_library():
         from matplotlib.collections import LineCollection
     layout = _layout(forces.geometry, _window(forces, around))
@@ -102,13 +83,13 @@ def force_network_figure(
     pressing = np.flatnonzero(forces.force > 0.0)
     pressing = pressing[np.argsort(forces.force[pressing])]  # the largest on top
     force = forces.force[pressing]
-    full = full_force or float(force.max(initial=0.0)) or 1.0
+    full = float(force.max(initial=0.0)) or 1.0
     typical = float(np.median(forces.radius)) if len(forces.radius) else 0.25
     width = 72.0 / _DPI * layout.scale * _WIDEST * 2.0 * typical  # pt, of the line of `full`
     ends = np.stack([layout.pixels(forces.position[forces.i[pressing]]), layout.pixels(forces.at[pressing])], axis=1)
     lines = LineCollection(
         list(ends),
-        colors=_colors(force / full, color),
+        colors=_colors(force / full),
         linewidths=width * force / full,
         capstyle="round",
         label="forces",
@@ -124,7 +105,7 @@ def force_network_figure(
     shown = _round_forces(full) if len(force) else []
     marks = [mark("normal force" if shown else "nobody presses on anybody", linestyle="none")]
     for level in shown:
-        (shade,) = _colors(np.array([level / full]), color)
+        (shade,) = _colors(np.array([level / full]))
         line, named = width * level / full, f"{level / of_unit:g} {unit}"
         marks.append(mark(named, color=shade, linewidth=line, solid_capstyle="butt"))
     figure.legend(
@@ -198,10 +179,8 @@ def _walls_only(plan: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.dstack([plan, np.where(floor, 0, 255).astype(np.uint8)])
 
 
-def _colors(level: Floats, color: bool) -> Floats:
-    """Return a color (K, 4) for each force: the ramp of pressures without its palest part, or ink."""
-    if not color:
-        return np.tile([*(np.array(INK) / 255.0), 0.85], (len(level), 1))
+def _colors(level: Floats) -> Floats:
+    """Return a color (K, 4) for each force in units of the largest: the ramp of pressures without its palest part."""
     rows = np.rint((0.1 + 0.9 * np.clip(level, 0.0, 1.0)) * (len(RAMP) - 1)).astype(np.int64)
     return np.column_stack([RAMP[rows] / 255.0, np.ones(len(level))])
 

@@ -70,17 +70,17 @@ def test_a_real_recording_shows_at_its_frames_who_is_inside_where():
 @pytest.mark.more
 def test_gif_lasts_as_long_as_the_evacuation_and_is_small(tmp_path):
     drawn = []
-    options = {"fps": 20.0, "hold": 1.0, "progress": lambda count, of: drawn.append((count, of))}
+    options = {"fps": 20.0, "progress": lambda count, of: drawn.append((count, of))}
     path = write_film(tmp_path / "room.gif", recording(end=4.0), **options)
     assert drawn == [(1, 80)] * 80
     assert path.stat().st_size < 1_500_000
     with PIL_Image.open(path) as film:
-        assert film.n_frames <= 80 + 21
+        assert film.n_frames <= 80 + 31
         shown = 0
         for k in range(film.n_frames):
             film.seek(k)
             shown += film.info["duration"]
-        assert shown == pytest.approx(1000 * (4.0 + 1.0 + 0.05))
+        assert shown == pytest.approx(1000 * (4.0 + 1.5 + 0.05))
         assert film.size[0] == 480
     assert [file.name for file in tmp_path.iterdir()] == ["room.gif"]  # no temporary file is left
 
@@ -89,7 +89,7 @@ def test_gif_lasts_as_long_as_the_evacuation_and_is_small(tmp_path):
 def test_a_long_evacuation_runs_faster_and_the_picture_says_so(tmp_path):
     film = recording(end=4.0, finish=False, times=np.linspace(0.0, 100.0, 41))
     drawn = []
-    write_film(tmp_path / "a.gif", film, width=200, hold=0.0, progress=lambda count, of: drawn.append(of))
+    write_film(tmp_path / "a.gif", film, width=200, progress=lambda count, of: drawn.append(of))
     assert drawn == [313] * 313  # 25 s at 4 times the speed, a frame in 0.08 s
     options = {"width": 400, "margin": 10, "text": 14.0, "end": 100.0}
     real, fast = (np.asarray(EgressStrip([film], [""], speed=speed, **options).draw(0.0)) for speed in (1.0, 4.0))
@@ -118,14 +118,14 @@ def test_gif_shows_every_color_nearly_as_it_is(tmp_path):
 
 
 @pytest.mark.more
-def test_mp4_shows_the_evacuations_side_by_side_for_the_time_asked(tmp_path):
+def test_mp4_shows_the_evacuations_side_by_side_until_the_last_is_over(tmp_path):
     films = [recording(end=2.0), recording(end=3.0)]
-    path = write_film(tmp_path / "two.mp4", films, fps=10.0, width=431, max_seconds=2.5, hold=0.5)
+    path = write_film(tmp_path / "two.mp4", films, fps=10.0, width=431)
     reader = imageio_ffmpeg.read_frames(str(path))
     about = next(reader)
     assert about["fps"] == 10.0
     assert about["size"][0] == 428
-    assert len(list(reader)) == 25 + 1 + 5
+    assert len(list(reader)) == 30 + 1 + 15
 
 
 @pytest.mark.more
