@@ -49,14 +49,14 @@ def _curve(source: Source, run: str) -> Floats:
 
 
 def _draw(curves: list[Floats], reference: dict[str, float]) -> None:
-    from crowd_env.rendering import learning_curve
+    from crowd_env.rendering import learning_curve, save_figure
 
     at = np.linspace(0.0, min(curve[-1, 0] for curve in curves), 400)
-    learning_curve(
-        PICTURE,
+    figure = learning_curve(
         at,
         {f"{len(curves)} seeds": np.array([np.interp(at, *curve.T) for curve in curves])},
         reference=reference,
         title="Learning from nothing: mean and range",
         xlabel="CPU seconds: search, then clone and PPO",
     )
+    save_figure(figure, PICTURE)

@@ -145,7 +145,7 @@ class EvaluationFolder(Store):
 
     def draw(self, results: Sequence[Evaluation], scenario: Scenario) -> list[Path]:
         """Draw the egress curves of each scheme and the maps of each policy under it; return the paths."""
-        from crowd_env.rendering import egress_curves
+        from crowd_env.rendering import egress_curves, save_figure
 
         made = []
         for scheme in dict.fromkeys(result.scheme for result in results):
@@ -154,12 +154,14 @@ class EvaluationFolder(Store):
             for k in range(1, max(len(those), 2), _CURVES - 1):  # the first policy in every figure
                 curves = _curves([those[0], *those[k : k + _CURVES - 1]])
                 number = "" if k == 1 else f"-{1 + k // (_CURVES - 1)}"
-                made.append(egress_curves(self.folder / f"egress-{_plain(scheme)}{number}.png", curves, title=title))
+                path = self.folder / f"egress-{_plain(scheme)}{number}.png"
+                made.append(save_figure(egress_curves(curves, title=title), path))
             made += [self._draw_maps(result, those, scenario) for result in those]
         return made
 
     def _draw_maps(self, result: Evaluation, beside: Sequence[Evaluation], scenario: Scenario) -> Path:
         """Draw the maps of a policy with the colors of all that are to be compared with it."""
+        from crowd_env.rendering import save_figure
         from crowd_env.rendering.heat import HeatMap, heat_maps
 
         maps = []
@@ -178,7 +180,7 @@ class EvaluationFolder(Store):
         note = f"Density: people within 1 m of a place over π m².  {_PRESSURE[pressure_is_force(result.scheme)]}"
         name = f"heat-{_plain(result.policy)}-{_plain(result.scheme)}.png"
         title = f"{result.policy}, {scenario.name}, {result.scheme}, {result.runs} runs"
-        return heat_maps(self.folder / name, scenario.geometry, maps, title=title, note=note)
+        return save_figure(heat_maps(scenario.geometry, maps, title=title, note=note), self.folder / name)
 
 
 def content_of(result: Evaluation) -> Plain:

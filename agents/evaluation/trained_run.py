@@ -169,16 +169,16 @@ def starts_of(config: TrainingConfig, results: Sequence[Evaluation]) -> dict[str
 
 def draw(folder: Path, config: TrainingConfig, results: list[Evaluation]) -> None:
     """Write learning curve, egress curves and the film of the rule beside the learned policy."""
-    from crowd_env.rendering import egress_curves
+    from crowd_env.rendering import egress_curves, save_figure
 
     _draw_curve(folder, config, results)
     shown = {one.policy: one.exit_times for one in results if one.policy in (results[0].policy, LEARNED, "density-cap")}
-    egress_curves(folder / "egress_curves.png", shown, title=title_of(config))
+    save_figure(egress_curves(shown, title=title_of(config)), folder / "egress_curves.png")
     _write_film(folder, config, results)
 
 
 def _draw_curve(folder: Path, config: TrainingConfig, results: list[Evaluation]) -> None:
-    from crowd_env.rendering import learning_curve
+    from crowd_env.rendering import learning_curve, save_figure
 
     curve, kept = _curve(folder)
     told = (
@@ -186,8 +186,7 @@ def _draw_curve(folder: Path, config: TrainingConfig, results: list[Evaluation])
         if kept is curve[0]
         else f"kept, {'last' if task_of(config).selfish else 'best'} of {len(curve)}"
     )
-    learning_curve(
-        folder / "learning_curve.png",
+    figure = learning_curve(
         [row["steps"] for row in curve],
         {LEARNED: [row["evacuation_time"] for row in curve]},
         errors={LEARNED: [row["standard_error"] for row in curve]},
@@ -195,6 +194,7 @@ def _draw_curve(folder: Path, config: TrainingConfig, results: list[Evaluation])
         title=f"{config.eval_runs} validation draws at each point, ± standard error",
         xlabel="training steps of all slots",
     )
+    save_figure(figure, folder / "learning_curve.png")
 
 
 def _references(config: TrainingConfig, results: list[Evaluation]) -> dict[str, float]:

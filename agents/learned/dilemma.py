@@ -10,7 +10,7 @@ from crowd_env.core.console import say
 from crowd_env.core.files.json_file import json_number, write_json
 from crowd_env.envs.protocol import WalkingBatch
 from crowd_env.envs.settings import arguments_of
-from crowd_env.rendering import learning_curve
+from crowd_env.rendering import learning_curve, save_figure
 
 from .. import make_policy
 from ..evaluation.dilemma import SHARES, deterrent, follow, gain, payoffs, price_of_anarchy
@@ -117,8 +117,7 @@ def draw(path: Path, shares: list[Plain], reference: dict[str, float]) -> None:
     kinds = {"following": "mean_exit_others", "all": "mean_exit", "pushing": "mean_exit_deviators"}
     series = {name: [row[kind]["mean"] for row in shares] for name, kind in kinds.items()}
     errors = {name: [row[kind]["mean"] - row[kind]["ci95"][0] for row in shares] for name, kind in kinds.items()}
-    learning_curve(
-        path,
+    figure = learning_curve(
         [100.0 * row["pushers"] for row in shares],
         series,
         reference=reference,
@@ -127,3 +126,4 @@ def draw(path: Path, shares: list[Plain], reference: dict[str, float]) -> None:
         xlabel="share of the pedestrians that push [%]",
         ylabel="mean exit time [s]",
     )
+    save_figure(figure, path)

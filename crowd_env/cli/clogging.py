@@ -77,14 +77,14 @@ def _blocked_after(source: Path) -> float:
 
 
 def _write(out: Path, found: dict[str, Clogging], sets: Mapping[str, Sequence[RunExits]], per_exit: bool) -> list[Path]:
-    from crowd_env.rendering.survival import survival_curves
+    from crowd_env.rendering import save_figure, survival_curves
 
     try:
         paths = [write_gaps(out / "gaps.csv", sets, per_exit=per_exit)]
         if any(each.gaps.closed.any() for each in found.values()):
             title = next(iter(found)) if len(found) == 1 else "Gaps between exits"
             labels = {"all runs" if len(found) == 1 else name: each for name, each in found.items()}
-            paths.append(survival_curves(out / "survival.png", labels, title=title))
+            paths.append(save_figure(survival_curves(labels, title=title), out / "survival.png"))
         else:
             say("no figure: there is no gap to draw", "yellow")
     except OSError as error:

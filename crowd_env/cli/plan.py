@@ -70,9 +70,10 @@ def plan(
                 told.append(said)
                 progress(1)
             if picture is not None:
+                from crowd_env.rendering import save_figure
                 from crowd_env.rendering.sheet import draw_sheet
 
-                draw_sheet(picture, checks)
+                save_figure(draw_sheet(checks), picture)
             progress(len(place))
     if as_json:
         heads = [{**plain_check(check), "notes": said} for check, said in zip(checks, told, strict=True)]

@@ -176,11 +176,12 @@ def forces(
         recorded = find_recorded([source], 1, "the forces are those of one")
         path = recorded.place(out, "forces.png")
         check_picture("--out", path, (".png",))
-        from crowd_env.rendering import forces_of, write_force_network
+        from crowd_env.rendering import force_network, forces_of, save_figure
 
         (recording,) = recorded.load()
         found = forces_of(recording, at)
         facts = recording.facts
-        write_force_network(path, found, around=around, title=f"{facts.get('scenario', '')} {facts.get('scheme', '')}")
+        title = f"{facts.get('scenario', '')} {facts.get('scheme', '')}"
+        save_figure(force_network(found, around=around, title=title), path)
         mean = recording.frame_interval
         say(f"forces: {path}, mean of {mean:g} s until {found.time:.1f} s")

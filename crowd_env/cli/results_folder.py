@@ -137,10 +137,10 @@ def write_results(
     """
     paths = folder.finish(place, episodes, figures)
     try:
-        from crowd_env.rendering.figures import egress_curves
+        from crowd_env.rendering import egress_curves, save_figure
 
         times = {"last out": [one.exit_time for one in episodes]}
-        paths.append(egress_curves(folder.folder / CURVES, times, title=title))
+        paths.append(save_figure(egress_curves(times, title=title), folder.folder / CURVES))
     except ModuleNotFoundError:
         pass  # said before the work
     say(f"files: {', '.join(str(path) for path in paths)}")

@@ -78,32 +78,34 @@ def literal(name: str) -> str:
     return name.replace("$", r"\$")
 
 
-def save_figure(figure: Figure, path: str | Path, *, formulas: bool = True) -> Path:
-    """Write ``figure`` to ``path``, which ends in .png, and return it.
+def save_figure(figure: Figure, path: str | Path) -> Path:
+    """Write ``figure`` to ``path`` and return the path.
 
-    Without ``formulas`` all texts are shown as they are written: a dollar in the name of a file begins no formula.
+    Raises
+    ------
+    ValueError
+        If ``path`` does not end in .png.
     """
     path = check_suffix(path, (".png",))
-    if not formulas:
-        _without_formulas(figure)
     with written(path) as part:
         figure.savefig(part, format="png", dpi="figure")
     return path
 
 
 def encoded(figure: Figure) -> str:
-    """Return ``figure`` as a PNG in base64, for a page; all texts are shown as they are written."""
-    _without_formulas(figure)
+    """Return ``figure`` as a PNG in base64, for a page."""
     picture = BytesIO()
     figure.savefig(picture, format="png", dpi="figure")
     return base64.b64encode(picture.getvalue()).decode("ascii")
 
 
-def _without_formulas(figure: Figure) -> None:
+def without_formulas(figure: Figure) -> Figure:
+    """Return ``figure`` with all texts shown as they are written: a dollar in the name of a file begins no formula."""
     from matplotlib.text import Text
 
     for text in figure.findobj(Text):
         text.set_parse_math(False)
+    return figure
 
 
 def fill_rings(axes: Axes, rings: Iterable[Floats], color: Color, layer: float, alpha: float = 1.0) -> PathPatch:

@@ -1,14 +1,13 @@
 """Figures of results: egress curves, of simulations and of experiments, shares of exits, and learning curves."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.rendering.canvas import hex_of, name_panel, new_figure, quiet_axes, save_figure, series
+from crowd_env.rendering.canvas import hex_of, name_panel, new_figure, quiet_axes, series, without_formulas
 from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import INK, QUIET, SERIES, Color
 
@@ -25,39 +24,26 @@ class Share(NamedTuple):
 
 
 def egress_curves(
-    path: str | Path,
-    curves: Mapping[str, Iterable[ArrayLike]],
-    *,
-    title: str = "",
-    until: Mapping[str, float] | None = None,
-    out: bool = False,
-) -> Path:
-    """Draw how many people are inside against time, or ``out``, and return the path.
-
-    A line is the mean over the evacuations of a label, the band about it holds nine of ten of them.
-
-    Parameters
-    ----------
-    path : ends in .png.
-    curves : label -> exit times (N,) [s] of each evacuation, simulated or recorded; nan for a pedestrian left inside.
-    until : label -> s, beyond which it is not known how many are inside.
-
-    Raises
-    ------
-    ValueError
-        If the suffix is unknown or a label has no evacuation.
-    """
-    return save_figure(egress_figure(curves, title=title, until=until, out=out), path, formulas=False)
-
-
-def egress_figure(
     curves: Mapping[str, Iterable[ArrayLike]],
     *,
     title: str = "",
     until: Mapping[str, float] | None = None,
     out: bool = False,
 ) -> Figure:
-    """Return the figure of `egress_curves`."""
+    """Draw how many people are inside against time, or ``out``, and return the figure.
+
+    A line is the mean over the evacuations of a label, the band about it holds nine of ten of them.
+
+    Parameters
+    ----------
+    curves : label -> exit times (N,) [s] of each evacuation, simulated or recorded; nan for a pedestrian left inside.
+    until : label -> s, beyond which it is not known how many are inside.
+
+    Raises
+    ------
+    ValueError
+        If there is no label, or a label has no evacuation.
+    """
     runs = {label: _exit_times(label, times) for label, times in curves.items()}
     if not runs:
         raise ValueError("egress curves need at least one label with evacuations")
@@ -77,7 +63,7 @@ def egress_figure(
     axes.set_ylim(0.0, 1.04 * max(len(times) for every in runs.values() for times in every))
     axes.locator_params(axis="y", integer=True)
     _legend(figure)
-    return figure
+    return without_formulas(figure)
 
 
 def share_figure(shares: Mapping[str, Mapping[str, Share]], exits: Sequence[str]) -> Figure:
@@ -102,11 +88,10 @@ def share_figure(shares: Mapping[str, Mapping[str, Share]], exits: Sequence[str]
     axes.set_ylim(len(exits) - 0.5, -0.5)
     axes.set_xlim(0.0, 100.0)
     _legend(figure)
-    return figure
+    return without_formulas(figure)
 
 
 def learning_curve(
-    path: str | Path,
     steps: ArrayLike,
     series: Mapping[str, ArrayLike],
     *,
@@ -115,12 +100,11 @@ def learning_curve(
     title: str = "",
     xlabel: str = "decisions of one pedestrian",
     ylabel: str = "evacuation time [s]",
-) -> Path:
-    """Draw how something changes while a policy learns and return the path.
+) -> Figure:
+    """Draw how something changes while a policy learns and return the figure.
 
     Parameters
     ----------
-    path : ends in .png.
     steps : (T,), where ``series`` were measured.
     series : label -> (T,) values, or (R, T) of R training runs: then their mean is bold within their range.
     errors : label of a series -> (T,) by how much its values are uncertain: a band of so much on both sides.
@@ -129,7 +113,7 @@ def learning_curve(
     Raises
     ------
     ValueError
-        If the suffix is unknown, there is no series, one or its errors have not T values, or errors are of no series.
+        If there is no series, one or its errors have not T values, or errors are of no series.
     """
     at = np.asarray(steps, dtype=np.float64)
     if not series:
@@ -158,7 +142,7 @@ def learning_curve(
     axes.margins(x=0.0)
     axes.ticklabel_format(axis="x", style="sci", scilimits=(-3, 5), useMathText=True)
     _name_at_right(axes, [entry for entry in labels if np.isfinite(entry[0])])
-    return save_figure(figure, path)
+    return figure
 
 
 def _exit_times(label: str, curves: Iterable[ArrayLike]) -> list[Floats]:

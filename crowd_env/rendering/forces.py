@@ -1,6 +1,5 @@
 """The contact forces in a crowd as lines from body to body, as wide as the force is large: chains and arches come to light."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from crowd_env.core.checks import POSITIVE, number
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import ContactForces, mean_contact_forces
 from crowd_env.recording import Recording
-from crowd_env.rendering.canvas import hex_of, mark, new_figure, save_figure
+from crowd_env.rendering.canvas import hex_of, mark, new_figure, without_formulas
 from crowd_env.rendering.discs import bodies_of, put_bodies
 from crowd_env.rendering.libraries import Figure, Image, drawing_library
 from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, INK, QUIET, RAMP, Color
@@ -31,20 +30,13 @@ _RIM_WIDTH = 1.6  # px
 _WIDEST = 0.45  # of the width of the bodies: the line of the largest force
 
 
-def write_force_network(
-    path: str | Path,
-    forces: ContactForces,
-    *,
-    around: float | None = None,
-    title: str = "",
-) -> Path:
-    """Draw the normal contact forces as lines between the centers of touching people, and to walls; return the path.
+def force_network(forces: ContactForces, *, around: float | None = None, title: str = "") -> Figure:
+    """Draw the normal contact forces as lines between the centers of touching people, and to walls; return the figure.
 
-    The width of a line is proportional to the force.  `mean_contact_forces` shows the mean over several steps.
+    The width of a line is proportional to the force.  The one line collection is named "forces".
 
     Parameters
     ----------
-    path : ends in .png.
     forces : of a recording, by `forces_of`.
     around : m, how far around the exit at which people press most is shown; inf for all of it.  Default 3.5 m, or the
         whole geometry if its longer side is at most 9 m.
@@ -53,19 +45,8 @@ def write_force_network(
     Raises
     ------
     ValueError
-        If the suffix is unknown, or ``around`` is not positive.
+        If ``around`` is not positive.
     """
-    figure = force_network_figure(forces, around=around, title=title)
-    return save_figure(figure, path, formulas=False)
-
-
-def force_network_figure(
-    forces: ContactForces,
-    *,
-    around: float | None = None,
-    title: str = "",
-) -> Figure:
-    """Return the figure of `write_force_network`; its one line collection is named "forces"."""
     if around is not None and not around > 0:
         raise ValueError(f"around is {around!r}; it must be > 0")
     with drawing_library():
@@ -112,7 +93,7 @@ def force_network_figure(
         handles=marks, ncols=len(marks), loc="center left", bbox_to_anchor=(-0.05, 0.5 * _FOOTER / size[1]),
         fontsize=10, labelcolor=hex_of(QUIET), frameon=False, handlelength=3.2, columnspacing=1.6,
     )  # fmt: skip
-    return figure
+    return without_formulas(figure)
 
 
 def _window(forces: ContactForces, around: float | None) -> tuple[float, float, float, float]:

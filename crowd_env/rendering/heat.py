@@ -1,14 +1,13 @@
 """Heat maps over a floor plan: where people stood close, and where they pressed each other."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering.canvas import draw_geometry, hex_of, name_panel, new_figure, save_figure
+from crowd_env.rendering.canvas import draw_geometry, hex_of, name_panel, new_figure, without_formulas
 from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import FAINT, INK, QUIET, Color, blend
 
@@ -34,27 +33,14 @@ class HeatMap(NamedTuple):
     full: float | None = None  # value of the last color; by default the largest
 
 
-def heat_maps(
-    path: str | Path, geometry: Geometry, maps: Sequence[HeatMap], *, title: str = "", note: str = ""
-) -> Path:
-    """Draw maps over the plan, two side by side, and return the path.
+def heat_maps(geometry: Geometry, maps: Sequence[HeatMap], *, title: str = "", note: str = "") -> Figure:
+    """Draw maps over the plan, two side by side, and return the figure.
 
     Parameters
     ----------
-    path : ends in .png.
     maps : each with a color bar of its own; give the same ``full`` to maps that are to be compared.
     note : a line below.
-
-    Raises
-    ------
-    ValueError
-        If the suffix is unknown.
     """
-    return save_figure(heat_figure(geometry, maps, title=title, note=note), path, formulas=False)
-
-
-def heat_figure(geometry: Geometry, maps: Sequence[HeatMap], *, title: str = "", note: str = "") -> Figure:
-    """Return the figure of `heat_maps`."""
     rows = -(-len(maps) // _COLUMNS)
     x0, y0, x1, y1 = geometry.bounds
     across = _WIDTH / _COLUMNS
@@ -70,7 +56,7 @@ def heat_figure(geometry: Geometry, maps: Sequence[HeatMap], *, title: str = "",
         figure.suptitle(title, x=0.02, ha="left", color=hex_of(INK), fontsize=12.5, fontweight="bold")
     if note:
         figure.supxlabel(note, x=0.02, ha="left", color=hex_of(QUIET), fontsize=9)
-    return figure
+    return without_formulas(figure)
 
 
 def _draw(axes: Axes, geometry: Geometry, one: HeatMap) -> None:

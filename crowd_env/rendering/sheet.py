@@ -3,11 +3,10 @@
 import textwrap
 from collections.abc import Sequence
 from itertools import zip_longest
-from pathlib import Path
 from typing import Any
 
 from crowd_env.analysis.plan_check import PlanCheck, body_width
-from crowd_env.rendering.canvas import hex_of, new_figure, save_figure
+from crowd_env.rendering.canvas import hex_of, new_figure, without_formulas
 from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import BACKGROUND, FAINT, INK, QUIET
 from crowd_env.rendering.place import NARROW, draw_passages, draw_place
@@ -24,19 +23,9 @@ _ROWS = 60  # of the legend, at most
 _DPI, _SHEET_DPI = 130, 92
 
 
-def draw_sheet(path: str | Path, checks: Sequence[PlanCheck]) -> Path:
-    """Draw plans and return the path: one with axes and all findings, or several on a sheet.
-
-    Parameters
-    ----------
-    path : ends in .png.
-
-    Raises
-    ------
-    ValueError
-        If the suffix is unknown.
-    """
-    return save_figure(plan_figure(checks[0]) if len(checks) == 1 else _several(checks), path, formulas=False)
+def draw_sheet(checks: Sequence[PlanCheck]) -> Figure:
+    """Draw plans and return the figure: one with axes and all findings, or several on a sheet."""
+    return plan_figure(checks[0]) if len(checks) == 1 else _several(checks)
 
 
 def plan_figure(check: PlanCheck) -> Figure:
@@ -64,7 +53,7 @@ def plan_figure(check: PlanCheck) -> Figure:
     entries = [*layers.exits, *layers.regions, *layers.people, *narrow, *layers.others]
     kept = entries if len(entries) <= _ROWS else [*entries[: _ROWS - 1], *layers.others[-1:]]
     axes.legend(handles=kept, loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize=8.5, **_legend())
-    return figure
+    return without_formulas(figure)
 
 
 def _several(checks: Sequence[PlanCheck]) -> Figure:
@@ -88,7 +77,7 @@ def _several(checks: Sequence[PlanCheck]) -> Figure:
             axes.legend(
                 handles=entries, loc="upper left", bbox_to_anchor=(0.0, -0.04), ncol=2, fontsize=7.5, **_legend()
             )
-    return figure
+    return without_formulas(figure)
 
 
 def _size(check: PlanCheck, most: tuple[float, float]) -> tuple[float, float]:

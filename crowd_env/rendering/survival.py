@@ -1,39 +1,32 @@
 """The survival function of gaps between exits, on two logarithmic axes: where a crowd clogs, its tail is a straight line."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from crowd_env.analysis.clogging import Clogging, survival
-from crowd_env.rendering.canvas import hex_of, literal, name_panel, new_figure, quiet_axes, save_figure
+from crowd_env.rendering.canvas import hex_of, literal, name_panel, new_figure, quiet_axes
 from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import INK, QUIET, SERIES
 
 _SHORTEST = 0.02  # s, the axis does not begin earlier: gaps of people side by side say nothing of clogs
 
 
-def survival_curves(path: str | Path, sets: Mapping[str, Clogging], *, title: str = "") -> Path:
-    """Draw P(gap > t) with the fitted power law and the exponential that fits the same tail best; return the path.
+def survival_curves(sets: Mapping[str, Clogging], *, title: str = "") -> Figure:
+    """Draw P(gap > t) with the fitted power law and the exponential that fits the same tail best; return the figure.
 
     An arrow leads from where the curve stops to the longest gap that had not ended when watching did.
 
     Parameters
     ----------
-    path : ends in .png.
     sets : label -> clogging statistics, one color each.
 
     Raises
     ------
     ValueError
-        If the suffix is unknown, or no set has a gap.
+        If no set has a gap.
     """
-    return save_figure(survival_figure(sets, title=title), path)
-
-
-def survival_figure(sets: Mapping[str, Clogging], *, title: str = "") -> Figure:
-    """Return the figure of `survival_curves`."""
     drawn = {label: found for label, found in sets.items() if found.gaps.closed.any()}
     if not drawn:
         raise ValueError("no gap to draw; a survival function needs two people who got out one after the other")

@@ -266,10 +266,10 @@ def test_without_the_library_there_is_no_exponent_and_all_else(monkeypatch, tmp_
 @needs_powerlaw
 def test_the_picture_shows_curve_law_and_exponential():
     pytest.importorskip("matplotlib")
-    from crowd_env.rendering.survival import survival_figure
+    from crowd_env.rendering.survival import survival_curves
 
     found = clogging([run_of(pareto(2.2, 300, 1), until=1e5)])
-    (axes,) = survival_figure({"sheep": found}).axes
+    (axes,) = survival_curves({"sheep": found}).axes
     assert axes.get_xscale() == axes.get_yscale() == "log"
     lines = {line.get_label(): np.array(line.get_data()) for line in axes.get_lines()}
     (law,) = (line for label, line in lines.items() if label.startswith("power law"))
@@ -281,4 +281,4 @@ def test_the_picture_shows_curve_law_and_exponential():
     assert law[1, 0] == pytest.approx(above)
     assert "sheep: 300 gaps, 1 open" in lines and "exponential, same tail" in lines
     with pytest.raises(ValueError, match="no gap to draw"):
-        survival_figure({"nothing": clogging([exits_of_run([1.0])])})
+        survival_curves({"nothing": clogging([exits_of_run([1.0])])})

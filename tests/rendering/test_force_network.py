@@ -14,8 +14,7 @@ from crowd_env.physics import DEM, NSM1, NSM2, Hertz
 from crowd_env.physics.pressure import ContactForces, contact_forces, mean_contact_forces
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.recording import record
-from crowd_env.rendering import forces_of, write_force_network
-from crowd_env.rendering.forces import force_network_figure
+from crowd_env.rendering import force_network, forces_of, save_figure
 from crowd_env.rendering.palette import WALL
 from crowd_env.scenarios import make_scenario
 
@@ -118,15 +117,15 @@ def test_the_mean_takes_a_missing_contact_for_no_force_and_forgets_who_left():
 
 def test_widths_are_proportional_to_forces_and_pulls_are_not_drawn():
     force = np.array([100.0, 300.0, 20.0])
-    lines = drawn_lines(force_network_figure(forces_in(force=force)))
+    lines = drawn_lines(force_network(forces_in(force=force)))
     order = np.argsort(force)
     assert lines.get_linewidths() / lines.get_linewidths()[-1] == pytest.approx(force[order] / 300.0)
-    assert len(drawn_lines(force_network_figure(forces_in())).get_linewidths()) == 2
+    assert len(drawn_lines(force_network(forces_in())).get_linewidths()) == 2
 
 
 def test_lines_join_centers_and_the_point_of_the_wall():
     forces = forces_in(force=(100.0, 300.0, 200.0))
-    figure = force_network_figure(forces)
+    figure = force_network(forces)
     first, wall, second = (np.array(segment) for segment in drawn_lines(figure).get_segments())
     meter = np.linalg.norm(first[1] - first[0]) / 0.5
     assert (first[1] == second[0]).all() and (first[0] == wall[0]).all()
@@ -139,9 +138,9 @@ def test_lines_join_centers_and_the_point_of_the_wall():
 def test_the_picture_shows_walls_and_the_widths_of_its_legend_are_those_of_the_lines(tmp_path):
     from PIL import Image
 
-    path = write_force_network(tmp_path / "a.png", forces_in(force=(100.0, 500.0, 10.0)), title="three")
+    path = save_figure(force_network(forces_in(force=(100.0, 500.0, 10.0)), title="three"), tmp_path / "a.png")
     assert (np.asarray(Image.open(path).convert("RGB")) == WALL).all(axis=-1).mean() > 0.01
-    figure = force_network_figure(forces_in(force=(100.0, 500.0, 10.0)))
+    figure = force_network(forces_in(force=(100.0, 500.0, 10.0)))
     (legend,) = figure.legends
     told = {float(text.get_text().removesuffix(" N")) for text in legend.get_texts()[1:]}
     assert told == {100.0, 200.0, 500.0}
@@ -152,14 +151,14 @@ def test_the_picture_shows_walls_and_the_widths_of_its_legend_are_those_of_the_l
 @pytest.mark.more
 def test_a_big_place_is_cut_to_the_exit_at_which_people_press():
     people = np.array([(38.0, 9.0), (38.5, 9.0), (39.0, 9.0)])
-    segments = np.array(drawn_lines(force_network_figure(forces_in(LONG, people))).get_segments())
-    whole = np.array(drawn_lines(force_network_figure(forces_in(LONG, people), around=np.inf)).get_segments())
+    segments = np.array(drawn_lines(force_network(forces_in(LONG, people))).get_segments())
+    whole = np.array(drawn_lines(force_network(forces_in(LONG, people), around=np.inf)).get_segments())
 
     def meter(lines):
         return np.linalg.norm(lines[0, 1] - lines[0, 0]) / 0.5
 
     assert meter(segments) > 5.0 * meter(whole)
-    figure = force_network_figure(forces_in(LONG, people - (37.0, 7.0)))
+    figure = force_network(forces_in(LONG, people - (37.0, 7.0)))
     x, y = np.array(drawn_lines(figure).get_segments()).reshape(-1, 2).T
     width, height = figure.get_size_inches() * figure.dpi
     assert (x > 0).all() and (x < width).all() and (y > 0).all() and (y < height).all()
@@ -169,7 +168,7 @@ def test_a_big_place_is_cut_to_the_exit_at_which_people_press():
 @looped("geometry", [HALL, ROOM, LONG])
 def test_nobody_who_presses_is_a_picture_too(geometry, tmp_path):
     nothing = forces_in(geometry, force=(0.0, 0.0, 0.0), active=[False] * 3)
-    path = write_force_network(tmp_path / "a.png", nothing)
+    path = save_figure(force_network(nothing), tmp_path / "a.png")
     assert path.stat().st_size > 1000 and [file.name for file in tmp_path.iterdir()] == ["a.png"]
 
 
@@ -177,9 +176,9 @@ def test_nobody_who_presses_is_a_picture_too(geometry, tmp_path):
 @looped("around", [0.0, np.nan])
 def test_nonsense_is_refused(around, tmp_path):
     with pytest.raises(ValueError, match="must be > 0"):
-        write_force_network(tmp_path / "a.png", forces_in(), around=around)
+        force_network(forces_in(), around=around)
     with pytest.raises(ValueError, match=r"must end in \.png"):
-        write_force_network(tmp_path / "a.svg", forces_in())
+        save_figure(force_network(forces_in()), tmp_path / "a.svg")
 
 
 # -------------------------------------------------------------------------------------------------------- which moment

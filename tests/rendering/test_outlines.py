@@ -15,7 +15,7 @@ from crowd_env.physics.hertz import Hertz
 from crowd_env.physics.pressure import contact_forces
 from crowd_env.recording import record
 from crowd_env.rendering.discs import bodies_of
-from crowd_env.rendering.forces import force_network_figure
+from crowd_env.rendering.forces import force_network
 from crowd_env.rendering.frames import Renderer, draw_env
 from crowd_env.scenarios import make_scenario
 
@@ -104,6 +104,6 @@ def test_forces_between_bodies_are_the_sum_over_their_discs():
     for i, force in zip(forces.i, forces.force, strict=True):
         assert force == pytest.approx(listed.impulse[listed.i == i, 0].sum() / 1e-6)
     assert forces.at[1, 0] == pytest.approx(0.0, abs=1e-9)
-    figure = force_network_figure(forces)
+    figure = force_network(forces)
     (lines,) = figure.axes[0].collections
     assert len(lines.get_segments()) == 2

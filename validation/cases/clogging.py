@@ -11,7 +11,7 @@ import numpy as np
 
 from crowd_env.analysis.clogging import Clogging, RunExits, clogging, exits_of_run
 from crowd_env.core.behaviors.headway import Headway
-from crowd_env.rendering.survival import survival_curves
+from crowd_env.rendering import save_figure, survival_curves
 from validation.cases.case import COMPARED, Row, Setting, number, row, share
 from validation.cases.crowds import Passages, draw_crowds
 from validation.cases.doors import door
@@ -66,7 +66,7 @@ def draw(folder: Path, rows: Sequence[Row]) -> None:
         sets = {scheme: each for scheme, each in found.items() if each.gaps.closed.any()}
         if sets:
             title = f"gaps at a door of {_DOOR:g} m, {manner}"
-            survival_curves(folder / f"clogging-{manner}.png", sets, title=title)
+            save_figure(survival_curves(sets, title=title), folder / f"clogging-{manner}.png")
 
 
 def _again(one: Row) -> Clogging:

@@ -14,8 +14,8 @@ from crowd_env.analysis.results.measurements import INJURY, REACH
 from crowd_env.core.checks import counted
 from crowd_env.envs.rollout import Episode
 from crowd_env.rendering.canvas import encoded
-from crowd_env.rendering.figures import Share, egress_figure, share_figure
-from crowd_env.rendering.heat import heat_figure
+from crowd_env.rendering.figures import Share, egress_curves, share_figure
+from crowd_env.rendering.heat import heat_maps
 from crowd_env.rendering.palette import SERIES
 from crowd_env.rendering.report.answer import answer, share_words, time_words
 from crowd_env.rendering.report.maps import Measured, Worst, Zone, heat_of
@@ -42,7 +42,7 @@ def figures(runs: Sequence[Runs], measured: Sequence[Measured]) -> dict[str, Any
     }
     of_name = {one.name: one for one in runs}
     for one in measured:
-        picture = heat_figure(of_name[one.name].scenario.geometry, heat_of(one, measured), title=one.name)
+        picture = heat_maps(of_name[one.name].scenario.geometry, heat_of(one, measured), title=one.name)
         places = zip_longest(one.densest, one.hardest, one.loaded)
         rows = [
             (k + 1, _spot(dense, "people/m²"), _spot(hard, "kN/m", 1e-3), _spot(load, "kN/m", 1e-3))
@@ -102,7 +102,7 @@ def _spot(place: Worst | None, unit: str, scale: float = 1.0) -> str:
 
 def _curves(runs: Sequence[Runs]) -> str:
     curves = {one.name: [episode.exit_time for episode in one.episodes] for one in runs}
-    return encoded(egress_figure(curves, until={one.name: _known(one) for one in runs}))
+    return encoded(egress_curves(curves, until={one.name: _known(one) for one in runs}))
 
 
 def _known(runs: Runs) -> float:
@@ -131,7 +131,7 @@ def _over_time(one: Runs) -> str:
     taken = [(exit_names(one.scenario, episode.exit_index), episode.exit_time) for episode in one.episodes]
     busiest = sorted(one.figures["exits"], key=lambda name: -one.figures["exits"][name]["people"])[: len(SERIES)]
     curves = {name: [times[names == name] for names, times in taken] for name in busiest}
-    return encoded(egress_figure(curves, until=dict.fromkeys(busiest, _known(one)), out=True))
+    return encoded(egress_curves(curves, until=dict.fromkeys(busiest, _known(one)), out=True))
 
 
 def _share(figure: Mapping[str, Any]) -> Share:

@@ -61,14 +61,14 @@ def test_a_curve_ends_where_the_time_limit_ended_a_run(
     folders: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[np.ndarray] = []
-    made = figures.egress_figure
+    made = figures.egress_curves
 
     def keep(curves, **options):
         figure = made(curves, **options)
         drawn.extend(line.get_xdata() for axes in figure.axes for line in axes.lines if len(line.get_xdata()) > 4)
         return figure
 
-    monkeypatch.setattr(figures, "egress_figure", keep)
+    monkeypatch.setattr(figures, "egress_curves", keep)
     code, _, _ = command("report", folders / "whole", folders / "cut", "-o", tmp_path / "report.html", "--no-maps")
     whole, cut, *of_exits = drawn
     assert code == 0 and cut.max() == pytest.approx(4.0) and whole.max() > 5.0
