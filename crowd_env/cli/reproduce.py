@@ -188,10 +188,12 @@ def show(result: Result) -> None:
         table.add_column(head, justify="right")
     table.add_column("n", justify="right")
     table.add_column("estimator and reading used", ratio=1)
-    for row in result.rows:
-        quantity = row.quantity if row.unit in ("1", "share", result.unit) else f"{row.quantity} [{row.unit}]"
-        cells = (quantity, row.paper or "-", row.shown(), row.difference(), str(row.n), row.explained())
-        table.add_row(*map(escape, cells), end_section=row.closes)
+    for rows in result.sections:
+        for row in rows:
+            quantity = row.quantity if row.unit in ("1", "share", result.unit) else f"{row.quantity} [{row.unit}]"
+            cells = (quantity, row.paper or "-", row.shown(), row.difference(), str(row.n), row.explained())
+            table.add_row(*map(escape, cells))
+        table.add_section()
     console.print(table)
     if result.options:
         changed = ", ".join(f"{key} {value}" for key, value in result.options.items())

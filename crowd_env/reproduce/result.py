@@ -1,7 +1,7 @@
 """One number beside the paper's, and all that one table or figure amounts to."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, astuple, dataclass, field, replace
+from dataclasses import asdict, astuple, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +26,6 @@ class Row:
     expected: float | None = None  # closed form of the same quantity
     sd: float | None = None  # over runs
     ci95: tuple[float, float] | None = None  # of the mean, over runs; of runs that are counted, of their share (Wilson)
-    closes: bool = False  # the last of a section of the table
 
     @property
     def decimals(self) -> int:
@@ -81,7 +80,7 @@ class Row:
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
-        told = {_COLUMNS.get(name, name): value for name, value in asdict(self).items() if name != "closes"}
+        told = {_COLUMNS.get(name, name): value for name, value in asdict(self).items()}
         paper, ci95 = (self.paper and float(self.paper)), (self.ci95 and list(self.ci95))
         return {**told, "paper": paper, "ci95": ci95}
 
@@ -90,11 +89,6 @@ def mean_row(quantity: str, values: Floats, unit: str, reading: str, paper: str 
     """Return the mean of ``values`` (R,) over runs, with their standard deviation if there are several."""
     sd = float(values.std(ddof=1)) if len(values) > 1 else None
     return Row(quantity, paper, float(values.mean()), unit, len(values), reading, sd=sd)
-
-
-def section(rows: Sequence[Row]) -> list[Row]:
-    """Return ``rows`` as one section of a table: a line follows the last row."""
-    return [*rows[:-1], replace(rows[-1], closes=True)]
 
 
 def _percent(value: float, other: float, decimals: int = 2) -> str:
@@ -114,7 +108,7 @@ class RawTable(NamedTuple):
 class Result:
     """A table or figure of the paper, redone."""
 
-    rows: Sequence[Row]
+    sections: Sequence[Sequence[Row]]  # of the table, a line between each two
     raw: Mapping[str, RawTable]  # end of the file name -> numbers
     draw: Callable[[], Any]  # makes the figure, of matplotlib
     remarks: Sequence[str] = ()  # what is and is not reproduced, in words
@@ -125,6 +119,11 @@ class Result:
     name: str = ""
     title: str = ""
     options: Mapping[str, object] = field(default_factory=dict)  # only values that differ from the defaults
+
+    @property
+    def rows(self) -> list[Row]:
+        """The rows of all sections."""
+        return [row for section in self.sections for row in section]
 
     def as_json(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""

@@ -61,7 +61,7 @@ def reproduce(settings: FootbridgeSettings) -> Result:
     )
     radius = simulation.bodies.radius
     return Result(
-        rows,
+        [rows],
         {"trace": table},
         lambda: draw(trace, frames[-1], radius),
         remarks,

@@ -9,7 +9,7 @@ from crowd_env.envs.footbridge.env import FootbridgeEnv
 from crowd_env.rendering.canvas import new_figure, quiet_axes, series
 from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.footbridge.settings import FootbridgeSettings
-from crowd_env.reproduce.result import RawTable, Result, mean_row, section
+from crowd_env.reproduce.result import RawTable, Result, mean_row
 
 PEOPLE = 700
 _MOST, _SWAY = 250, 0.25  # people on the deck, a sixth below the threshold; the term amplitude at 5 mm
@@ -39,7 +39,7 @@ def reproduce(settings: FootbridgeSettings) -> Result:
     env = FootbridgeEnv(settings.people, scheme=settings.scheme, dt=settings.dt, time_limit=settings.duration)
     seeds = settings.seeds
     found = {name: np.array([keep(rule, env, seed) for seed in seeds]) for name, rule in RULES.items()}
-    rows = []
+    sections = []
     for name, moments in found.items():
         minutes, late = moments.shape[1] / 60.0, moments[:, -max(moments.shape[1] // 4, 1) :]
         per_minute = moments[..., :3].sum(axis=1) / minutes
@@ -52,7 +52,7 @@ def reproduce(settings: FootbridgeSettings) -> Result:
             "largest amplitude": (most, "mm", "of each run, mean of runs"),
             "people on the deck": (late[..., 4].mean(axis=1), "people", "last quarter"),
         }
-        rows += section([mean_row(f"{name}: {what}", *of_runs) for what, of_runs in figures.items()])
+        sections.append([mean_row(f"{name}: {what}", *of_runs) for what, of_runs in figures.items()])
     table = RawTable(
         ("rule", "seed", "decision", "across", "discomfort_s", "reward", "amplitude_m", "on_deck"),
         [
@@ -67,7 +67,7 @@ def reproduce(settings: FootbridgeSettings) -> Result:
         f"fewer than {_MOST} are on the deck, amplitude while the deck moves by less than 5 mm; open always.",
         "Who is let on stays for 50 s: amplitude closes too late, and the deck sways again and again.",
     ]
-    return Result(rows, {"decisions": table}, lambda: draw(found), remarks)
+    return Result(sections, {"decisions": table}, lambda: draw(found), remarks)
 
 
 def draw(found: Mapping[str, Floats]) -> Figure:

@@ -114,7 +114,7 @@ def reproduce(settings: FootbridgeSettings) -> Result:
             for k in range(sweep.amplitude.shape[1])
         ],
     )
-    return Result(rows, {"draws": table}, lambda: draw(sweeps), remarks)
+    return Result([rows], {"draws": table}, lambda: draw(sweeps), remarks)
 
 
 def draw(sweeps: Sequence[Sweep]) -> Figure:

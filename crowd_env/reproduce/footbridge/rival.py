@@ -56,7 +56,7 @@ def reproduce(settings: FootbridgeSettings) -> Result:
             for t, n, a, r in zip(trace.time, trace.people, trace.amplitude, trace.order, strict=True)
         ],
     )
-    return Result(rows, {"traces": table}, lambda: draw(traces, critical), remarks)
+    return Result([rows], {"traces": table}, lambda: draw(traces, critical), remarks)
 
 
 def first_large(trace: Trace) -> int | None:

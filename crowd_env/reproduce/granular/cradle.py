@@ -21,7 +21,7 @@ from crowd_env.rendering.canvas import draw_bodies, name_panel, new_figure
 from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.granular.grains import DIAMETER, MASS, RADIUS, passive
 from crowd_env.reproduce.granular.settings import GranularSettings
-from crowd_env.reproduce.result import RawTable, Result, Row, section
+from crowd_env.reproduce.result import RawTable, Result, Row
 
 SPEED, AWAY = 1.0, 0.05  # m/s, m: of the ball that comes, and how far it starts from the row
 GAPS = {"touching": 0.0, "apart": 0.05}  # m
@@ -87,7 +87,7 @@ def reproduce(settings: GranularSettings) -> Result:
     """Return the cradle under every law, with its balls touching and apart."""
     n = settings.balls
     found = {(law.name, how): after(law, n, gap) for law in LAWS for how, gap in GAPS.items()}
-    rows = []
+    sections = []
     for law in LAWS:
         of_law = []
         for how in GAPS:
@@ -98,14 +98,14 @@ def reproduce(settings: GranularSettings) -> Result:
                 Row(f"{what}: first", None, u[0], "1", n, "velocity over v"),
                 Row(f"{what}: energy", None, float(u @ u), "1", n, "share kept", expected=kept),
             ]
-        rows += section(of_law)
+        sections.append(of_law)
     lines = [(*key, k, x, u) for key, (xs, us) in found.items() for k, (x, u) in enumerate(zip(xs, us, strict=True))]
     table = RawTable(("law", "balls_are", "ball", "x_m", "u_m_s"), lines)
     remarks = [
         "The paper has no cradle: closed forms stand in its place. Energy of dem and undamped hertz is kept up to the step.",
         "A row in contact is no row of binary collisions: nsm2 throws the ball back, springs pass a wave on.",
     ]
-    return Result(rows, {"balls": table}, lambda: draw(n, found), remarks, "1")
+    return Result(sections, {"balls": table}, lambda: draw(n, found), remarks, "1")
 
 
 def draw(balls: int, found: Mapping[tuple[str, str], tuple[Floats, Floats]]) -> Figure:

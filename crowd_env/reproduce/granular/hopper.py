@@ -40,7 +40,7 @@ def reproduce(settings: GranularSettings) -> Result:
     remarks = [
         "An arch is grains that bear each other over the outlet. Friction lets it be of any shape; without, it must be convex."
     ]
-    return Result(rows, {"fillings": table}, lambda: draw(shares, arch), remarks)
+    return Result([rows], {"fillings": table}, lambda: draw(shares, arch), remarks)
 
 
 def draw(shares: Mapping[str, list[float]], arch: tuple[Simulation, int, str] | None) -> Figure:

@@ -31,7 +31,7 @@ from crowd_env.reproduce.granular.grains import (
     weight,
 )
 from crowd_env.reproduce.granular.settings import GranularSettings
-from crowd_env.reproduce.result import RawTable, Result, Row, section
+from crowd_env.reproduce.result import RawTable, Result, Row
 
 WIDTHS = (3.0, 4.0, 5.0, 6.0, 8.0)  # D / d
 _SILO = 20.0  # its width over d
@@ -136,7 +136,7 @@ def reproduce(settings: GranularSettings) -> Result:
     first, last = (round(share * settings.grains) for share in (_SKIP, _SKIP + _COUNT))
     middle, unit = (first + last) // 2, np.sqrt(settings.gravity / DIAMETER)
     fillings = len(WIDTHS) * len(seeds)
-    rows, lines, points = [], [], {}
+    sections, lines, points = [], [], {}
     shown: list[Simulation] = []
     for name, (scheme, dt) in models(settings).items():
         jams, ratios, found = 0, [], []
@@ -152,22 +152,31 @@ def reproduce(settings: GranularSettings) -> Result:
         points[name] = wide, flow
         fit, n, late = beverloo(wide, flow), len(found), float(np.nanmean(ratios))
         reading = "least squares of logarithms, k free"
-        of_model = [
-            Row(f"{name}: exponent", None, fit.exponent, "1", n, reading, expected=1.5, ci95=fit.ci95),
-            Row(f"{name}: exponent, k = 1", None, fit.at_one, "1", n, "k = 1: what lets one grain pass", expected=1.5),
-            Row(f"{name}: k", None, fit.offset, "1", n, "with the exponent 3/2"),
-            Row(f"{name}: C", None, fit.factor, "1", n, "with the exponent 3/2, grains in sqrt(g/d)"),
-            Row(f"{name}: late over early", None, late, "1", n, "flow of two halves", expected=1.0),
-            Row(f"{name}: jams", None, jams, "runs", fillings, f"{JAMMED:g} s without a grain"),
-        ]
-        rows += section(of_model)
+        sections.append(
+            [
+                Row(f"{name}: exponent", None, fit.exponent, "1", n, reading, expected=1.5, ci95=fit.ci95),
+                Row(
+                    f"{name}: exponent, k = 1",
+                    None,
+                    fit.at_one,
+                    "1",
+                    n,
+                    "k = 1: what lets one grain pass",
+                    expected=1.5,
+                ),
+                Row(f"{name}: k", None, fit.offset, "1", n, "with the exponent 3/2"),
+                Row(f"{name}: C", None, fit.factor, "1", n, "with the exponent 3/2, grains in sqrt(g/d)"),
+                Row(f"{name}: late over early", None, late, "1", n, "flow of two halves", expected=1.0),
+                Row(f"{name}: jams", None, jams, "runs", fillings, f"{JAMMED:g} s without a grain"),
+            ]
+        )
     table = RawTable(("grains", "outlet_over_d", "seed", "flow_over_sqrt_g_d", "jammed"), lines)
     remarks = [
         f"{settings.draws_are} fillings of {settings.grains} grains, {_SILO:g} d wide; the flow is that of the exits {first} "
         f"to {last}. The paper has no silo: 3/2 is Beverloo's law in two dimensions.",
     ]
     raw = {"flows": table}
-    return Result(rows, raw, lambda: draw(points, shown[0]), remarks, "1")
+    return Result(sections, raw, lambda: draw(points, shown[0]), remarks, "1")
 
 
 def draw(points: Mapping[str, tuple[Floats, Floats]], simulation: Simulation) -> Figure:

@@ -17,7 +17,7 @@ from crowd_env.rendering.canvas import draw_bodies, draw_geometry, name_panel, n
 from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.granular.grains import DIAMETER, MASS, RADIUS, passive, sand, weight
 from crowd_env.reproduce.granular.settings import GranularSettings
-from crowd_env.reproduce.result import RawTable, Result, Row, section
+from crowd_env.reproduce.result import RawTable, Result, Row
 
 _STIFF = 1.2e7  # N/m, a hundred times that of people: under them ten discs sag by a radius
 SHAFTS = {"straight": 1.0, "leaning": 1.5}  # width over diameter
@@ -88,7 +88,7 @@ def rest(scheme: ContactScheme, dt: float, n: int, width: float, gravity: float,
 
 def reproduce(settings: GranularSettings) -> Result:
     """Return the stack under every scheme in both shafts."""
-    n, found, rows = 2 * settings.balls, {}, []
+    n, found, sections = 2 * settings.balls, {}, []
     for name, (scheme, dt) in SCHEMES.items():
         of_scheme = []
         for how, width in SHAFTS.items():
@@ -106,7 +106,7 @@ def reproduce(settings: GranularSettings) -> Result:
                 Row(f"{what}: energy", None, stack.energy, "1", steps, "largest change, share"),
             ]
             of_scheme += [row for row in every if row.here is not None]
-        rows += section(of_scheme)
+        sections.append(of_scheme)
     lines = [
         (*key, k, *stack.position[k], stack.vertical[k], stack.wall[k])
         for key, stack in found.items()
@@ -119,7 +119,7 @@ def reproduce(settings: GranularSettings) -> Result:
         "and it still rocks. nsm1 and nsm2 are rigid; under nsm2 discs fall for one step before they bear each other.",
     ]
     raw = {"discs": RawTable(header, lines)}
-    return Result(rows, raw, lambda: draw(n, settings, found), remarks)
+    return Result(sections, raw, lambda: draw(n, settings, found), remarks)
 
 
 def draw(n: int, settings: GranularSettings, found: Mapping[tuple[str, str], Stack]) -> Figure:

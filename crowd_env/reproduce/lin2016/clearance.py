@@ -41,11 +41,11 @@ class Clearance(NamedTuple):
 
     def reproduce(self, settings: LinSettings, found: Samples) -> Result:
         """Return the figure, made of a sample for each configuration."""
-        points = [(found[key], point) for key, point in self.points.items()]
-        rows = [row for draws, one in points for row in clearance_rows(one.of, draws, one.paper, one.remark)]
+        points = self.points.items()
+        sections = [clearance_rows(one.of, found[key], one.paper, one.remark) for key, one in points]
         if self.printed_mean is not None:
-            rows.append(_mean(found, *self.printed_mean))
-        return result(settings, found, rows, lambda: self.draw(found))
+            sections.append([_mean(found, *self.printed_mean)])
+        return result(settings, found, sections, lambda: self.draw(found))
 
 
 def _mean(found: Samples, low: float, high: float, paper: str) -> Row:

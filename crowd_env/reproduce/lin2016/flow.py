@@ -54,7 +54,7 @@ def inner_flow(exits: Floats) -> Floats:
 
 def windows(settings: LinSettings, found: Samples) -> Result:
     """Return Figure 9, made of a sample for each number of people and speed [m/s]."""
-    rows = [row for people in (100, 300) for state in _TOGETHER for row in _window_rows(found, people, state)]
+    sections = [_window_rows(found, people, state) for people in (100, 300) for state in _TOGETHER]
     flows = {key: _shown(draws) for key, draws in found.items()}
     raw = RawTable(
         ("people", "desired_speed_mps", "seed", "window_start_s", "flow_per_s"),
@@ -65,8 +65,7 @@ def windows(settings: LinSettings, found: Samples) -> Result:
             for k, flow in enumerate(of_run)
         ],
     )
-
-    return result(settings, found, rows, lambda: window_flows(flows, found), {"windows": raw}, "1/s")
+    return result(settings, found, sections, lambda: window_flows(flows, found), {"windows": raw}, "1/s")
 
 
 def _window_rows(found: Samples, people: int, state: str) -> list[Row]:
@@ -81,7 +80,7 @@ def _window_rows(found: Samples, people: int, state: str) -> list[Row]:
     return [
         Row(f"lowest, {label}", low, values[0], "1/s", len(flows), f"5th percentile{least}; {counted}"),
         Row(f"highest, {label}", high, values[1], "1/s", len(flows), f"95th percentile{most}; {counted}"),
-        Row(f"mean, {label}", None, values[2], "1/s", len(flows), f"of the windows; {counted}", closes=True),
+        Row(f"mean, {label}", None, values[2], "1/s", len(flows), f"of the windows; {counted}"),
     ]
 
 
@@ -142,8 +141,8 @@ def mean_cases(settings: LinSettings) -> dict[tuple[int, float], Case]:
 
 def means(settings: LinSettings, found: Samples) -> Result:
     """Return Figure 10, made of a sample for each number of people and speed [m/s]."""
-    rows = [*(row for people in _CROWDS for row in _mean_rows(found, people)), *_state_rows(found)]
-    return result(settings, found, rows, lambda: mean_flows(found), {"runs": raw_runs(found)}, "1/s")
+    sections = [*(_mean_rows(found, people) for people in _CROWDS), _state_rows(found)]
+    return result(settings, found, sections, lambda: mean_flows(found), {"runs": raw_runs(found)}, "1/s")
 
 
 def _mean_rows(found: Samples, people: int) -> list[Row]:
@@ -155,8 +154,7 @@ def _mean_rows(found: Samples, people: int) -> list[Row]:
         value = float(np.median(flows)) if len(flows) else None
         low, high = share_interval(draws.blocked, len(draws.episodes))
         reading = f"{spread}{draws.count_blocked()} (95 %: {100 * low:.0f} to {100 * high:.0f} %)"
-        last = speed == SPEEDS[-1]
-        rows.append(Row(f"flow, {people} at {speed:.1f} m/s", None, value, "1/s", len(flows), reading, closes=last))
+        rows.append(Row(f"flow, {people} at {speed:.1f} m/s", None, value, "1/s", len(flows), reading))
     return rows
 
 

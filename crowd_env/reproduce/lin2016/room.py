@@ -68,7 +68,7 @@ def reproduce(settings: LinSettings, found: Samples) -> Result:
         figure = draw_rooms(moments, shown.case.place.geometry)
         return foot(figure, f"{SPEED:g} m/s, draw {episode.seed}; {readings}")
 
-    return Result(rows, {"positions": raw}, draw, remarks, "people")
+    return Result([rows], {"positions": raw}, draw, remarks, "people")
 
 
 def draw_rooms(moments: Mapping[float, Floats], geometry: Geometry) -> Figure:

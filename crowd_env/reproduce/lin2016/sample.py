@@ -87,7 +87,7 @@ def _blocked_row(of: str, found: Sample) -> Row:
         reading = f"since {_span([end[0] for end in ends])} s, {_span([end[1] for end in ends])} left"
     draws = len(found.episodes)
     interval = share_interval(found.blocked, draws)
-    return Row(f"blocked, {of}", None, found.blocked, "runs", draws, reading, ci95=interval, closes=True)
+    return Row(f"blocked, {of}", None, found.blocked, "runs", draws, reading, ci95=interval)
 
 
 def _span(values: Sequence[float]) -> str:
@@ -98,7 +98,7 @@ def _span(values: Sequence[float]) -> str:
 def result(
     settings: LinSettings,
     samples: Samples,
-    rows: list[Row],
+    sections: Sequence[Sequence[Row]],
     draw: Callable[[], Any],
     raw: Mapping[str, RawTable] | None = None,
     unit: str = "s",
@@ -110,7 +110,7 @@ def result(
     def drawn() -> Any:
         return foot(draw(), settings.readings())
 
-    return Result(rows, raw, drawn, remarks, unit)
+    return Result(sections, raw, drawn, remarks, unit)
 
 
 def foot(figure: Any, text: str) -> Any:

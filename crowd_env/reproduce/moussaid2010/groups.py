@@ -18,7 +18,7 @@ from crowd_env.geometry.geometry import Geometry, box
 from crowd_env.rendering.canvas import new_figure, quiet_axes, series
 from crowd_env.rendering.libraries import Figure
 from crowd_env.reproduce.paper import Settings, option
-from crowd_env.reproduce.result import RawTable, Result, Row, mean_row, section
+from crowd_env.reproduce.result import RawTable, Result, Row, mean_row
 from crowd_env.scenarios.distributions import Uniform
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
@@ -92,19 +92,23 @@ def reproduce(settings: MoussaidSettings) -> Result:
     """Return speed, spacing and shape by size."""
     walks = {size: walk(size, settings) for size in SIZES}
     start, slope = LINES["low density"]
-    rows = [
+    speeds = [
         mean_row(f"speed, {n} together", one.speed, "m/s", "line of Figure 2, low density", f"{start + slope * n:.2f}")
         for n, one in walks.items()
     ]
     fitted = float(np.polyfit(SIZES, [one.speed.mean() for one in walks.values()], 1)[0])
     reading = "least squares over the sizes; moderate density: -0.08"
-    rows = section([*rows, Row("speed by size", f"{slope:.2f}", fitted, "m/s", len(SIZES), reading)])
-    for n, one in walks.items():
-        if n > 1:
-            rows.append(mean_row(f"spacing, {n} together", one.spacing, "m", "of neighbors from left to right"))
-    for n, one in walks.items():
-        if n > 2:
-            rows.append(mean_row(f"lag of the middle, {n} together", lag(one.shape), "m", "> 0: a V, or a U"))
+    speeds.append(Row("speed by size", f"{slope:.2f}", fitted, "m/s", len(SIZES), reading))
+    shapes = [
+        mean_row(f"spacing, {n} together", one.spacing, "m", "of neighbors from left to right")
+        for n, one in walks.items()
+        if n > 1
+    ]
+    shapes += [
+        mean_row(f"lag of the middle, {n} together", lag(one.shape), "m", "> 0: a V, or a U")
+        for n, one in walks.items()
+        if n > 2
+    ]
     remarks = [
         f"{settings.draws_are} of people of the package, 1.34 ± 0.26 m/s; under {settings.scheme}, {settings.manner}.",
         "The lines of Figure 2 are as its caption prints them; the distances of Table 1 are unchecked, and left out.",
@@ -117,7 +121,7 @@ def reproduce(settings: MoussaidSettings) -> Result:
         for k, place in enumerate(one.shape[e].tolist())
     ]
     table = RawTable(("size", "draw", "speed_m_s", "spacing_m", "from_right", "ahead_m", "left_m"), raw)
-    return Result(rows, {"places": table}, lambda: _draw(walks), remarks)
+    return Result([speeds, shapes], {"places": table}, lambda: _draw(walks), remarks)
 
 
 def _draw(walks: Mapping[int, Walk]) -> Figure:

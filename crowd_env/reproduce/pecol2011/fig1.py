@@ -97,7 +97,7 @@ def reproduce(settings: PecolSettings) -> Result:
             for k in range(0, len(at.time), 10)
         ],
     )
-    return Result(rows, {"trajectories": table}, lambda: draw(drawn, measured), remarks, unit="m")
+    return Result([rows], {"trajectories": table}, lambda: draw(drawn, measured), remarks, unit="m")
 
 
 def _head_on(tau: float) -> list[Row]:

@@ -101,7 +101,7 @@ def reproduce(settings: PecolSettings) -> Result:
             for at, phase in zip(trace, phases(trace), strict=True)
         ],
     )
-    return Result(rows, {"trajectories": table}, lambda: draw(traces), remarks)
+    return Result([rows], {"trajectories": table}, lambda: draw(traces), remarks)
 
 
 def phases(trace: Sequence[Instant]) -> list[str]:

@@ -14,7 +14,7 @@ from crowd_env.rendering.libraries import Figure
 from crowd_env.rendering.palette import INK, QUIET
 from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, Estimate, pooled_line, run_slopes
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
-from crowd_env.reproduce.result import RawTable, Result, Row, section
+from crowd_env.reproduce.result import RawTable, Result, Row
 
 # How the paper's values are marked.
 PAPER_MARK: dict[str, Any] = {"marker": "D", "ls": "", "mfc": "white", "mec": "black", "mew": 1.5, "ms": 7}
@@ -58,7 +58,7 @@ def flow_rows(done: Evacuations) -> list[Row]:
     runs, where = int((inside > 0).sum()), "at the time limit"
     rows.append(Row(f"left inside, {done.scheme}", None, int(inside.sum()), "people", done.exit_times.size, where))
     share = share_interval(runs, len(inside))
-    rows.append(Row(f"unfinished, {done.scheme}", None, runs, "runs", len(inside), where, ci95=share, closes=True))
+    rows.append(Row(f"unfinished, {done.scheme}", None, runs, "runs", len(inside), where, ci95=share))
     return rows
 
 
@@ -108,7 +108,7 @@ def fig3(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Resu
     def draw() -> Figure:
         return exits_against_time(one.exit_times, slope, start, title, printed)
 
-    return Result(flow_rows(one), raw, draw, remarks, "1/s", of=scheme)
+    return Result([flow_rows(one)], raw, draw, remarks, "1/s", of=scheme)
 
 
 def exits_against_time(exit_times: Floats, slope: float, start: float, title: str, printed: str) -> Figure:
@@ -154,14 +154,14 @@ _ORDERS = (
 def table5(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Result:
     """Return Table 5."""
     done = {scheme: Evacuations(scheme, episodes) for scheme, episodes in runs.items()}
-    rows = [row for result in done.values() for row in flow_rows(result)]
+    orders = []
     for order in _ORDERS:
         share, n = order_share(done, order)
         reading = "slopes of the same draw compared"
-        rows.append(Row(f"draws with {' > '.join(order)}", None, share, "share", n, reading))
-    rows = section(rows)
+        orders.append(Row(f"draws with {' > '.join(order)}", None, share, "share", n, reading))
     quoted = "Helbing et al. 2005, quoted; not simulated"
-    rows.append(Row("flow, experiment imitating panic", EXPERIMENT, None, "1/s", 0, quoted))
+    experiment = Row("flow, experiment imitating panic", EXPERIMENT, None, "1/s", 0, quoted)
+    sections = [*map(flow_rows, done.values()), orders, [experiment]]
     remarks = [
         "The paper does not say which exits it regresses: the rows are readings that it can mean. Those that cut in time raise "
         "a slope.",
@@ -170,7 +170,7 @@ def table5(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Re
     door = f"a door of {100 * settings.door_width:g} cm"
     title = f"Flow through {door}, {settings.runs} draws of {settings.people} people"
     raw = {"exit-times": raw_times(done)}
-    return Result(rows, raw, lambda: flows(done, title), remarks, "1/s")
+    return Result(sections, raw, lambda: flows(done, title), remarks, "1/s")
 
 
 def order_share(done: Mapping[str, Evacuations], order: tuple[str, ...]) -> tuple[float | None, int]:

@@ -65,7 +65,7 @@ def reproduce(settings: PecolSettings) -> Result:
         axes.legend(frameon=False, fontsize=9.5, loc="upper left")
         return figure
 
-    return Result(rows, {"velocities": table}, draw, remarks, unit="m/s")
+    return Result([rows], {"velocities": table}, draw, remarks, unit="m/s")
 
 
 def _after_contact(h: float) -> Floats:

@@ -25,7 +25,7 @@ from crowd_env.reproduce.pecol2011.flow import mean_of_runs
 from crowd_env.reproduce.pecol2011.room import PAPER_MARK
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pecol2011.theatre import IMPLIED, PRINTED, ROUTES, Egress, mean_row
-from crowd_env.reproduce.result import Result, section
+from crowd_env.reproduce.result import Result
 from crowd_env.routing.fields.grid import nearest_nodes
 from crowd_env.scenarios.scenario import Scenario
 
@@ -49,23 +49,24 @@ def table7(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Re
     """Return Table 7, and what the control rules change in it."""
     done = {rules: Egress(episodes) for rules, episodes in runs.items()}
     ruled, free = done["yes"], done["no"]
-    rows, changes = theatre.rows_with_rules(ruled), []
+    unruled, changes = [], []
     for name in (*PRINTED, *IMPLIED):
         values, unit = free.quantities[name], "s" if name in PRINTED else "people"
-        rows.append(mean_row(f"{name}, no rules", values, unit, "the same draws without control rules"))
+        unruled.append(mean_row(f"{name}, no rules", values, unit, "the same draws without control rules"))
         apart = ruled.quantities[name] - values
         changes.append(mean_row(f"{name}: rules change it by", apart, unit, "paired by draw"))
-    rows.append(theatre.unfinished_row("left inside, no rules", free))
+    unruled.append(theatre.unfinished_row("left inside, no rules", free))
     sent = (ruled.route != free.route).sum(axis=1).astype(np.float64)
-    rows += section([*changes, mean_row("other route than without rules", sent, "people", "in the same draw")])
+    changes.append(mean_row("other route than without rules", sent, "people", "in the same draw"))
     reading = "at any moment; most come back when the rule is off"
-    rows.append(mean_row("turned away for a while", ruled.turned, "people", reading))
-    rows += [mean_row(f"rule {k + 1} is on", ruled.ruled[:, k], "s", _RULES[k]) for k in range(3)]
+    turned = [mean_row("turned away for a while", ruled.turned, "people", reading)]
+    turned += [mean_row(f"rule {k + 1} is on", ruled.ruled[:, k], "s", _RULES[k]) for k in range(3)]
 
     def draw() -> object:
         return theatre_table(theatre.theatre(), {"here, with rules": ruled, "here, without rules": free})
 
-    return Result(rows, theatre.raw_times(done), draw, theatre.remarks(settings), "s")
+    sections = [theatre.rows_with_rules(ruled), unruled, changes, turned]
+    return Result(sections, theatre.raw_times(done), draw, theatre.remarks(settings), "s")
 
 
 def theatre_table(scenario: Scenario, done: Mapping[str, Egress]) -> Figure:
@@ -137,12 +138,13 @@ def fig6(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Resu
     """Return Figure 6."""
     done = Egress(runs["yes"])
     ordered, people = np.sort(done.time, axis=1), done.time.shape[1]
-    rows = [*theatre.rows_with_rules(done), mean_row("first person out", ordered[:, 0], "s", "mean of the runs")]
+    rows = [mean_row("first person out", ordered[:, 0], "s", "mean of the runs")]
     for share in _SHARES:
         number = int(np.ceil(share * people))
         rows.append(mean_row(f"{number} people out", ordered[:, number - 1], "s", f"{100 * share:.0f} % of all"))
     said = [*theatre.remarks(settings), _NOT_PRINTED]
-    return Result(rows, theatre.raw_times({"yes": done}), lambda: egress_panels(done), said, "s")
+    sections = [theatre.rows_with_rules(done), rows]
+    return Result(sections, theatre.raw_times({"yes": done}), lambda: egress_panels(done), said, "s")
 
 
 def egress_panels(done: Egress) -> Figure:

@@ -136,7 +136,7 @@ def rows_with_rules(done: Egress) -> list[Row]:
 def unfinished_row(quantity: str, done: Egress) -> Row:
     """Return how many are still inside at the time limit, in all runs."""
     inside = int(np.isnan(done.time).sum())
-    return Row(quantity, None, inside, "people", done.time.size, "at the time limit", closes=True)
+    return Row(quantity, None, inside, "people", done.time.size, "at the time limit")
 
 
 def remarks(settings: PecolSettings) -> list[str]:
