@@ -5,9 +5,12 @@ from dataclasses import asdict, astuple, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.json_file import write_json
+from crowd_env.envs.metrics import summarise
 
 _COLUMNS = {"expected": "closed_form"}  # that have another name outside
 _EQUAL = 1e-9  # relative; what the solvers leave
@@ -85,10 +88,28 @@ class Row:
         return {**told, "paper": paper, "ci95": ci95}
 
 
-def mean_row(quantity: str, values: Floats, unit: str, reading: str, paper: str | None = None) -> Row:
-    """Return the mean of ``values`` (R,) over runs, with their standard deviation if there are several."""
-    sd = float(values.std(ddof=1)) if len(values) > 1 else None
-    return Row(quantity, paper, float(values.mean()), unit, len(values), reading, sd=sd)
+class Estimate(NamedTuple):
+    """A number with its spread; None where there is too little to tell."""
+
+    value: float | None
+    n: int  # runs or exits that it rests on
+    sd: float | None = None  # over runs
+    ci95: tuple[float, float] | None = None  # over runs: t; of a pooled line by the jackknife
+
+
+def mean_of_runs(values: Floats) -> Estimate:
+    """Return the mean over the runs (R,) that have a value, not nan, and of two or more its spread."""
+    mean, sd, ci95 = summarise(values)
+    n = int(np.isfinite(values).sum())
+    return Estimate(mean, n, sd, ci95) if n > 1 else Estimate(mean if n else None, n)
+
+
+def mean_row(
+    quantity: str, values: Floats, unit: str, reading: str, paper: str | None = None, *, interval: bool = True
+) -> Row:
+    """Return the mean of ``values`` (R,) over the runs that have one, with its spread and, if wanted, its ``interval``."""
+    mean, n, sd, ci95 = mean_of_runs(values)
+    return Row(quantity, paper, mean, unit, n, reading, sd=sd, ci95=ci95 if interval else None)
 
 
 def _percent(value: float, other: float, decimals: int = 2) -> str:

@@ -52,7 +52,7 @@ def reproduce(settings: FootbridgeSettings) -> Result:
             "largest amplitude": (most, "mm", "of each run, mean of runs"),
             "people on the deck": (late[..., 4].mean(axis=1), "people", "last quarter"),
         }
-        sections.append([mean_row(f"{name}: {what}", *of_runs) for what, of_runs in figures.items()])
+        sections.append([mean_row(f"{name}: {what}", *of_runs, interval=False) for what, of_runs in figures.items()])
     table = RawTable(
         ("rule", "seed", "decision", "across", "discomfort_s", "reward", "amplitude_m", "on_deck"),
         [

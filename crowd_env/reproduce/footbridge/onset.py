@@ -91,7 +91,7 @@ def reproduce(settings: FootbridgeSettings) -> Result:
         for n in (100, 250, 300, 500):
             if n in sweep.people:
                 values = 1000.0 * sweep.amplitude[sweep.people.index(n)]
-                rows.append(mean_row(f"A, {n} people, {sweep.name}", values, "mm", "last quarter"))
+                rows.append(mean_row(f"A, {n} people, {sweep.name}", values, "mm", "last quarter", interval=False))
     remarks = [
         f"Threshold: sum of psi squared = (4 zeta / pi) K / (G C P(omega_0)) = {THRESHOLD:.1f}, after Strogatz et al. 2005.",
         "Walkers at mid-span and on the evenly filled deck walk on the spot and touch nobody. The crowd walks, keeps a "

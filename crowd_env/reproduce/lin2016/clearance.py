@@ -11,7 +11,7 @@ from crowd_env.rendering.canvas import hex_of, mark, new_figure, quiet_axes, ser
 from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.evacuations import Case
-from crowd_env.reproduce.lin2016.sample import Sample, Samples, clearance_rows, result
+from crowd_env.reproduce.lin2016.sample import Sample, Samples, clearance_rows, result, together
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.result import Result, Row
 
@@ -49,8 +49,8 @@ class Clearance(NamedTuple):
 
 
 def _mean(found: Samples, low: float, high: float, paper: str) -> Row:
-    some = [draws for speed, draws in found.items() if low <= speed <= high]
-    times, lost = np.concatenate([draws.cleared for draws in some]), sum(draws.blocked for draws in some)
+    some = together(draws for speed, draws in found.items() if low <= speed <= high)
+    times, lost = some.cleared, some.blocked
     reading = f"mean of the draws that cleared; {lost or 'none'} of {lost + len(times)} blocked"
     mean = float(times.mean()) if len(times) else None
     return Row(f"clearance, {low:.1f} to {high:.1f} m/s", paper, mean, "s", len(times), reading)

@@ -12,7 +12,7 @@ from crowd_env.rendering.libraries import Figure
 from crowd_env.rendering.palette import QUIET
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.lin2016.clearance import BLOCKED, SPEEDS
-from crowd_env.reproduce.lin2016.sample import Sample, Samples, raw_runs, result
+from crowd_env.reproduce.lin2016.sample import Sample, Samples, raw_runs, result, together
 from crowd_env.reproduce.lin2016.settings import LinSettings
 from crowd_env.reproduce.result import RawTable, Result, Row
 
@@ -70,10 +70,9 @@ def windows(settings: LinSettings, found: Samples) -> Result:
 
 def _window_rows(found: Samples, people: int, state: str) -> list[Row]:
     speeds, low, high = _TOGETHER[state]
-    draws = [found[people, speed] for speed in speeds]
-    flows = np.concatenate([inner_flow(exits) for each in draws for exits in each.exits])
-    lost, of = sum(each.blocked for each in draws), sum(len(each.episodes) for each in draws)
-    counted = f"{lost or 'none'} of {of} runs blocked"
+    draws = together(found[people, speed] for speed in speeds)
+    flows = np.concatenate([inner_flow(exits) for exits in draws.exits])
+    counted = f"{draws.blocked or 'none'} of {len(draws.episodes)} runs blocked"
     some, label = len(flows) > 0, f"{people} at {state}"
     values = (*np.percentile(flows, [5, 95]), flows.mean()) if some else (None, None, None)
     least, most = (f"; least {flows.min():.1f}", f"; most {flows.max():.1f}") if some else ("", "")
@@ -160,8 +159,8 @@ def _mean_rows(found: Samples, people: int) -> list[Row]:
 
 def _pooled(found: Samples, low: float, high: float) -> tuple[Floats, int]:
     """Return the flows of the draws that cleared at speeds in [low, high], and how many blocked."""
-    some = [draws for (_, speed), draws in found.items() if low <= speed <= high]
-    return np.concatenate([draws.mean_flows for draws in some]), sum(draws.blocked for draws in some)
+    some = together(draws for (_, speed), draws in found.items() if low <= speed <= high)
+    return some.mean_flows, some.blocked
 
 
 def _state_rows(found: Samples) -> list[Row]:

@@ -1,6 +1,6 @@
 """All draws of one configuration: how many cleared the room, how long that took, and how many blocked."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,7 +50,8 @@ class Sample:
     @property
     def mean_flows(self) -> Floats:
         """People divided by clearance time [1/s] of the draws that cleared."""
-        return np.asarray(self.case.facts["people"] / self.cleared)
+        cleared = (one for one in self.episodes if not one.metrics.unfinished)
+        return np.array([len(one.exit_time) / one.metrics.evacuation_time for one in cleared])
 
     @property
     def blocked(self) -> int:
@@ -65,6 +66,12 @@ class Sample:
 
 
 Samples = Mapping[Any, Sample]
+
+
+def together(samples: Iterable[Sample]) -> Sample:
+    """Return the draws of several configurations as one sample, whose case is the first."""
+    first, *others = samples
+    return Sample(first.case, [*first.episodes, *(one for other in others for one in other.episodes)])
 
 
 def clearance_rows(of: str, found: Sample, paper: str | None = None, remark: str = "") -> list[Row]:

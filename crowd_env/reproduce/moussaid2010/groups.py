@@ -92,20 +92,21 @@ def reproduce(settings: MoussaidSettings) -> Result:
     """Return speed, spacing and shape by size."""
     walks = {size: walk(size, settings) for size in SIZES}
     start, slope = LINES["low density"]
+    reading = "line of Figure 2, low density"
     speeds = [
-        mean_row(f"speed, {n} together", one.speed, "m/s", "line of Figure 2, low density", f"{start + slope * n:.2f}")
+        mean_row(f"speed, {n} together", one.speed, "m/s", reading, f"{start + slope * n:.2f}", interval=False)
         for n, one in walks.items()
     ]
     fitted = float(np.polyfit(SIZES, [one.speed.mean() for one in walks.values()], 1)[0])
     reading = "least squares over the sizes; moderate density: -0.08"
     speeds.append(Row("speed by size", f"{slope:.2f}", fitted, "m/s", len(SIZES), reading))
     shapes = [
-        mean_row(f"spacing, {n} together", one.spacing, "m", "of neighbors from left to right")
+        mean_row(f"spacing, {n} together", one.spacing, "m", "of neighbors from left to right", interval=False)
         for n, one in walks.items()
         if n > 1
     ]
     shapes += [
-        mean_row(f"lag of the middle, {n} together", lag(one.shape), "m", "> 0: a V, or a U")
+        mean_row(f"lag of the middle, {n} together", lag(one.shape), "m", "> 0: a V, or a U", interval=False)
         for n, one in walks.items()
         if n > 2
     ]

@@ -9,17 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.metrics import flow_slope, summarise
-
-
-class Estimate(NamedTuple):
-    """A flow [1/s] with its spread; None where there are too few exits."""
-
-    value: float | None
-    n: int  # runs or exits that it rests on
-    sd: float | None = None  # over runs
-    ci95: tuple[float, float] | None = None  # over runs: t; of a pooled line by the jackknife
+from crowd_env.reproduce.result import Estimate, mean_of_runs
 
 
 class Estimator(NamedTuple):
@@ -42,45 +34,27 @@ def pooled_line(exit_times: Floats, before: float = np.inf) -> tuple[float, floa
     """Return slope [1/s], value at t = 0 and number of exits of one line through the exits of all runs together.
 
     Every exit is a point (its time, how many of its run are out by then); only exits earlier than ``before`` [s] count.
+    Slope and value are nan for fewer than three exits, or all at one time.
     """
-    time, count, _ = _exits(exit_times, before)
-    slope, start = _line(time, count)
-    return slope, start, len(time)
-
-
-def _exits(exit_times: Floats, before: float) -> tuple[Floats, Floats, Ints]:
-    """Return for each exit (K,) its time [s], how many of its run are out by then, and its run."""
     ordered = np.sort(exit_times, axis=1)
     run, earlier = np.nonzero(ordered < before)  # false for nan
-    return ordered[run, earlier], 1.0 + earlier.astype(np.float64), run.astype(np.int64)
-
-
-def _line(time: Floats, count: Floats) -> tuple[float, float]:
-    """Return slope and start of the line of least squares; nan for fewer than three exits, or all at one time."""
+    time = ordered[run, earlier]
     if len(time) < 3 or np.ptp(time) < 1e-6:
-        return np.nan, np.nan
-    slope, start = np.polyfit(time, count, 1)
-    return float(slope), float(start)
+        return np.nan, np.nan, len(time)
+    slope, start = np.polyfit(time, 1.0 + earlier, 1)
+    return float(slope), float(start), len(time)
 
 
 def _pooled(exit_times: Floats, before: float = np.inf) -> Estimate:
-    time, count, run = _exits(exit_times, before)
-    slope, runs = _line(time, count)[0], len(exit_times)
+    (slope, _, n), runs = pooled_line(exit_times, before), len(exit_times)
     if not np.isfinite(slope):
-        return Estimate(None, len(time))
+        return Estimate(None, n)
     if runs < 2:
-        return Estimate(slope, len(time))
+        return Estimate(slope, n)
     # The jackknife (Tukey 1958), each run left out once: it also corrects what few runs shift the slope by.
-    without = np.array([_line(time[run != k], count[run != k])[0] for k in range(runs)])
+    without = np.array([pooled_line(np.delete(exit_times, k, axis=0), before)[0] for k in range(runs)])
     known = bool(np.isfinite(without).all())
-    return Estimate(slope, len(time), ci95=summarise(runs * slope - (runs - 1) * without).ci95 if known else None)
-
-
-def mean_of_runs(values: Floats) -> Estimate:
-    """Return the mean over the runs (R,) that have a value, not nan, and of two or more its spread."""
-    mean, sd, ci95 = summarise(values)
-    n = int(np.isfinite(values).sum())
-    return Estimate(mean, n, sd, ci95) if n > 1 else Estimate(mean if n else None, n)
+    return Estimate(slope, n, ci95=summarise(runs * slope - (runs - 1) * without).ci95 if known else None)
 
 
 def _per_run(exit_times: Floats, first: int = 1, last: int | None = None) -> Estimate:

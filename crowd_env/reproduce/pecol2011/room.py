@@ -12,9 +12,9 @@ from crowd_env.envs.rollout import Episode
 from crowd_env.rendering.canvas import hex_of, new_figure, quiet_axes, series
 from crowd_env.rendering.libraries import Figure
 from crowd_env.rendering.palette import INK, QUIET
-from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, Estimate, pooled_line, run_slopes
+from crowd_env.reproduce.pecol2011.flow import ESTIMATORS, pooled_line, run_slopes
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
-from crowd_env.reproduce.result import RawTable, Result, Row
+from crowd_env.reproduce.result import Estimate, RawTable, Result, Row
 
 # How the paper's values are marked.
 PAPER_MARK: dict[str, Any] = {"marker": "D", "ls": "", "mfc": "white", "mec": "black", "mew": 1.5, "ms": 7}

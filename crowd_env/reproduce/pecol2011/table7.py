@@ -21,11 +21,10 @@ from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import INK, QUIET
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.pecol2011 import theatre
-from crowd_env.reproduce.pecol2011.flow import mean_of_runs
 from crowd_env.reproduce.pecol2011.room import PAPER_MARK
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
-from crowd_env.reproduce.pecol2011.theatre import IMPLIED, PRINTED, ROUTES, Egress, mean_row
-from crowd_env.reproduce.result import Result
+from crowd_env.reproduce.pecol2011.theatre import IMPLIED, PRINTED, ROUTES, Egress
+from crowd_env.reproduce.result import Result, mean_of_runs, mean_row
 from crowd_env.routing.fields.grid import nearest_nodes
 from crowd_env.scenarios.scenario import Scenario
 

@@ -13,9 +13,8 @@ from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.rollout import Episode
 from crowd_env.physics import NSM2, SocialForce
 from crowd_env.reproduce.evacuations import Case
-from crowd_env.reproduce.pecol2011.flow import mean_of_runs
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
-from crowd_env.reproduce.result import RawTable, Row
+from crowd_env.reproduce.result import RawTable, Row, mean_row
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.scenario import Scenario
 
@@ -112,12 +111,6 @@ class Egress:
                 found[f"people by {name}"] = np.isfinite(times).sum(axis=1).astype(np.float64)
         found["last, all"][np.isnan(self.time).any(axis=1)] = np.nan
         return found
-
-
-def mean_row(quantity: str, values: Floats, unit: str, reading: str, paper: str | None = None) -> Row:
-    """Return the mean over the runs that have a value, with its spread."""
-    mean, n, sd, ci95 = mean_of_runs(values)
-    return Row(quantity, paper, mean, unit, n, reading, sd=sd, ci95=ci95)
 
 
 def rows_with_rules(done: Egress) -> list[Row]:
