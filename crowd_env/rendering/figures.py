@@ -1,7 +1,7 @@
 """Figures of results: egress curves, of simulations and of experiments, shares of exits, and learning curves."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,14 +13,6 @@ from crowd_env.rendering.palette import INK, QUIET, SERIES, Color
 
 _SIZE = (6.4, 4.0)  # inch
 _DPI = 150
-
-
-class Share(NamedTuple):
-    """A mean share with its interval; nan where there is none."""
-
-    mean: float
-    low: float
-    high: float
 
 
 def egress_curves(
@@ -66,12 +58,12 @@ def egress_curves(
     return without_formulas(figure)
 
 
-def share_figure(shares: Mapping[str, Mapping[str, Share]], exits: Sequence[str]) -> Figure:
+def share_figure(shares: Mapping[str, Mapping[str, Any]], exits: Sequence[str]) -> Figure:
     """Return the share of the people who took each exit, a bar for each label and exit.
 
     Parameters
     ----------
-    shares : label -> exit -> share in 0..1; exits that a label does not have are left out.
+    shares : label -> exit -> share in 0..1, "mean" and "ci95"; exits that a label does not have are left out.
     exits : from top to bottom.
     """
     thick = 0.8 / len(shares)
@@ -79,7 +71,10 @@ def share_figure(shares: Mapping[str, Mapping[str, Share]], exits: Sequence[str]
     axes = quiet_axes(figure.add_subplot(), "share of those who got out [%]", "")
     for k, (label, of_exit) in enumerate(shares.items()):
         rows = [row for row, name in enumerate(exits) if name in of_exit]
-        found = 100.0 * np.nan_to_num(np.array([of_exit[exits[row]] for row in rows]).reshape(-1, 3), nan=np.nan)
+        known = [of_exit[exits[row]] for row in rows]
+        found = 100.0 * np.array([(one["mean"], *one["ci95"]) for one in known], dtype=np.float64).reshape(
+            -1, 3
+        )  # None is nan
         at = np.array(rows) + (k - 0.5 * (len(shares) - 1)) * thick
         axes.barh(at, np.nan_to_num(found[:, 0]), 0.86 * thick, color=series(k), alpha=0.75, label=_shown(label))
         around = np.abs(np.nan_to_num(found[:, 1:] - found[:, :1]))

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.analysis.figures import exit_names, named, number, time_of_share
+from crowd_env.analysis.figures import FIGURES, exit_names, named, number
 from crowd_env.analysis.plan_check import cells, check_place
 from crowd_env.analysis.results.crowding import SERVICE
 from crowd_env.analysis.results.measurements import INJURY, REACH
 from crowd_env.core.checks import counted
 from crowd_env.envs.rollout import Episode
 from crowd_env.rendering.canvas import encoded
-from crowd_env.rendering.figures import Share, egress_curves, share_figure
+from crowd_env.rendering.figures import egress_curves, share_figure
 from crowd_env.rendering.heat import heat_maps
 from crowd_env.rendering.palette import SERIES
 from crowd_env.rendering.report.answer import answer, share_words, time_words
@@ -116,7 +116,7 @@ def _exits(runs: Sequence[Runs]) -> dict[str, Any] | None:
     names = list(dict.fromkeys(name for one in runs for name in one.figures["exits"]))
     if len(names) < 2:
         return None
-    shares = {one.name: {name: _share(found["share"]) for name, found in one.figures["exits"].items()} for one in runs}
+    shares = {one.name: {name: found["share"] for name, found in one.figures["exits"].items()} for one in runs}
     rows = [(name, *(share_words(one.figures["exits"].get(name)) for one in runs)) for name in names]
     shown = {
         "png": encoded(share_figure(shares, names)),
@@ -134,16 +134,11 @@ def _over_time(one: Runs) -> str:
     return encoded(egress_curves(curves, until=dict.fromkeys(busiest, _known(one)), out=True))
 
 
-def _share(figure: Mapping[str, Any]) -> Share:
-    low, high = figure["ci95"]
-    return Share(*(float("nan") if value is None else value for value in (figure["mean"], low, high)))
-
-
 def _gaps(runs: Sequence[Runs]) -> dict[str, Any]:
     """Return by how much the runs differ from the first, and why some cannot be compared."""
     minus_first = differences(runs)
     pairable = [one for one in minus_first if "why_not" not in one]
-    rows = [(label, *(_gap(one[name]) for one in pairable)) for name, label in COMPARED.items()]
+    rows = [(FIGURES[name].title, *(_gap(one[name]) for one in pairable)) for name in COMPARED]
     return {
         "head": ("", *(f"{one['name']} minus {one['minus']}" for one in pairable)) if pairable else (),
         "rows": [*rows, ("runs of the same draw", *(str(one["shared_seeds"]) for one in pairable))],
@@ -170,7 +165,7 @@ _ROWS: dict[str, Callable[[Runs], str]] = {
 }
 
 
-COMPARED = {"evacuation_time": "evacuation time", "t95": "95 % of the people out", "mean_exit_time": "mean exit time"}
+COMPARED = ("evacuation_time", "t95", "mean_exit_time")  # of `FIGURES`
 
 
 def differences(runs: Sequence[Runs]) -> list[dict[str, Any]]:
@@ -209,6 +204,6 @@ def _same_people(one: Episode, other: Episode) -> bool:
 
 
 def _value(episode: Episode, name: str) -> float:
-    if name == "t95":
-        return time_of_share(episode.exit_time, 0.95)
-    return float("nan") if episode.metrics.unfinished else float(getattr(episode.metrics, name))
+    """Return a figure of a run; a mean exit time counts where everyone got out."""
+    cut = name == "mean_exit_time" and episode.metrics.unfinished
+    return float("nan") if cut else FIGURES[name].of(episode)
