@@ -13,7 +13,7 @@ from crowd_env.core.executors import Serial
 from crowd_env.core.files.store import Store
 from crowd_env.reproduce import PAPERS
 from crowd_env.reproduce.evacuations import evacuate
-from crowd_env.reproduce.pecol2011 import table7, theatre
+from crowd_env.reproduce.pecol2011 import theatre
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
 from crowd_env.reproduce.pecol2011.theatre import SCHEME, Egress
 
@@ -115,7 +115,7 @@ def test_a_hundred_runs_are_the_default(scripted, folder):
 @pytest.mark.more
 def test_both_rest_on_the_same_draws_which_are_those_of_the_run_command(tmp_path):
     settings, counts = PecolSettings(runs=1, seed=3), []
-    cases = table7.table7_cases(settings)
+    cases = theatre.cases(settings, ["yes", "no"])
     runs = evacuate(cases, Store(tmp_path), Serial(), progress=counts.append)
     ruled, free = Egress(runs["yes"]), Egress(runs["no"])
     env = evacuated("theatre-v0", physics=SCHEME, seed=[3])
@@ -126,7 +126,7 @@ def test_both_rest_on_the_same_draws_which_are_those_of_the_run_command(tmp_path
     for done in (ruled, free):
         assert np.isfinite(done.time).all() and done.quantities["people by A"] == pytest.approx([43], abs=6)
     again = Egress(
-        evacuate(table7.fig6_cases(settings), Store(tmp_path), Serial())["yes"]
+        evacuate(theatre.cases(settings, ["yes"]), Store(tmp_path), Serial())["yes"]
     )  # of Figure 6: from the store
     np.testing.assert_array_equal(again.time, ruled.time)
     np.testing.assert_array_equal(again.ruled, ruled.ruled)

@@ -1,6 +1,6 @@
 """How far the deck sways, and how many walk in step, against the number of walkers."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -46,24 +46,30 @@ class Sweep(NamedTuple):
 
 def at_mid_span(seeds: Sequence[int], duration: float, people: Sequence[int] = MID) -> Sweep:
     """Return the sweep in which all stand at mid-span."""
-    late = [stay(np.ones(n), seeds, duration).late() for n in people]
-    return Sweep("all at mid-span", THRESHOLD, people, *(np.array(values) for values in zip(*late, strict=True)))
+    return _sweep("all at mid-span", THRESHOLD, people, lambda n: stay(np.ones(n), seeds, duration).late())
 
 
 def on_filled_deck(seeds: Sequence[int], duration: float, people: Sequence[int] = FILLED) -> Sweep:
     """Return the sweep in which people fill the deck evenly and stay."""
-    late = [stay(half_sine(n), seeds, duration).late() for n in people]
-    return Sweep("evenly filled", 2.0 * THRESHOLD, people, *(np.array(values) for values in zip(*late, strict=True)))
+    return _sweep("evenly filled", 2.0 * THRESHOLD, people, lambda n: stay(half_sine(n), seeds, duration).late())
 
 
-def walking(settings: FootbridgeSettings, seeds: Sequence[int], people: Sequence[int] = _WALKED) -> Sweep:
+def walking(settings: FootbridgeSettings) -> Sweep:
     """Return the sweep in which a crowd walks over the deck under the contact scheme."""
 
     def run(n: int, seed: int) -> Trace:
         return walk(crowd(n, settings.scheme, settings.dt, seed), "synchrony", settings.duration, seed)
 
-    late = np.array([[run(n, seed).late() for seed in seeds] for n in people])
-    return Sweep(f"walking crowd, {settings.scheme}", 2.0 * THRESHOLD, people, late[..., 0], late[..., 1])
+    def late(n: int) -> Floats:
+        return np.array([run(n, seed).late() for seed in settings.seeds]).T
+
+    return _sweep(f"walking crowd, {settings.scheme}", 2.0 * THRESHOLD, _WALKED, late)
+
+
+def _sweep(name: str, critical: float, people: Sequence[int], late: Callable[[int], Iterable[Floats]]) -> Sweep:
+    """Return the sweep in which ``late`` gives amplitude and order (draws,) of a number of people."""
+    amplitude, order = map(np.array, zip(*map(late, people), strict=True))
+    return Sweep(name, critical, people, amplitude, order)
 
 
 def reproduce(settings: FootbridgeSettings) -> Result:
@@ -72,7 +78,7 @@ def reproduce(settings: FootbridgeSettings) -> Result:
     sweeps = [
         at_mid_span(seeds, settings.duration),
         on_filled_deck(seeds, settings.duration),
-        walking(settings, seeds),
+        walking(settings),
     ]
     rows = [
         Row("omega_0 of the deck", "6.47", DECK.frequency, "rad/s", 1, "sqrt(K / M)"),

@@ -37,14 +37,14 @@ PAPER = Paper(
         "table7": Figure(
             "Table 7: evacuation of a movie theatre (synthetic plan), times in s",
             table7.table7,
-            table7.table7_cases,
+            lambda my: theatre.cases(my, ["yes", "no"]),
             **_THEATRE,
             cpu_time=60,
         ),
         "fig6": Figure(
             "Figure 6: people out of a movie theatre (synthetic plan) against time, in s",
             table7.fig6,
-            table7.fig6_cases,
+            lambda my: theatre.cases(my, ["yes"]),
             **_THEATRE,
             cpu_time=40,
         ),

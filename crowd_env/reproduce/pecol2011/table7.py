@@ -19,7 +19,6 @@ from crowd_env.rendering.canvas import (
 )
 from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import INK, QUIET
-from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.pecol2011 import theatre
 from crowd_env.reproduce.pecol2011.room import PAPER_MARK
 from crowd_env.reproduce.pecol2011.settings import PecolSettings
@@ -37,11 +36,6 @@ _RULES = (
     "5 or more in rectangle 2: from A to B",
     "15 or more in rectangle 3: from B to A",
 )
-
-
-def table7_cases(settings: PecolSettings) -> dict[str, Case]:
-    """Return the same draws with and without the control rules."""
-    return {"yes": theatre.case(settings, True), "no": theatre.case(settings, False)}
 
 
 def table7(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Result:
@@ -126,11 +120,6 @@ _NOT_PRINTED = (
     "The exercise's curve is not printed. Drawn of it is what Table 7 tells: when the last person was out, and the mean time; "
     "how many took which route is implied by the three means."
 )
-
-
-def fig6_cases(settings: PecolSettings) -> dict[str, Case]:
-    """Return the draws with the control rules, the same as for Table 7."""
-    return {"yes": theatre.case(settings, True)}
 
 
 def fig6(settings: PecolSettings, runs: Mapping[str, Sequence[Episode]]) -> Result:

@@ -1,7 +1,7 @@
 """The evacuations of section 4.3, on a synthetic plan: the same draws with and without the control rules."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -50,10 +50,12 @@ def theatre() -> Scenario:
     return make_scenario("theatre-v0")
 
 
-def case(settings: PecolSettings, rules: bool) -> Case:
-    """Return the draws with or without the control rules."""
-    label, recorder = ("theatre-rules", _Ruled()) if rules else ("theatre-no-rules", None)
-    return Case(label, theatre(), SCHEME, settings.seeds, 0.01, rules, recorder)
+def cases(settings: PecolSettings, rules: Collection[str]) -> dict[str, Case]:
+    """Return the same draws with control rules, "yes", or without, "no"."""
+    ruled = Case("theatre-rules", theatre(), SCHEME, settings.seeds, 0.01, True, _Ruled())
+    free = replace(ruled, label="theatre-no-rules", rules=False, recorder=None)
+    both = {"yes": ruled, "no": free}
+    return {name: both[name] for name in rules}
 
 
 class _Ruled:
