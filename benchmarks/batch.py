@@ -6,10 +6,11 @@ in several phases of an evacuation.
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
-from benchmarks.measuring import Contender, Effort, Row, Sample, Stopwatch, in_turn, timed
+from benchmarks.measuring import Contender, Effort, Row, Sample, Stepped, Stopwatch, in_turn, timed, times
 from benchmarks.peers import batch_rivals
 from crowd_env import SCHEMES, CrowdEnv, Physics, make_scenario, parallel_env
 
@@ -47,23 +48,13 @@ class Rooms(Contender):
         return self.all.steps / (self.all.simulated / self.env.decision_dt * self.env.num_people)
 
 
-class Dictionaries(Contender):
-    """A PettingZoo ParallelEnv in which everyone acts with an array of their own; reset after every 50 steps, uncounted."""
-
-    def __init__(self, agents: int) -> None:
-        self.name, self._left = f"nsm2, dictionaries of {agents}", 0
-        place = make_scenario("room-v0", people=agents, side=15.0, door_width=1.0)
-        self._env = parallel_env(place, physics="nsm2")
-        self._actions = {agent: np.array([1.0, 0.0], dtype=np.float32) for agent in self._env.possible_agents}
-
-    def once(self) -> Sample:
-        """Step once."""
-        if self._left == 0 or not self._env.agents:
-            self._env.reset(seed=0)
-            self._left = _EPISODE
-        actions = {agent: self._actions[agent] for agent in self._env.agents}
-        self._left -= 1
-        return Sample(*timed(lambda: self._env.step(actions)), 0.1, len(actions))
+def _dictionaries(agents: int) -> Stepped:
+    """Return a PettingZoo ParallelEnv in which each agent acts with a separate array."""
+    env = parallel_env(make_scenario("room-v0", people=agents, side=15.0, door_width=1.0), physics="nsm2")
+    actions = {agent: np.array([1.0, 0.0], dtype=np.float32) for agent in env.possible_agents}
+    step = lambda: env.step({agent: actions[agent] for agent in env.agents})  # noqa: E731
+    name, reset = f"nsm2, dictionaries of {agents}", partial(env.reset, seed=0)
+    return Stepped(name, step, lambda: len(env.agents), reset, _EPISODE)
 
 
 def rows(
@@ -77,19 +68,22 @@ def rows(
         theirs = batch_rivals(rooms, people, effort) if rooms > 1 else []
         samples = in_turn([*ours, *theirs], effort)
         found += [Row(one.name, RATE, sample.rate) for one, sample in zip([*ours, *theirs], samples, strict=True)]
+        speeds = {
+            other.name.partition(",")[0]: sample.rate
+            for other, sample in zip(theirs, samples[len(ours) :], strict=True)
+        }
         for one, mine in zip(ours, samples, strict=False):
             physics = one.physics.seconds - one.looking.seconds
             found.append(Row(one.name, "physics, of CPU time", min(1.0, physics / one.all.cpu)))
             found.append(Row(one.name, "inside, of slots", one.inside))
-            for other, sample in zip(theirs, samples[len(ours) :], strict=True):
-                found.append(Row(one.name, f"times {other.name.partition(',')[0]}", mine.rate / sample.rate))
+            found += times(one.name, mine.rate, speeds)
     return found
 
 
 def dictionaries(effort: Effort, agents: int = 200) -> list[Row]:
     """Return agent-steps of dictionaries, and how many times those of arrays in the same room they are."""
     arrays = Rooms("nsm2", 1, agents, settle=0, side=15.0, door_width=1.0)
-    both: list[Contender] = [Dictionaries(agents), arrays]
+    both: list[Contender] = [_dictionaries(agents), arrays]
     samples = in_turn(both, effort)
     found = [Row(one.name, RATE, sample.rate) for one, sample in zip(both, samples, strict=True)]
-    return [*found, Row(both[0].name, "times arrays", samples[0].rate / samples[1].rate)]
+    return [*found, *times(both[0].name, samples[0].rate, {"arrays": samples[1].rate})]

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.measuring import Contender, Effort, Row, Sample, in_turn, timed
+from benchmarks.measuring import Contender, Effort, Row, Sample, in_turn, timed, times
 from benchmarks.peers import rivals
 from benchmarks.scenes import Floats, Scene, big, chosen, hall, jam, overlaps, room20
 from crowd_env import SCHEMES, Bodies, Physics, Simulation, make_state
@@ -129,7 +129,7 @@ def measure(scene: Scene, effort: Effort, ways: Sequence[Way], case: str = "") -
             found.append(Row(who, "overlap p99, mm", float(np.percentile(depths, 99)) if len(depths) else 0.0))
         if sample.simulated < 0.999 * one.whole:
             found.append(Row(who, "saw only, s", sample.simulated))
+    speeds = {rival.name: 1.0 / sample.cost for rival, sample in zip(theirs, samples[len(ours) :], strict=True)}
     for crowd, mine in zip(ours, samples, strict=False):
-        for rival, sample in zip(theirs, samples[len(ours) :], strict=True):
-            found.append(Row(f"{crowd.name}, {place}", f"times {rival.name}", sample.cost / mine.cost))
+        found += times(f"{crowd.name}, {place}", 1.0 / mine.cost, speeds)
     return found

@@ -1,8 +1,10 @@
 """What every case shares: rows, effort, blocks taken in turn, and figures as a table."""
 
+import contextlib
+import sys
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import Any, NamedTuple
@@ -44,13 +46,6 @@ class Effort:
             if not 0 < getattr(self, name) < float("inf"):
                 raise ValueError(f"--{name.replace('_', '-')} is {getattr(self, name)}; it must be > 0 and finite")
 
-    def repeat(self, once: Callable[[], "Sample"]) -> "Sample":
-        """Return what calls come to that take about ``seconds`` of CPU time together."""
-        found = NOTHING
-        while found.cpu < self.seconds:
-            found = found.plus(once())
-        return found
-
     def sizes(self, known: Sequence[int]) -> list[int]:
         """Return those of the known numbers of people that are not too large; the smallest in any case."""
         return [size for size in known if size <= self.max_people] or [min(known)]
@@ -88,16 +83,51 @@ class Contender(ABC):
     name: str
     whole = 0.0  # s    simulated in a whole run
     all = NOTHING  # of the blocks so far, together
+    is_peer = False  # another program, which makes whole runs within `Effort.peer_seconds`
+    failed = False  # gave up in this run, which ends the block
 
     @abstractmethod
     def once(self) -> Sample:
         """Go on for as little as can be measured."""
 
     def block(self, effort: Effort) -> Sample:
-        """Go on for about ``effort.seconds`` of CPU time."""
-        found = effort.repeat(self.once)
+        """Go on for about ``effort.seconds`` of CPU time; a peer for whole runs, or ``effort.peer_seconds`` on the clock."""
+        found, (whole, limit) = NOTHING, (self.whole, effort.peer_seconds) if self.is_peer else (0.0, float("inf"))
+        with quiet():
+            while found.clock < limit and (found.cpu < effort.seconds or found.simulated < whole - 1e-9):
+                found = found.plus(self.once())
+                if self.failed:
+                    break
         self.all = self.all.plus(found)
         return found
+
+
+class Stepped(Contender):
+    """An environment in which all agents act, reset after each episode; it is stepped once when it is made.
+
+    Parameters
+    ----------
+    step : makes a decision for all agents.
+    agents : counts the agents that act.
+    reset : begins an episode, which is not counted.
+    episode : steps.
+    """
+
+    def __init__(
+        self, name: str, step: Callable[[], Any], agents: Callable[[], int], reset: Callable[[], Any], episode: int
+    ) -> None:
+        self.name, self._step, self._agents, self._reset = name, step, agents, reset
+        self._episode, self._left = episode, 0
+        self.once()
+
+    def once(self) -> Sample:
+        """Step once."""
+        if self._left == 0 or not self._agents():
+            self._reset()
+            self._left = self._episode
+        self._left -= 1
+        agents = self._agents()
+        return Sample(*timed(self._step), 0.1, agents)
 
 
 def in_turn(contenders: Sequence[Contender], effort: Effort) -> list[Sample]:
@@ -121,6 +151,13 @@ def fastest(blocks: Sequence[Sample], whole: float) -> Sample:
     return max(blocks, key=lambda block: block.rate)
 
 
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Keep what others print off the standard output, which is ours."""
+    with contextlib.redirect_stdout(sys.stderr):
+        yield
+
+
 def timed(call: Callable[[], Any]) -> tuple[float, float]:
     """Return the seconds that a call takes, of CPU time and on the clock."""
     clock, begin = time.perf_counter(), time.process_time()
@@ -142,6 +179,11 @@ class Stopwatch:
             return self._call(*args, **kwargs)
         finally:
             self.seconds += time.process_time() - begin
+
+
+def times(who: str, mine: float, others: Mapping[str, float]) -> list[Row]:
+    """Return how many times the speeds of others that of one contender is."""
+    return [Row(who, f"times {name}", mine / speed) for name, speed in others.items()]
 
 
 def grid(rows: Sequence[Row]) -> list[list[str]]:

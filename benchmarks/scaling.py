@@ -108,4 +108,4 @@ def _begin(make: Callable[..., Contender], *arguments: object) -> None:
 
 
 def _go_on() -> Sample:
-    return Effort(_PART).repeat(_mine[0].once)
+    return _mine[0].block(Effort(_PART))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from benchmarks.measuring import Contender, Effort, Row, Sample, Stopwatch, in_turn, timed
+from benchmarks.measuring import Contender, Effort, Row, Sample, Stopwatch, in_turn, timed, times
 from crowd_env.envs.protocol import WalkingBatch
 
 if TYPE_CHECKING:
@@ -104,6 +104,6 @@ def rows(effort: Effort, envs: int | None = None, people: int | None = None, sta
         Row(real.name, RATE, mine.rate),
         Row(real.name, "inside, of slots", real.all.steps / real.slots),
         *(Row(real.name, f"{name}, of CPU time", share) for name, share in shares.items()),
-        Row(real.name, "times the same PPO on an empty environment", mine.rate / empty.rate),
+        *times(real.name, mine.rate, {"the same PPO on an empty environment": empty.rate}),
         Row(nothing.name, RATE, empty.rate),
     ]

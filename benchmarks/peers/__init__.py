@@ -3,15 +3,13 @@
 They bring many packages: install them with ``pip install -e '.[train,bench]' -c constraints.txt`` in an environment of its own.
 """
 
-import contextlib
 import importlib
 import sys
-from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-from benchmarks.measuring import Effort
+from benchmarks.measuring import Effort, quiet
 from benchmarks.scenes import Scene
 
 INSTALL = "pip install -e '.[train,bench]' -c constraints.txt, in an environment of its own"
@@ -31,7 +29,8 @@ def rivals(case: str, scene: Scene, effort: Effort) -> list[Any]:
     found: list[Any] = []
     for package, most in CROWDS.get(case, ()) if effort.peers else ():
         if scene.people <= most and installed(package):
-            found += importlib.import_module(f"benchmarks.peers.{package}").crowds(scene, effort)
+            with quiet():
+                found += importlib.import_module(f"benchmarks.peers.{package}").crowds(scene, effort)
     return found
 
 
@@ -42,7 +41,8 @@ def batch_rivals(rooms: int, people: int, effort: Effort) -> list[Any]:
         makers = importlib.import_module("benchmarks.peers.batches").BATCHES[package] if installed(package) else None
         for make in makers(rooms, people) if makers else ():
             try:
-                found.append(make())
+                with quiet():
+                    found.append(make())
             except (RuntimeError, ValueError) as error:
                 say(f"a peer is left out: {error}")
     return found
@@ -73,10 +73,3 @@ def named(package: str) -> str:
 def say(line: str) -> None:
     """Print a line to stderr, once."""
     print(line, file=sys.stderr, flush=True)
-
-
-@contextlib.contextmanager
-def quiet() -> Iterator[None]:
-    """Keep what others print off the standard output, which is ours."""
-    with contextlib.redirect_stdout(sys.stderr):
-        yield

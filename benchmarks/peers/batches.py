@@ -8,37 +8,19 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from benchmarks.measuring import NOTHING, Effort, Sample, timed
-from benchmarks.peers import named, quiet
+from benchmarks.measuring import Stepped
+from benchmarks.peers import named
 
 _EPISODE = 200  # steps after which a PettingZoo environment is reset, which is not counted
 
 
-class Stepped:
-    """An environment of other agents; it is stepped once when it is made."""
+class Peer(Stepped):
+    """An environment of another program."""
 
-    whole = 0.0
-
-    def __init__(self, name: str, package: str, step: Callable[[], Any], agents: int, reset: Callable[[], Any]) -> None:
-        self.name, self._agents = f"{named(package)} {name}", agents
-        self._step, self._reset, self._left = step, reset, 0
-        self.block(Effort(1e-9))
-
-    def block(self, effort: Effort) -> Sample:
-        """Step for about ``effort.seconds`` of CPU time, at most for ``effort.peer_seconds`` on the clock."""
-        sums = NOTHING
-        with quiet():
-            while sums.cpu < effort.seconds and sums.clock < effort.peer_seconds:
-                if self._left == 0:
-                    self._reset()
-                    self._left = _EPISODE
-                cpu, clock = timed(self._step)
-                self._left -= 1
-                sums = sums.plus(Sample(cpu, clock, 0.1, self._agents))
-        return sums
+    is_peer = True
 
 
-def _vmas(scenario: str, rooms: int, people: int) -> Stepped:
+def _vmas(scenario: str, rooms: int, people: int) -> Peer:
     """Return navigation, dispersion or flocking with as many agents; spaced so that they fit into their world."""
     import torch
     import vmas
@@ -52,17 +34,18 @@ def _vmas(scenario: str, rooms: int, people: int) -> Stepped:
     options = {"num_envs": rooms, "device": "cpu", "seed": 0, "n_agents": people, **spaced.get(scenario, {})}
     env = vmas.make_env(scenario, **options)
     actions = [torch.full((rooms, 2), 0.5) for _ in env.agents]
-    name = f"{scenario}, {rooms} x {people}"
-    return Stepped(name, "vmas", lambda: env.step(actions), rooms * people, env.reset)
+    name = f"{named('vmas')} {scenario}, {rooms} x {people}"
+    return Peer(name, lambda: env.step(actions), lambda: rooms * people, env.reset, _EPISODE)
 
 
-def _pettingzoo(name: str, package: str, env: Any, action: int) -> Stepped:
+def _pettingzoo(name: str, package: str, env: Any, action: int) -> Peer:
     env.reset(seed=0)
     step = lambda: env.step(dict.fromkeys(env.agents, action))  # noqa: E731
-    return Stepped(name, package, step, len(env.agents), partial(env.reset, seed=0))
+    name = f"{named(package)} {name}"
+    return Peer(name, step, lambda: len(env.agents), partial(env.reset, seed=0), _EPISODE)
 
 
-def _battle(people: int) -> Stepped:
+def _battle(people: int) -> Peer:
     """Return the battle, on a map for 162 agents or, beside larger rooms, 648; everyone stands still."""
     from magent2.environments import battle_v4
 
@@ -70,7 +53,7 @@ def _battle(people: int) -> Stepped:
     return _pettingzoo(f"battle, {162 if people <= 20 else 648} agents", "magent2", env, 6)
 
 
-def _spread(people: int) -> Stepped:
+def _spread(people: int) -> Peer:
     """Return simple_spread with as many agents as one of our rooms."""
     from mpe2 import simple_spread_v3
 
@@ -79,7 +62,7 @@ def _spread(people: int) -> Stepped:
 
 
 # Package -> what makes its environments, beside this number of rooms, of people in each.
-BATCHES: dict[str, Callable[[int, int], list[Callable[[], Stepped]]]] = {
+BATCHES: dict[str, Callable[[int, int], list[Callable[[], Peer]]]] = {
     "vmas": lambda rooms, people: [
         partial(_vmas, name, rooms, people) for name in ("navigation", "dispersion", "flocking")
     ],

@@ -15,7 +15,6 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from benchmarks.measuring import Effort
-from benchmarks.peers import quiet
 from benchmarks.peers.walking import DT, PeerCrowd
 from benchmarks.scenes import Floats, Scene
 
@@ -87,8 +86,7 @@ def domain_of(scene: Scene) -> Any:
 
 def crowds(scene: Scene, effort: Effort) -> Iterator[Granular]:
     """Yield the scene under both solvers."""
-    with quiet():
-        domain = domain_of(scene)
+    domain = domain_of(scene)
     for solver in ("cvxopt", "uzawa"):
         if solver == "uzawa" or scene.people <= _CVXOPT_PEOPLE:
             yield Granular(solver, scene, domain)

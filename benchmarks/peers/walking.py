@@ -1,23 +1,24 @@
 """What other crowd programs have in common here: runs of a scene, put back at its end, cut short when they take too long."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 
 import numpy as np
 
-from benchmarks.measuring import NOTHING, Effort, Sample, timed
-from benchmarks.peers import named, quiet, say
+from benchmarks.measuring import Contender, Sample, timed
+from benchmarks.peers import named, say
 from benchmarks.scenes import Floats, Scene, chosen
 from crowd_env import Bodies
 
 DT = 0.01  # s
 
 
-class PeerCrowd(ABC):
+class PeerCrowd(Contender):
     """A scene in another program."""
+
+    is_peer = True
 
     def __init__(self, name: str, package: str, scene: Scene) -> None:
         self.name, self.whole, self._scene = f"{named(package)} {name} {DT:g} s", scene.horizon, scene
-        self._failed = False
         self._start()
 
     @abstractmethod
@@ -45,11 +46,10 @@ class PeerCrowd(ABC):
         return chosen(self._scene.bodies, inside), position[np.argsort(numbers)]
 
     def _start(self) -> None:
-        self._left = round((self._scene.settle + self.whole) / DT)
-        with quiet():
-            self._build()
-            while self._left > round(self.whole / DT):
-                self._one()
+        self.failed, self._left = False, round((self._scene.settle + self.whole) / DT)
+        self._build()
+        while self._left > round(self.whole / DT):
+            self._one()
 
     def _one(self) -> None:
         """Make a step, unless the program gives up."""
@@ -57,19 +57,12 @@ class PeerCrowd(ABC):
         try:
             self._step()
         except RuntimeError as error:
-            self._failed, self._left = True, min(self._left, 0)
+            self.failed, self._left = True, min(self._left, 0)
             say(f"{self.name}, {self._scene.people} people: stopped: {str(error)[:90]}")
 
-    def block(self, effort: Effort) -> Sample:
-        """Make whole runs of ``effort.seconds`` of CPU time or more, or as much as ``effort.peer_seconds`` allow."""
-        sums = NOTHING
-        while sums.clock < effort.peer_seconds and (sums.cpu < effort.seconds or sums.simulated < self.whole - 1e-9):
-            if self._left <= 0 or not self.inside:
-                if self._failed and sums.simulated:
-                    break
-                self._start()
-            people = self.inside
-            with quiet():
-                cpu, clock = timed(self._one)
-            sums = sums.plus(Sample(cpu, clock, DT, people))
-        return sums
+    def once(self) -> Sample:
+        """Make a step, of a new run where the last is over."""
+        if self._left <= 0 or not self.inside:
+            self._start()
+        people = self.inside
+        return Sample(*timed(self._one), DT, people)
