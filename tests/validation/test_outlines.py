@@ -64,7 +64,7 @@ def test_every_case_that_can_has_bodies_of_the_outline(begun, name):
 @looped("name", TESTS)
 def test_so_has_every_test_of_the_standards(begun, name):
     with pytest.raises(Begun):
-        TESTS[name].run(TORSOS)
+        TESTS[name](TORSOS)
     assert begun.pop() == OUTLINES["torso"] and not begun
 
 

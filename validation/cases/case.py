@@ -112,8 +112,11 @@ RECORDED: dict[str, dict[str, Any]] = read_toml(Path(__file__).with_name("record
 def row(
     case: str, setting: Setting, passed: bool | None, figure: str, criterion: str = "", source: str = "", **more: Any
 ) -> Row:
-    """Return a row under the names of scheme, manner and outline; criterion and source are those of the case unless given."""
-    said = FACTS["cases"].get(case, {})
+    """Return a row under the names of scheme, manner and outline.
+
+    Criterion and source are those of the case, or test of a standard, unless given.
+    """
+    said = (FACTS["cases"] | FACTS["tests"]).get(case, {})
     criterion, source = criterion or said.get("criterion", ""), source or said.get("source", "")
     scheme = setting.scheme if isinstance(setting.scheme, str) else setting.scheme.info.name
     manner = setting.manner if isinstance(setting.manner, str) else str(setting.manner)
@@ -160,11 +163,3 @@ class Verdict(NamedTuple):
     passed: bool | None  # None = the standard asks for figures, not for a bound
     figure: str
     more: dict[str, Any]
-
-
-class Check(NamedTuple):
-    """A test of one or several standards that ask the same."""
-
-    run: Callable[[Setting], Verdict]
-    criterion: str
-    source: str

@@ -7,12 +7,11 @@ in front of bottlenecks at entrances from the perspective of physics and social 
 from typing import Any
 
 import numpy as np
-from shapely.geometry import Polygon
-from shapely.geometry import box as rectangle
 
-from crowd_env import Geometry, Scenario, Uniform
+from crowd_env import Scenario, Uniform
 from validation.cases.case import Row, Setting, adults, number, row, share
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of, steady_flow
+from validation.cases.standards.places import PLACES, place
 from validation.cases.trajectories import find_recording, read_trajectories
 
 DATA = "bottleneck_wuppertal2018_040c56h"  # folder of the recording
@@ -22,27 +21,11 @@ EAGER = 1.255  # 1/s, of run 110_c: people who were asked to be eager; its passa
 PASSED = {10: 8.3, 20: 16.2, 40: 33.1, 60: 51.4, 75: 65.6}  # person -> s, at the line
 WITHIN, MOST_VARIED = 0.15, 0.35
 
-# Barriers after the user guide of PedPy, which ships this run as its example: waiting area, funnel, gate.  The waiting area is
-# open at the back; here it is closed there (at y = 6.7 m), behind all who walk to the gate.
-_HALF, _DEPTH = 2.8, 6.7  # m, half width and depth of the waiting area
-_MOUTH, _GATE = 0.4, 0.25  # m, half widths of the funnel's mouth and of the gate
-_THROAT, _LINE, _END = -0.15, -0.5, -1.1  # m, y where the gate begins, is counted and ends
-_BEYOND = 3.0  # m, free space behind
-PLAN = [
-    (-_HALF, _DEPTH),
-    (-_HALF, 0.0),
-    (-_MOUTH, 0.0),
-    (-_GATE, _THROAT),
-    (-_GATE, _END),
-    (_GATE, _END),
-    (_GATE, _THROAT),
-    (_MOUTH, 0.0),
-    (_HALF, 0.0),
-    (_HALF, _DEPTH),
-]
+PLAN: list[list[float]] = PLACES["gate"]["floor"][0]  # corners [m] of waiting area, funnel and gate
+_HALF, _DEPTH = PLAN[-1]  # m, half width and depth of the waiting area
+_LINE = -0.5  # m, y where people are counted
 
 RADIUS = 0.17  # m
-_WAITING = (-2.56, 0.2, 2.16, 5.96)  # m, where the recorded people stood: 2.8 /m2
 _PATIENCE = 20.0  # s without a passage: stuck
 _ROUNDS = 2000
 
@@ -76,16 +59,11 @@ def gate(starts: Floats | None, room: float = 1.0) -> Scenario:
 
     Recorded starts are moved apart, so that each pedestrian has ``room`` radii around.
     """
-    beyond = rectangle(-_HALF, _END - _BEYOND, _HALF, _END)
-    line = [(-_HALF, _END - _BEYOND), (_HALF, _END - _BEYOND)]
-    place = Geometry.from_polygon(
-        [Polygon(PLAN), beyond], exits={"out": line}, regions={"waiting": rectangle(*_WAITING)}
-    )
     size = Uniform(RADIUS, RADIUS)
-    if starts is None:
-        return Scenario("gate", place, adults(75, radius=size, start_region="waiting"), 300.0)
-    people = adults(len(starts), radius=size, starts=push_apart(starts, room * RADIUS))
-    return Scenario("gate", place, people, 300.0)
+    people = adults(75, radius=size, start_region="waiting")
+    if starts is not None:
+        people = adults(len(starts), radius=size, starts=push_apart(starts, room * RADIUS))
+    return Scenario("gate", place("gate"), people, 300.0)
 
 
 def run(setting: Setting) -> list[Row]:

@@ -66,28 +66,35 @@ def displacements(
     With a balance these are the heads, else the discs.  What people do without a push, such as stepping back from each other,
     does not count: it is taken off.
     """
-    people, rows = len(push.place), (0.0, *strengths)
-    front = 10.0 if push.wall is None else push.wall
-    bodies = make_bodies(
-        np.tile(push.depth, len(rows)),
-        np.tile(push.mass, len(rows)),
-        desired_speed=1.34,
-        env_start=people * np.arange(len(rows) + 1),
-    )
-    start = np.column_stack([np.tile(push.place, len(rows)), np.zeros(people * len(rows))])
-    simulation = Simulation(
-        Geometry.from_polygon(box(-_HALF, -_HALF, front, _HALF)),
-        bodies,
-        make_state(start, environments=len(rows)),
-        physics=Physics(setting.scheme, balance=balance),
-        walking=setting.manner,
-    )
-    strong = np.array(rows)
+    people, strong = len(push.place), np.array([0.0, *strengths])
+    floor = (-_HALF, -_HALF, 10.0 if push.wall is None else push.wall, _HALF)
+    start = np.column_stack([np.tile(push.place, len(strong)), np.zeros(people * len(strong))])
+    how = Physics(setting.scheme, balance=balance)
+    simulation = standing(floor, start, push.depth, push.mass, len(strong), how, walking=setting.manner)
     moved = np.array([
-        heads.reshape(len(rows), people)
+        heads.reshape(len(strong), people)
         for heads in shoved(simulation, people, lambda time: push.force_at(time) * strong, _UNTIL)
     ])  # fmt: skip
     return np.moveaxis(moved[:, 1:] - moved[:, :1], 0, 1)
+
+
+def standing(
+    floor: Sequence[float],
+    start: Floats,
+    radius: float | Sequence[float],
+    mass: float | Sequence[float],
+    rows: int,
+    physics: Physics,
+    **options: Any,
+) -> Simulation:
+    """Return people who stand at ``start`` (P, 2) [m] in a rectangle, in ``rows`` environments of as many and the same bodies.
+
+    Radius [m] and mass [kg] are those of everyone, or of each pedestrian of a row.
+    """
+    each, people = len(start) // rows * np.arange(rows + 1), len(start)
+    bodies = make_bodies(np.resize(radius, people), np.resize(mass, people), desired_speed=1.34, env_start=each)
+    place, state = Geometry.from_polygon(box(*floor)), make_state(start, environments=rows)
+    return Simulation(place, bodies, state, physics=physics, **options)
 
 
 def shoved(

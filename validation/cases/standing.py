@@ -13,15 +13,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from shapely.geometry import box
 
-from crowd_env import Geometry, Physics, Simulation, make_bodies, make_scheme, make_state
+from crowd_env import Physics, make_scheme
 from crowd_env.core.behaviors.balance import BALANCES
 from crowd_env.rendering.canvas import new_figure, quiet_axes, save_figure
 from validation.cases.case import Row, Setting, number, row
 from validation.cases.crowds import Floats
 from validation.cases.panels import COLORS
-from validation.cases.row import EVERY, PUSHES, REACHES, shoved, travel
+from validation.cases.row import EVERY, PUSHES, REACHES, shoved, standing, travel
 
 STRENGTHS = (0.5, 1.0)  # of the push
 DENSITIES = (2.0, 3.0, 4.0, 5.0, 6.0)  # 1/m2
@@ -39,14 +38,6 @@ class Queues(NamedTuple):
     force: list[float]  # N   greatest at the wall, mean of 0.1 s
 
 
-def _crowd(setting: Setting, walkable: Floats, start: Floats, environments: int, balance: str) -> Simulation:
-    """Return people (P, 2) [m] who stand in a rectangle, as many in each environment."""
-    each = len(start) // environments * np.arange(environments + 1)
-    bodies = make_bodies(np.full(len(start), _RADIUS), np.full(len(start), _MASS), desired_speed=1.34, env_start=each)
-    place, state = Geometry.from_polygon(box(*walkable)), make_state(start, environments=environments)
-    return Simulation(place, bodies, state, physics=Physics(setting.scheme, balance=balance))
-
-
 def queues(setting: Setting, balance: str, strength: float) -> Queues:
     """Return what the push of the case `row` does to 30 people one behind the other, the first as far from a wall."""
     push, many = PUSHES["open"], len(DENSITIES)
@@ -55,7 +46,9 @@ def queues(setting: Setting, balance: str, strength: float) -> Queues:
     # With everyone's way to the wall the same, queues of all densities share a place; each is as far from it as people are.
     place += 0.5 * apart[:, None]
     start = np.column_stack([place.ravel(), np.zeros(place.size)])
-    simulation = _crowd(setting, np.array([-30.0, -2.0, 0.0, 2.0]), start, many, balance)
+    simulation = standing(
+        (-30.0, -2.0, 0.0, 2.0), start, _RADIUS, _MASS, many, Physics(setting.scheme, balance=balance)
+    )
     moved, wall = [], []
 
     def force_at(time: float) -> Floats | float:
@@ -81,7 +74,8 @@ def sway(setting: Setting, balance: str) -> tuple[Floats, Floats, float, float]:
     grid = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
     room = apart - 2.0 * _RADIUS
     start = (grid + 0.5) * apart + generator.uniform(-0.45 * room, 0.45 * room, grid.shape)
-    simulation = _crowd(setting, np.array([0.0, 0.0, columns * apart, rows * apart]), start, 1, balance)
+    floor, how = (0.0, 0.0, columns * apart, rows * apart), Physics(setting.scheme, balance=balance)
+    simulation = standing(floor, start, _RADIUS, _MASS, 1, how)
     world, steps, count = np.zeros(len(start), dtype=np.bool_), round(_LOOK / simulation.dt), round(_WATCHED / _LOOK)
     mean, square, force = np.empty((count, 2)), np.empty(count), np.zeros_like(start)
     for k in range(count):

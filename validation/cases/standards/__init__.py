@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 
-from validation.cases.case import FACTS, Check, Row, Setting, row
+from validation.cases.case import FACTS, Row, Setting, row
 from validation.cases.standards import evacuations, groups, walking
 
-_RUN = {
+TESTS = {
     "rimea-1": walking.corridor_of_40_m,
     "rimea-2": walking.stairs,
     "rimea-4": walking.fundamental_diagram,
@@ -21,15 +21,14 @@ _RUN = {
     "nist-2.10": evacuations.slow_person,
     "iso-14": groups.keep_together,
 }
-TESTS = {name: Check(run, **FACTS["tests"][name]) for name, run in _RUN.items()}
 NOT_SUPPORTED: dict[str, str] = FACTS["not_supported"]
 
 
 def run(setting: Setting) -> Iterator[Row]:
     """Yield a row for each test, and one for those that are not supported."""
-    for name, check in TESTS.items():
+    for name, test in TESTS.items():
         setting.notify(f"{setting.scheme}, {setting.manner}: {name}")
-        verdict = check.run(setting)
-        yield row(name, setting, verdict.passed, verdict.figure, check.criterion, check.source, **verdict.more)
+        passed, figure, more = test(setting)
+        yield row(name, setting, passed, figure, **more)
     for names, reason in NOT_SUPPORTED.items():
         yield row("not supported", setting, None, reason, "", names)

@@ -2,16 +2,17 @@
 
 from pathlib import Path
 
+from shapely.geometry import Polygon, box
+
 from crowd_env import Geometry
-from crowd_env.geometry.geometry import box
 from validation.pages import read_toml
 
-_PLACES = read_toml(Path(__file__).with_name("places.toml"))
+PLACES = read_toml(Path(__file__).with_name("places.toml"))
 
 
 def place(name: str) -> Geometry:
     """Return the place of a name in places.toml."""
-    facts = dict(_PLACES[name])
-    floor = [box(*each) for each in facts.pop("floor")]
+    facts = dict(PLACES[name])
+    floor = [Polygon(each) if isinstance(each[0], list) else box(*each) for each in facts.pop("floor")]
     regions = {region: box(*each) for region, each in facts.pop("regions", {}).items()}
     return Geometry.from_polygon(floor, regions=regions, **facts)
