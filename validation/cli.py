@@ -22,7 +22,7 @@ from crowd_env.core.checks import known
 from crowd_env.core.console import check_folder, friendly_errors, notes, say
 from crowd_env.physics.settings import check_behaviors
 from validation.cases import CASES
-from validation.cases.case import COMPARED, DISC, Case, Row, Setting
+from validation.cases.case import COMPARED, DISC, Row, Setting
 from validation.cases.case import row as row_of
 from validation.finished import Finished, complete_rows, of_bodies
 from validation.pages import ROOT, fill_pages
@@ -87,27 +87,19 @@ def cases(
             case, schemes = ["laws"], ["dem"]
         for name in case or ():
             known("case", name, CASES)
-        for name in schemes or ():
-            make_scheme(name)
         for name in manner or ():
             Headway.of(name)
         if data is not None and not data.exists():
             raise ValueError(f"--data {data}: no such folder")
         if out is not None:
             check_folder("--out", out)
-        shape = Outline.of(outline)
-        names = _names(case, shape, outline)
-        common, under = Setting(seed=seed, data=data, outline=outline), _schemes(schemes, shape)
-        asked = {name: _settings(CASES[name], under, manner, draws, common) for name in names}
         finished = None if out is None else Finished(out)
-        if finished is not None:  # before anything is run
-            before = {(name, k): finished.rows(name, one) for name in names for k, one in enumerate(asked[name])}
-        for name in names:
+        common = Setting(seed=seed, data=data, outline=outline)
+        for name, runs in _plan(case, schemes, manner, draws, common, finished):
             found: list[Row] = []
             with notes.status(f"{name} ...") as status:
                 notify = _teller(name, status)
-                for k, setting in enumerate(asked[name]):
-                    there = None if finished is None else before[name, k]
+                for setting, there in runs:
                     notify(f"{setting.scheme}, {setting.manner}" + (": finished before" if there is not None else ""))
                     found += _run(name, replace(setting, notify=notify), finished) if there is None else there
             draw = CASES[name].draw
@@ -142,29 +134,35 @@ def _run(name: str, setting: Setting, finished: Finished | None) -> list[Row]:
     return rows
 
 
-def _names(cases: list[str] | None, shape: Outline | None, outline: str) -> list[str]:
-    """Return the cases that are meant; raise ValueError if one that is named cannot have these bodies."""
-    if shape is None:
-        return list(cases or CASES)
-    for name in cases or ():
-        if CASES[name].discs_because:
-            raise ValueError(f"{name} has no bodies of outline {outline!r}: {CASES[name].discs_because}")
-    return list(cases or (name for name, case in CASES.items() if not case.discs_because))
+def _plan(
+    cases: list[str] | None,
+    schemes: list[str] | None,
+    manners: list[str] | None,
+    draws: int | None,
+    common: Setting,
+    finished: Finished | None,
+) -> list[tuple[str, list[tuple[Setting, list[Row] | None]]]]:
+    """Return the cases that are meant, each under its schemes and manners, with the rows of those that are finished.
 
-
-def _schemes(named: list[str] | None, shape: Outline | None) -> list[str]:
-    """Return the schemes that are meant; raise ValueError if one that is named does not turn bodies, and these turn."""
-    for name in named or ():
+    Raises
+    ------
+    ValueError
+        If a case or scheme that is named cannot have these bodies, or finished rows are those of another run.
+    """
+    shape = Outline.of(common.outline)
+    for name in cases or () if shape is not None else ():
+        if why := CASES[name].discs_because:
+            raise ValueError(f"{name} has no bodies of outline {common.outline!r}: {why}")
+    for name in schemes or ():
         check_behaviors({"outline": shape}, make_scheme(name))
-    return named or [name for name in COMPARED if shape is None or SCHEMES[name].turns_bodies]
-
-
-def _settings(
-    case: Case, schemes: list[str], manners: list[str] | None, draws: int | None, common: Setting
-) -> list[Setting]:
-    """Return each scheme under each manner."""
-    mine = replace(common, draws=draws or case.draws, data=common.data if case.recordings else None)
-    return [replace(mine, scheme=scheme, manner=manner) for scheme in schemes for manner in manners or case.manners]
+    under = schemes or [name for name in COMPARED if shape is None or SCHEMES[name].turns_bodies]
+    plan = []
+    for name in cases or [name for name, case in CASES.items() if shape is None or not case.discs_because]:
+        case = CASES[name]
+        mine = replace(common, draws=draws or case.draws, data=common.data if case.recordings else None)
+        runs = [replace(mine, scheme=scheme, manner=manner) for scheme in under for manner in manners or case.manners]
+        plan.append((name, [(one, None if finished is None else finished.rows(name, one)) for one in runs]))
+    return plan
 
 
 def _teller(case: str, status: Status) -> Callable[[str], None]:
