@@ -171,10 +171,6 @@ def flows(source: Source) -> Rows:
             yield {**row, "people": people, "speed": speed}
 
 
-def _of_tasks(rows: Callable[[], Rows]) -> Callable[[Source], Rows]:
-    return lambda source: rows()
-
-
 # Table -> the rows that tables.toml lays out; made_by.csv says by which command their figures are measured.
 _ROWS: dict[str, Callable[[Source], Rows]] = {
     "schemes": schemes,
@@ -199,7 +195,14 @@ _ROWS: dict[str, Callable[[Source], Rows]] = {
     "theatre": theatre,
     "clearance": clearance,
     "flows": flows,
-    **{name: _of_tasks(rows) for name, rows in task_tables.ROWS.items()},
+    "tasks": lambda _: task_tables.tasks(),
+    "task-facts": lambda _: task_tables.tasks(),
+    "task-presets": lambda _: task_tables.presets(),
+    "task-floors": lambda _: task_tables.floors(),
+    "tiers": lambda _: task_tables.tiers(),
+    "submissions": lambda _: task_tables.submissions(),
+    "variations": lambda _: task_tables.varied(),
+    "cards": lambda _: task_tables.cards(),
 }
 
 

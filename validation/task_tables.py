@@ -1,6 +1,6 @@
 """The tables of docs/tasks/: what each task is, how soon it could end at all, and what policies do on it, from submissions."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -158,29 +158,14 @@ def _judged(content: dict[str, Any], policy: str) -> dict[str, Any]:
         "start": "–" if network and policy not in PRETRAINED else starts_from(policy),
         "network": f"`{network[:12]}`" if network else "" if is_ours else "–",
         "inside": row["left"] or "nobody",
-        "half": _half(row),
-        "last": _spread(row["clearing_time"]),
         "own": "" if is_ours else cell("{clearing_time[mean]:.1f}", own) + _lost(own),
-        "beside": "" if is_best else _spread(later, "+"),
-        "more_left": "" if is_best else f"{later['more_left']:+d}".replace("-", "−"),
-        "exit": _spread(row["mean_exit"]),
+        "beside": "" if is_best else cell("{mean:+.1f} ({ci95[0]:+.1f} to {ci95[1]:+.1f})", later),
+        "more_left": "" if is_best else cell("{more_left:+d}", later),
         "star": "" if row["pressure_is_force"] else " (no forces)",
         "crushed": "" if row["crushed_time"]["mean"] is None else cell(", {crushed_time[mean]:.1f} s", row),
         "worse": "" if is_ours else _worse(content),
         "judged": credible[row["credible"]["ok"]],
     }
-
-
-def _spread(found: Mapping[str, Any], sign: str = "") -> str:
-    if found["mean"] is None:
-        return "–"
-    low, high = found["ci95"]
-    text = f"{found['mean']:{sign}.1f}" + ("" if low is None else f" ({low:{sign}.1f} to {high:{sign}.1f})")
-    return text.replace("-", "−")
-
-
-def _half(row: dict[str, Any]) -> str:
-    return "never" if row["median_time"] is None else f"{row['median_time']:.1f}"
 
 
 def _lost(row: dict[str, Any]) -> str:
@@ -213,8 +198,8 @@ def _card(name: str, made: dict[str, Any], judged: dict[str, Any] | None) -> dic
         figures, limits = "[generated places](training.md#one-policy-for-every-place); the pages of the tasks", "there"
     elif judged is not None:
         row, worse = _row(judged), _worse(judged)
-        figures = f"half of all draws {_half(row)} s; left somebody inside in {row['unfinished']} of {row['runs']}"
-        figures += cell("; above 1.6 kN/m {crushed_share[mean]:%} %", row)
+        told = "half of all draws {median_time:half} s; left somebody inside in {unfinished} of {runs}"
+        figures = cell(told, row) + cell("; above 1.6 kN/m {crushed_share[mean]:%} %", row)
         known = ", ".join(_known_limits(judged)) or "none"
         limits = f"leaves people in more draws than the rule on: {worse}; 10 % slower than the rule on: {known}"
     between = "between two of " if places else ""
@@ -251,22 +236,4 @@ def varied(folder: Path = SUBMISSIONS) -> Rows:
     for name, those in read_submissions(folder).items():
         about = {one.name: one.about for one in variations(TASKS[name])}
         for row in (row for one in those if one["robustness"] is not None for row in one["robustness"]["rows"]):
-            yield {
-                "task": name,
-                "about": about[row["variation"]],
-                "policy": row["policy"],
-                "half": _half(row) + _lost(row),
-            }
-
-
-# Table -> its rows, which tables.toml lays out.
-ROWS: dict[str, Callable[[], Rows]] = {
-    "tasks": tasks,
-    "task-facts": tasks,
-    "task-presets": presets,
-    "task-floors": floors,
-    "tiers": tiers,
-    "submissions": submissions,
-    "variations": varied,
-    "cards": cards,
-}
+            yield {**row, "task": name, "about": about[row["variation"]], "left": _lost(row)}
