@@ -49,6 +49,12 @@ class Entry:
         """Whether it decides how people walk, and not only which way."""
         return isinstance(self.policy, Policy) and not isinstance(self.policy, StrategyPolicy | ShortestPath)
 
+    def suited(self, place: Scenario) -> Scenario:
+        """Return a place with people that keep the distance that the policy was trained with, if it leads them."""
+        if not self.leads:
+            return place
+        return replace(place, manner=None if self.source is None else load_trained(self.source).trained.get("manner"))
+
     def driver(self, scenario: Scenario, **arguments: Unpack[EnvArguments]) -> DrivenCrowd:
         """Return the crowd that it drives; ``arguments`` of `CrowdEnv` override those of the task.
 

@@ -123,10 +123,9 @@ def setting_of(options: CrowdOptions) -> Setting:
     routing = Routing(place.strategy_of_run(options.routing), flag("--set signs", _value(changes.get("signs", "yes"))))
     if options.policy is not None:
         from crowd_env.agents.evaluation.entries import make_entries
-        from crowd_env.cli.led import suited
 
         (led,) = make_entries([options.policy], place)
-        place = suited(place, led) if options.walking is None else place
+        place = led.suited(place) if options.walking is None else place
     return Setting(place, Physics(replace(law, **numbers), step, max_drive=drive), routing, led)
 
 

@@ -25,7 +25,7 @@ class Moment(NamedTuple):
     velocity: Floats  # (K, 2)  m/s
     pressure: Floats  # (K,)    N/m
     angle: Floats | None  # (K,)    rad  orientation of bodies that are no discs
-    memory: Mapping[str, Floats]  # (K, ...)  rows that behaviors keep, such as the feet under `Balance`
+    memory: Mapping[str, Floats]  # (K, ...)  rows that behaviors keep
 
 
 @dataclass(frozen=True, eq=False)

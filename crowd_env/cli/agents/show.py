@@ -14,7 +14,6 @@ from crowd_env.agents.evaluation.entries import RULE, Entry, make_entries
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.tasks import TASKS, Task, make_task
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
-from crowd_env.cli.led import suited
 from crowd_env.cli.options import Exits, PeopleCount, Unit, complete_from, new_app, of_output, plain
 from crowd_env.cli.place import CrowdOptions, read_place
 from crowd_env.cli.recorded import FilmFps, FilmWidth, film_file, size_of
@@ -104,4 +103,4 @@ def _of_task(task: str) -> list[str]:
 
 
 def _driver(entry: Entry, task: Task | None, place: Scenario) -> Callable[[int], Driver]:
-    return entry.driver(suited(place, entry) if task is None else place).settled()
+    return entry.driver(entry.suited(place) if task is None else place).settled()
