@@ -150,10 +150,10 @@ def check_others(others: Sequence[Behavior]) -> None:
             raise ValueError(f"{where}: desire is {shown(desire)}; it must be a function under @inner_kernel")
         kept = shapes_of(one.MEMORY) if one.MEMORY else {}
         for array, shape in kept.items():
-            if not shape or not all(part in ("P", "E") or part.isdigit() for part in shape):
+            if shape[:1] not in (["P"], ["E"]) or not all(part.isdigit() for part in shape[1:]):
                 raise ValueError(
                     f"{where}: array {array!r} of its MEMORY has the shape {' '.join(shape) or 'none'!r}; write such as "
-                    "Annotated[Floats, 'P 2'], of P pedestrians, E environments and numbers"
+                    "Annotated[Floats, 'P 2'], of P pedestrians or E environments, and numbers"
                 )
         for array in one.RECORDED if isinstance(one.RECORDED, tuple) else [one.RECORDED]:
             if array not in kept or array in recorded:

@@ -11,7 +11,7 @@ from crowd_env.core.behaviors.behavior import Behavior, record
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.geometry.wall_grid import WallGrid
-from crowd_env.physics.allocation import Arrays, allocate
+from crowd_env.physics.allocation import Arrays, allocate, shapes_of
 from crowd_env.physics.constraints import Constraints
 from crowd_env.physics.contacts import Contacts, move_contacts
 from crowd_env.physics.dem_lanes.buffers import SoABuffers
@@ -282,9 +282,12 @@ def begin_history(chosen: Sequence[int], people: Ints, history: History, bodies:
     history.contacts.number[chosen], history.door_open[chosen] = 0, True
     history.followed[people], history.region_bits[people] = route, 0
     history.local_speed[people] = bodies.desired_speed[people]
-    for array in (history.walking_velocity, *(array for memory in history.memory for array in memory)):
-        if len(array):
-            array[people] = 0
+    if len(history.walking_velocity):
+        history.walking_velocity[people] = 0.0
+    for memory in history.memory:
+        for array, shape in zip(memory, shapes_of(type(memory)).values(), strict=True):
+            if len(array):
+                array[people if shape[0] == "P" else chosen] = 0
 
 
 def begin_results(chosen: Sequence[int], people: Ints, results: Results, total: Diagnostics) -> None:

@@ -35,6 +35,7 @@ class Began(NamedTuple):
 
     time: Annotated[Floats, "P"]  # s
     walks: Annotated[Bools, "P"]
+    latest: Annotated[Floats, "E"]  # s
 
 
 @inner_kernel
@@ -42,6 +43,7 @@ def tire(i, time, vx, vy, batch):
     memory, lasts = batch.history.memory.fatigue, batch.behaviors.fatigue.lasts
     if not memory.walks[i]:
         memory.walks[i], memory.time[i] = True, time
+    memory.latest[batch.world.geometry_of_env[0]] = time  # one place, one environment
     share = np.exp((memory.time[i] - time) / lasts)
     return share * vx, share * vy
 
@@ -94,6 +96,9 @@ def test_a_checkpoint_holds_who_has_tired(scheme):
     simulation.restore(kept)
     simulation.advance(n_substeps=40)
     np.testing.assert_array_equal(simulation.state.position, then)
+    assert simulation.history.memory.fatigue.latest[0] > 0.0
+    simulation.restart(0, simulation.bodies, simulation.state.position.copy())
+    assert simulation.history.memory.fatigue.latest.tolist() == [0.0]
 
 
 @pytest.mark.parametrize("suffix", ["sqlite", "h5"])
@@ -114,20 +119,20 @@ class NoShape(NamedTuple):
 
 
 class Odd(NamedTuple):
-    time: Annotated[Floats, "K 2"]
+    time: Annotated[Floats, "2 P"]
 
 
 WRONG = {
     "not compiled": ({"NAME": "limp", "desire": 3}, "desire is 3; it must be a function under @inner_kernel"),
     "no shape": ({"NAME": "limp", "MEMORY": NoShape}, "array 'time' of its MEMORY has the shape 'none'; write such as"),
-    "odd shape": ({"NAME": "limp", "MEMORY": Odd}, "array 'time' of its MEMORY has the shape 'K 2'; write such as"),
+    "odd shape": ({"NAME": "limp", "MEMORY": Odd}, "array 'time' of its MEMORY has the shape '2 P'; write such as"),
     "taken": ({"NAME": "balance"}, "behavior 'balance': the name is taken; taken are manner, "),
     "no identifier": ({"NAME": "my limp"}, "a NAME that is an identifier"),
     "unknown need": ({"NAME": "limp", "NEEDS": "drivess"}, "NEEDS is 'drivess'; it must be None, or 'drives' or"),
     "a need without words": ({"NAME": "limp", "NEEDS": "drives"}, "with a text in LACKS"),
     "not in memory": (
         {"NAME": "limp", "RECORDED": ("tim",)},
-        "RECORDED names 'tim', which is not in its memory: time, walks",
+        "RECORDED names 'tim', which is not in its memory: time, walks, latest",
     ),
     "feet": ({"NAME": "limp", "RECORDED": ("feet",)}, "RECORDED names 'feet', which is"),
 }

@@ -80,6 +80,8 @@ class Waiting(NamedTuple):
     held_since: Annotated[
         Floats, "P"
     ]  # s  time since which members further back hold the pedestrian back; 0 = they do not
+    lost: Annotated[Floats, "P"]  # recent mean of the share of the desired speed that members further back cost
+    seen_at: Annotated[Floats, "E"]  # s  time of the last look at the group
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ from crowd_env.physics.workspace import Batch
 from crowd_env.routing.fields.lookup import travel_time_at
 
 HURRY = 1.3  # times the desired speed: the largest speed under pulls
-_SLOW = 0.25  # of the desired speed, along the way: slower counts as held back
+_SLOW = 0.25  # of the desired speed, along the way, in the mean of about the last ...
+_RECENT = 2.0  # s: slower counts as held back
 _GAZE, _COHESION, _REPULSION, _SPACING, _APART, _PATIENCE = 0, 1, 2, 3, 4, 5  # columns of `PullArrays.groups`
 _X, _Y, _STRENGTH, _REACH, _LIFETIME, _SINCE = 0, 1, 2, 3, 4, 5  # columns of `PullArrays.attraction`
 
@@ -27,14 +28,20 @@ _X, _Y, _STRENGTH, _REACH, _LIFETIME, _SINCE = 0, 1, 2, 3, 4, 5  # columns of `P
 @inner_kernel
 def pull_aside(e: int, batch: Batch) -> None:
     """Change the desired ways and speeds of environment ``e`` in `Workspace.walkers` by the pulls."""
-    walkers, bodies, time = batch.workspace.walkers, batch.bodies, batch.state.time[e]
+    walkers, bodies, time, seen_at = (
+        batch.workspace.walkers,
+        batch.bodies,
+        batch.state.time[e],
+        batch.history.memory.pulls.seen_at,
+    )
+    passed, seen_at[e] = 1.0 - np.exp(-(time - seen_at[e]) / _RECENT), time
     gaze = batch.behaviors.pulls.groups[batch.world.geometry_of_env[e], _GAZE]
     _list_members(e, batch)
     for i in range(index(bodies.env_start[e]), index(bodies.env_start[e + 1])):
         if not batch.state.active[i] or time < bodies.response_time[i]:
             continue
         fx, fy = _attract(e, i, time, batch)
-        gx, gy, angle, waits = _keep_together(e, i, time, fx, fy, batch)
+        gx, gy, angle, waits = _keep_together(e, i, time, passed, fx, fy, batch)
         if waits:
             walkers.way_x[i], walkers.way_y[i], walkers.speed[i] = 0.0, 0.0, 0.0
         elif gx != 0.0 or gy != 0.0 or angle != 0.0:
@@ -111,17 +118,26 @@ def _sees(e: int, i: int, dx: float, dy: float, batch: Batch) -> bool:
 
 
 @inner_kernel
-def _keep_together(e: int, i: int, time: float, fx: float, fy: float, batch: Batch) -> tuple[float, float, float, bool]:
+def _keep_together(
+    e: int, i: int, time: float, passed: float, fx: float, fy: float, batch: Batch
+) -> tuple[float, float, float, bool]:
     """Add the forces of the group of pedestrian ``i`` to (fx, fy) [m/s2].
+
+    ``passed`` is the weight of now in means over the recent past: the pull is a step, which people shuffle in and out of, so
+    one moment does not tell whether they are held back.
 
     Returns the sum, the angle of the head [rad], and whether ``i`` waits.
     """
-    group, held_since = batch.bodies.group[i], batch.history.memory.pulls.held_since
+    group, held_since, lost = (
+        batch.bodies.group[i],
+        batch.history.memory.pulls.held_since,
+        batch.history.memory.pulls.lost,
+    )
     walkers, position = batch.workspace.walkers, batch.state.position
     c = batch.bodies.env_start[e] + max(group, 0)
     members = walkers.sums[c, 2]
     if group == ALONE or members < 2.0:
-        held_since[i] = 0.0
+        held_since[i], lost[i] = 0.0, 0.0
         return fx, fy, 0.0, False
     rule = batch.behaviors.pulls.groups[batch.world.geometry_of_env[e]]
     gx, gy = _repel(i, c, rule[_SPACING], rule[_REPULSION], batch)
@@ -137,7 +153,13 @@ def _keep_together(e: int, i: int, time: float, fx: float, fy: float, batch: Bat
         cx, cy = rule[_COHESION] * dx / distance, rule[_COHESION] * dy / distance
     waits = _is_ahead(e, i, c, rule[_APART], rule[_SPACING], batch)
     x, y = pulled(i, fx + cx, fy + cy, rule[_GAZE] * angle, batch)
-    if not waits and (ahead <= 0.0 or x * way_x + y * way_y >= _SLOW * speed):
+    along = 1.0
+    if waits:
+        along = 0.0
+    elif ahead > 0.0 and speed > 0.0:
+        along = (x * way_x + y * way_y) / speed
+    lost[i] += passed * (1.0 - along - lost[i])
+    if not waits and lost[i] <= 1.0 - _SLOW:
         held_since[i] = 0.0
     elif held_since[i] == 0.0:
         held_since[i] = time

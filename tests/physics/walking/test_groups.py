@@ -1,4 +1,4 @@
-"""Companions and attractions: their forces in plain NumPy, and what comes of them."""
+"""Groups and attractions: their forces in plain NumPy, and what comes of them."""
 
 import numpy as np
 import pytest
@@ -10,6 +10,8 @@ from walking_crowds import decided, manner, standing
 
 from crowd_env import Attraction, Geometry, GroupCohesion, Pulls, Simulation, Walking
 from crowd_env.core.arrays.state import make_bodies, make_state
+from crowd_env.routing.route_set import RoutePlan
+from crowd_env.routing.spec import Route
 
 RULE = GroupCohesion(gaze=2.5, cohesion=2.0, repulsion=0.7, spacing=0.9)
 POINTS = (Attraction(2.0, 1.0, 1.5, reach=1.5, lifetime=4.0), Attraction(-1.0, 0.5, 0.8, since=5.0))
@@ -186,6 +188,74 @@ def test_patience_ends_and_who_goes_on_alone_is_not_pulled_back():
     assert simulation.state.position[0, 0] == pytest.approx(14.0, abs=0.05)
     simulation.advance(n_substeps=400)
     assert simulation.state.position[0, 0] > 16.0
+
+
+@looped("tau", [0.1, 0.2, 0.36, 0.5], quick=2)
+def test_patience_ends_beside_a_member_that_does_not_set_out(tau):
+    """Who is pulled to and fro across the threshold of the cohesion, 0.8 m in front of the other, is held back as well."""
+    for speed in (0.8, 1.1, 1.5, 1.9):
+        bodies = make_bodies(
+            np.full(2, 0.17),
+            np.full(2, 75.0),
+            desired_speed=speed,
+            relaxation_time=tau,
+            response_time=np.array([0.0, 900.0]),
+            group=np.zeros(2, int),
+        )
+        state = make_state(np.array([[6.8, 1.2], [6.0, 1.6]]))
+        pulls = Pulls(GroupCohesion(patience=10.0))
+        simulation = Simulation(CORRIDOR, bodies, state, physics="nsm2", walking=Walking("hurried", pulls=pulls))
+        simulation.advance(n_substeps=round((10.0 + 12.0 + 23.2 / speed) / simulation.dt))
+        assert not simulation.state.active[0], (tau, speed)
+
+
+@looped("slow", [0.02, 0.1])
+def test_patience_ends_beside_a_member_that_hardly_walks(slow):
+    for count in (4, 6):
+        start = [6.0, 0.5] + 0.6 * np.array([[k % 3, k // 3] for k in range(count)])
+        bodies = make_bodies(
+            np.full(count, 0.17),
+            np.full(count, 75.0),
+            desired_speed=np.array([slow, *np.linspace(0.9, 1.6, count - 1)]),
+            relaxation_time=0.3,
+            group=np.zeros(count, int),
+        )
+        pulls = Pulls(GroupCohesion(patience=10.0))
+        simulation = Simulation(
+            CORRIDOR, bodies, make_state(start), physics="nsm2", walking=Walking("calm", pulls=pulls)
+        )
+        simulation.advance(n_substeps=round(75.0 / simulation.dt))
+        assert simulation.state.active.tolist() == [True] + [False] * (count - 1)
+
+
+def test_only_members_on_the_same_way_are_waited_for():
+    exits = {"end": [(30, 0), (30, 3)], "back": [(0, 0), (0, 3)]}
+    place = Geometry.from_polygon(box(0, 0, 30, 3), exits=exits)
+    for routes, waits in ((("east", "east"), True), (("east", "west"), False)):
+        fields = [RoutePlan(place, 0.17, routes=(Route("east", ("end",)), Route("west", ("back",)))).build()]
+        state = make_state(np.array([[14.0, 1.0], [8.0, 2.0]]))
+        bodies = make_bodies(np.full(2, 0.17), np.full(2, 70.0), desired_speed=1.4, group=np.zeros(2, int))
+        alone = Walking("calm", pulls=Pulls(GroupCohesion(cohesion=0.0, gaze=0.0)))
+        simulation = Simulation(place, bodies, state, walking=alone, fields=fields)
+        names = [route.name for route in fields[0].routes]
+        simulation.restart(0, bodies, state.position.copy(), route=np.array([names.index(name) for name in routes]))
+        simulation.advance(n_substeps=round(1.0 / simulation.dt))
+        assert (simulation.state.velocity[0, 0] < 0.05) == waits
+
+
+def test_the_group_pulls_only_members_that_have_set_out_and_have_not_left():
+    bodies = make_bodies(
+        np.full(2, 0.17),
+        np.full(2, 70.0),
+        desired_speed=1.4,
+        response_time=np.array([5.0, 0.0]),
+        group=np.zeros(2, int),
+    )
+    simulation, asked = standing([[0.0, 0.0], [2.0, 0.5]], [[1.0, 0.0]] * 2, None, bodies=bodies)
+    walks = decided(simulation, asked)
+    assert (walks[0] == 0.0).all() and walks[1, 0] < 1.0
+    simulation.state.active[0] = False
+    np.testing.assert_allclose(decided(simulation, asked)[1], [1.4, 0.0], atol=1e-12)
 
 
 def test_members_behind_a_wall_do_not_pull_into_it():
