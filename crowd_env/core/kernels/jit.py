@@ -15,6 +15,7 @@ here, so debuggers stop in it and coverage reports count its lines.
 
 import hashlib
 import os
+import pickle
 import re
 import shutil
 import stat
@@ -22,6 +23,8 @@ import sys
 import time
 import uuid
 from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
@@ -96,14 +99,19 @@ def cache_folder(stamp: str) -> Path | None:
     None if that cannot be used: every process then compiles kernels in memory.
     """
     root = _root()
-    if root is None:
+    folder = root and root / f"kernels-{stamp}"
+    problem = "there is no home folder" if folder is None else _open(folder)
+    if problem:
+        _say_not_kept(problem)
         return None
-    folder = root / f"kernels-{stamp}"
-    if problem := _open(folder):
-        _say(f"kernels are not kept: {problem}; set NUMBA_CACHE_DIR to a folder that only you can write to")
-        return None
-    _remove_stale(folder)
+    assert folder is not None
+    if os.access(folder, os.W_OK):
+        _remove_stale(folder)
     return folder
+
+
+def _say_not_kept(problem: str) -> None:
+    _say(f"kernels are not kept: {problem}; set NUMBA_CACHE_DIR to a folder that only you can write to")
 
 
 def _root() -> Path | None:
@@ -122,7 +130,8 @@ def _root() -> Path | None:
 def _open(folder: Path) -> str | None:
     """Make the folder unless it is there, for this user alone; returns why it cannot be used, None if it can."""
     try:
-        folder.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        for above in reversed(folder.parents):  # with ``parents=True`` they would be as open as the umask lets them
+            above.mkdir(mode=0o700, exist_ok=True)
         if problem := _shared(folder.parent, others=(0,)):
             return problem
         try:
@@ -132,10 +141,15 @@ def _open(folder: Path) -> str | None:
             pass
         if problem := _shared(folder):
             return problem
-        os.utime(folder)
+        for above in folder.parent.parents:  # who may rename a folder there may put another into its place
+            mode = above.stat().st_mode
+            if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
+                return f"other users can write to {above}"
     except OSError as error:
         return f"{folder} cannot be written: {error.strerror}"
-    return None if os.access(folder, os.W_OK) else f"{folder} cannot be written"
+    with suppress(OSError):  # as in an image that can only be read, whose kernels are
+        os.utime(folder)
+    return None
 
 
 def _shared(folder: Path, others: tuple[int, ...] = ()) -> str | None:
@@ -188,6 +202,7 @@ def installed_kernels(stamp: str) -> Path | None:
     return folder
 
 
+@cache
 def _say(note: str) -> None:
     if not os.environ.get("CROWD_ENV_QUIET"):
         print(f"crowd_env: {note}", file=sys.stderr)
@@ -234,6 +249,22 @@ class _Kept(caching.CompileResultCacheImpl):
         return super().reduce(cres._replace(type_annotation=""))
 
 
+class _Files(caching.IndexDataCacheFile):
+    """The files of a kernel, each of which begins with its hash: damage would go unseen, and run."""
+
+    def _save_data(self, name: str, data: Any) -> None:
+        kept = self._dump(data)
+        with self._open_for_write(self._data_path(name)) as file:
+            file.write(hashlib.sha256(kept).digest() + kept)
+
+    def _load_data(self, name: str) -> Any:
+        content = Path(self._data_path(name)).read_bytes()
+        digest, kept = content[:32], content[32:]
+        if digest != hashlib.sha256(kept).digest():
+            raise EOFError
+        return pickle.loads(kept)
+
+
 class _Cache(caching.FunctionCache):
     """numba's cache in `CACHE_FOLDER`, and behind it what is `INSTALLED`, which is never written to."""
 
@@ -241,6 +272,8 @@ class _Cache(caching.FunctionCache):
 
     def __init__(self, py_func: Callable[..., Any]) -> None:
         super().__init__(py_func)
+        impl = self._impl
+        self._cache_file = _Files(self._cache_path, impl.filename_base, impl.locator.get_source_stamp())
         # numba counts from 1: two processes at once would give one name to the kernels of different arguments, and mix them up.
         self._cache_file._data_name_pattern = f"{self._impl.filename_base}.{_PROCESS}-{{number:d}}.nbc"
 
@@ -250,15 +283,34 @@ class _Cache(caching.FunctionCache):
         if kept is not None or INSTALLED is None or not isinstance(self._impl.locator, _Locator):
             return kept
         folder = INSTALLED / self._impl.locator.folder_name
-        files = caching.IndexDataCacheFile(str(folder), self._impl.filename_base, self._impl.locator.get_source_stamp())
+        files = _Files(str(folder), self._impl.filename_base, self._impl.locator.get_source_stamp())
         _, (system, *_), code = self._index_key(sig, target_context.codegen())
-        data = files.load((sig, (system, *PORTABLE), code))
+        data = _load(files, (sig, (system, *PORTABLE), code))
+        return data and self._impl.rebuild(target_context, data)
+
+    def _load_overload(self, sig: Any, target_context: Any) -> Any:
+        data = _load(self._cache_file, self._index_key(sig, target_context.codegen()))
         return data and self._impl.rebuild(target_context, data)
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep a kernel that was compiled."""
+        """Keep a kernel that was compiled, where there is room."""
         if CACHE_FOLDER is not None:
-            super().save_overload(sig, data)
+            try:
+                super().save_overload(sig, data)
+            except OSError as error:
+                _say_not_kept(f"{CACHE_FOLDER} cannot be written: {error.strerror}")
+
+
+def _load(files: _Files, key: Any) -> Any:
+    """Return what files hold under a key; None if they hold nothing, or are damaged: these are removed where they can be."""
+    try:
+        return files.load(key)
+    except Exception:  # unpickling raises whatever damaged bytes make it raise
+        _say(f"a kernel in {files._cache_path} is damaged, and compiled again")
+        if INSTALLED is None or not files._cache_path.startswith(str(INSTALLED)):
+            with suppress(OSError):
+                os.unlink(files._index_path)
+        return None
 
 
 class _Note(event.Listener):
@@ -268,7 +320,9 @@ class _Note(event.Listener):
         """Speak up at the first kernel of this package that is not in the cache."""
         if event.data["dispatcher"].py_func.__module__.startswith("crowd_env."):
             unregister("numba:compile", self)
-            _say("compiling kernels, once for this version and scheme: about half a minute ...")
+            kept = CACHE_FOLDER is not None and os.access(CACHE_FOLDER, os.W_OK)
+            often = "once for this version and scheme" if kept else "in every process"
+            _say(f"compiling kernels, {often}: about half a minute ...")
 
     def on_end(self, event: event.Event) -> None:
         """Say nothing."""

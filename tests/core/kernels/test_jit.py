@@ -185,6 +185,16 @@ def test_a_shared_root_will_do_only_if_entries_are_safe_there(clean, monkeypatch
     assert folder == shared / f"kernels-{STAMP}" and mode(folder) == 0o700
 
 
+def test_a_folder_above_that_anyone_can_write_to_is_refused(clean, monkeypatch, capsys):
+    above = clean / "above"
+    above.mkdir()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(above / "own"))
+    above.chmod(0o1777)
+    assert jit.cache_folder(STAMP) == above / "own" / f"kernels-{STAMP}"
+    above.chmod(0o777)
+    assert jit.cache_folder(STAMP) is None and f"other users can write to {above}" in capsys.readouterr().err
+
+
 # ----------------------------------------------------------------------------------------- where there is no place
 
 
@@ -199,7 +209,9 @@ def test_no_home_is_no_error(clean, monkeypatch, capsys):
     assert jit.cache_folder(STAMP) is None
     monkeypatch.setenv("XDG_CACHE_HOME", str(clean / "cache"))
     assert jit.cache_folder(STAMP) == clean / "cache" / "crowd_env" / f"kernels-{STAMP}"
-    assert capsys.readouterr().err == ""
+    assert capsys.readouterr().err == (
+        "crowd_env: kernels are not kept: there is no home folder; set NUMBA_CACHE_DIR to a folder that only you can write to\n"
+    )
 
 
 def test_the_home_is_not_asked_for_where_a_folder_is_given(clean, monkeypatch):
@@ -224,8 +236,48 @@ def test_a_root_that_is_a_file_is_no_error(clean, monkeypatch, capsys):
 def test_where_nothing_can_be_written_kernels_are_compiled_in_memory(tmp_path):
     (tmp_path / "file").touch()
     report = "\nfrom crowd_env.core.kernels import jit; print(jit.CACHE_FOLDER)"
-    out, _ = run(tmp_path / "file", PROGRAM + report)
-    assert out == "None\n"
+    out, note = run(tmp_path / "file", PROGRAM + report)
+    assert out == "None\n" and "compiling kernels, in every process" in note
+
+
+def damaged(path, how):
+    content = path.read_bytes()
+    half, end = len(content) // 2, len(content)
+    path.write_bytes({"empty": b"", "half": content[:half], "other": content[:half] + bytes(end - half)}[how])
+
+
+@pytest.mark.parametrize("how", ["empty", "half", "other"])
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+def test_a_damaged_file_is_compiled_anew_with_a_note(tmp_path, kind, how):
+    run(tmp_path)
+    for path in tmp_path.glob(f"**/*.{kind}"):
+        damaged(path, how)
+    _, note = run(tmp_path)
+    assert "is damaged, and compiled again" in note and "Traceback" not in note
+    assert run(tmp_path) == ("", "")
+
+
+def test_a_full_disk_is_named_and_ends_nothing(tmp_path):
+    full = """
+import os
+from numba.core.caching import IndexDataCacheFile
+def write(*_):
+    raise OSError(28, os.strerror(28))
+IndexDataCacheFile._open_for_write = write
+"""
+    _, note = run(tmp_path, full + PROGRAM)
+    assert note.count("kernels are not kept: ") == 1 and "No space left on device" in note
+
+
+def test_kernels_that_can_only_be_read_are_read(tmp_path):
+    run(tmp_path)
+    denied = """
+import os
+def deny(*_, **__):
+    raise OSError(30, os.strerror(30))
+os.utime, os.access = deny, lambda path, mode: mode != os.W_OK
+"""
+    assert run(tmp_path, denied + PROGRAM) == ("", "")
 
 
 # -------------------------------------------------------------------------------------------------------- the stamp
