@@ -11,7 +11,7 @@ from crowd_env.core.behaviors.behavior import record
 from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.behaviors.pulls import has_groups
-from crowd_env.core.checks import known
+from crowd_env.core.checks import NOT_NEGATIVE, known, whole
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.geometry.geometry import Boundary, Geometry, join_boundaries
@@ -203,13 +203,13 @@ class Simulation:
         Raises
         ------
         ValueError
-            If an array has the wrong shape or a value is not finite.
+            If an array has the wrong shape, a value is not finite, or ``n_substeps`` is no whole number from 0.
         FloatingPointError
             If a body would move further in one step than its radius, or a position is no longer finite.
         """
         asked = arguments.check_command(Command(command, relative, external_force, gives_way), len(self.bodies.radius))
-        if n_substeps < 0:
-            raise ValueError(f"n_substeps is {n_substeps}; it must be >= 0")
+        if type(n_substeps) is not int or n_substeps < 0:
+            n_substeps = whole("n_substeps", n_substeps, NOT_NEGATIVE)
         arguments.check_routes(self.state.route, self._routes_of_person)
         self._stepper.begin(asked)
         target = 0

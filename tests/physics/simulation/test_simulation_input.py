@@ -103,6 +103,18 @@ def test_environments_follow_one_another_and_nobody_is_left_over(start):
         make_bodies(np.full(3, 0.2), 70.0, env_start=np.array(start))
 
 
+def test_the_number_of_steps_is_a_whole_number():
+    bodies, state = crowd()
+    simulation = Simulation(ROOM, bodies, state)
+    for steps in (1.5, True, "3", -1, None):
+        with pytest.raises(ValueError, match=r"n_substeps is .*; it must be"):
+            simulation.advance(n_substeps=steps)
+    assert simulation.state.time[0] == 0.0
+    simulation.advance(n_substeps=np.int64(2))
+    simulation.advance(n_substeps=2.0)
+    assert simulation.state.time[0] == pytest.approx(4 * simulation.dt)
+
+
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_coordinates_may_come_transposed(order):
     position = np.array([XS, YS], order="C" if order == "F" else "F").T
