@@ -103,9 +103,10 @@ def test_who_is_pushed_too_hard_steps_under_the_capture_point_and_comes_to_rest_
     np.testing.assert_allclose(simulation.state.position[0], 0.5 * capture, atol=0.01)
 
 
-def test_no_step_is_longer_than_it_may_be_and_the_ground_gives_no_more_than_its_grip():
+@looped("scheme", DRIVEN)
+def test_no_step_is_longer_than_it_may_be_and_the_ground_gives_no_more_than_its_grip(scheme):
     rules = Balance(base=0.12, step=0.5)
-    simulation = standing([(0.0, 0.0)], [(1.8, 0.0)], balance=rules)
+    simulation = standing([(0.0, 0.0)], [(1.8, 0.0)], scheme=scheme, balance=rules)
     fastest, feet = 0.0, simulation.history.memory.balance.feet
     for _ in range(100):
         before = simulation.state.velocity.copy()
@@ -113,6 +114,31 @@ def test_no_step_is_longer_than_it_may_be_and_the_ground_gives_no_more_than_its_
         fastest = max(fastest, float(np.abs(simulation.state.velocity - before).max() / 0.01))
         assert np.hypot(*(feet[0, 2:] - feet[0, :2])) <= rules.step + 1e-12
     assert fastest == pytest.approx(rules.grip * GRAVITY, rel=1e-6)
+
+
+def test_the_first_step_of_a_pedestrian_that_begins_to_stand_at_speed_is_no_longer_than_a_step():
+    rules = Balance(step=0.2)
+    simulation = standing([(-2.0, 0.0)], balance=rules)
+    stay(simulation, 2.0, command=1.0)
+    here, speed = simulation.state.position[0, 0], simulation.state.velocity[0, 0]
+    assert speed / RATE > 1.5 * rules.step  # the capture point is further away
+    stay(simulation, simulation.dt)
+    np.testing.assert_allclose(np.sort(places_of_feet(simulation)[0, :, 0]), [here, here + rules.step], atol=1e-9)
+
+
+def test_the_foot_further_from_the_capture_point_is_lifted():
+    """Four pedestrians with their feet 0.3 m to either side, in both orders, are pushed to either side."""
+    side, first = np.array([1.0, 1.0, -1.0, -1.0]), np.array([0.3, -0.3, 0.3, -0.3])
+    simulation = standing(np.column_stack([np.zeros(4), np.arange(-3.0, 5.0, 2.0)]))
+    stay(simulation, simulation.dt)
+    feet = simulation.history.memory.balance.feet
+    feet[:, 0], feet[:, 2] = first, -first
+    simulation.state.velocity[:, 0] = 2.0 * side
+    stay(simulation, Balance().reaction + 0.5 * Balance().swing)
+    np.testing.assert_allclose(places_of_feet(simulation)[:, 0, 0], 0.3 * side)  # the nearer one carries meanwhile
+    stay(simulation, 0.5 * Balance().swing + 0.05)
+    np.testing.assert_allclose(places_of_feet(simulation)[:, 0, 0], 0.3 * side)
+    assert (side * places_of_feet(simulation)[:, 1, 0] > 0.5).all()  # the other one has landed beyond it
 
 
 def test_a_lone_pushed_person_moves_alike_under_all_schemes():
