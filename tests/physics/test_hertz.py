@@ -230,6 +230,21 @@ def test_a_disc_held_against_a_wall_by_friction_stays_and_above_the_limit_slides
     assert gains[1] == pytest.approx(50 / 70, rel=1e-3)  # m/s in a second, by the 50 N beyond the limit
 
 
+def test_the_spring_of_a_sliding_contact_carries_what_damping_leaves_of_the_limit():
+    """By eq 4 spring and damping together give the limit: a disc that is stopped while it slides keeps the spring's part."""
+    press, slides, scheme = 1000.0, 1.0, replace(BARE, wall_friction=0.3, rotation=False, damping_unit="rate")
+    overlap = (press / (KN * np.sqrt(0.3))) ** (2 / 3)  # at which the wall carries the press
+    bodies, state = make_bodies([0.3], 70.0), make_state([[0.3 - overlap, 0.0]], [[0.0, slides]])
+    simulation = Simulation(half_plane(), bodies, state, physics=Physics(scheme, dt=1e-5), fields=[None], driving=False)
+    rubbing = []
+    for velocity in (slides, 0.0):
+        state.velocity[0] = 0.0, velocity
+        simulation.advance(external_force=np.array([[-press, 0.0]]), n_substeps=1 if velocity == 0.0 else 500)
+        rubbing.append(abs(simulation.contacts().impulse[0, 1]) / 1e-5)
+    assert rubbing[0] == pytest.approx(0.3 * press, rel=1e-3)
+    assert rubbing[1] == pytest.approx(0.3 * press - 70.0 * scheme.tangential_damping * slides, rel=5e-3)
+
+
 # --------------------------------------------------------------------------------------------------------- social force
 
 
