@@ -190,6 +190,30 @@ def test_patience_ends_and_who_goes_on_alone_is_not_pulled_back():
     assert simulation.state.position[0, 0] > 16.0
 
 
+@pytest.mark.kernels
+@looped(("share", "held"), [(0.2, True), (0.3, False), (0.45, False)])
+def test_people_slowed_to_less_than_a_quarter_of_their_speed_lose_patience_and_others_do_not(share, held):
+    """Who is pulled straight back by a member 2 m behind walks at v - tau beta_2, and after the patience at v."""
+    tau, speed = 0.5, 1.2
+    rule = GroupCohesion(cohesion=(1.0 - share) * speed / tau, gaze=0.0, repulsion=0.0, patience=10.0)
+    bodies = make_bodies(
+        np.full(2, 0.1),
+        np.full(2, 70.0),
+        desired_speed=speed,
+        relaxation_time=tau,
+        response_time=np.array([0.0, 900.0]),
+        group=np.zeros(2, int),
+    )
+    start = np.array([[0.0, 0.0], [-2.0, 0.0]])
+    simulation, asked = standing(start, [[1.0, 0.0]] * 2, None, bodies=bodies, pulls=Pulls(rule))
+    for time in range(41):  # s, in the same place
+        simulation.state.time[:], simulation.state.position[:] = time, start
+        walks = decided(simulation, asked)[0]
+        if time == 10:  # the mean of about two seconds begins late
+            np.testing.assert_allclose(walks, [share * speed, 0.0], atol=1e-12)
+    np.testing.assert_allclose(walks, [speed if held else share * speed, 0.0], atol=1e-12)
+
+
 @looped("tau", [0.1, 0.2, 0.36, 0.5], quick=2)
 def test_patience_ends_beside_a_member_that_does_not_set_out(tau):
     """Who is pulled to and fro across the threshold of the cohesion, 0.8 m in front of the other, is held back as well."""
