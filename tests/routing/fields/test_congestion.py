@@ -1,0 +1,50 @@
+"""Travel times through a crowd, in corridors where they have a closed form."""
+
+import numpy as np
+import pytest
+from cases import looped
+from shapely.geometry import box
+
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram, weidmann
+from crowd_env.routing.route_set import RoutePlan
+from crowd_env.routing.spec import Route
+
+RADIUS, LENGTH, WIDTH = 0.2, 12.0, 3.0
+
+
+def corridor():
+    """Return the congestion field of a corridor along x, with an exit over all of its right end."""
+    place = Geometry.from_polygon(box(0, 0, LENGTH, WIDTH), exits={"end": [(LENGTH, 0), (LENGTH, WIDTH)]})
+    return RoutePlan(place, RADIUS, routes=[Route("quick", strategy="fastest")]).build().routes[1].congestion
+
+
+def on_axis(field, values):
+    """Return the distances to the exit [m] of the nodes on the axis of the corridor, and the values (rows, cols) there."""
+    row = round((0.5 * WIDTH - field.origin[1]) / field.spacing)
+    left = LENGTH - field.origin[0] - field.spacing * np.arange(values.shape[1])
+    inside = (left > 0.0) & (left < LENGTH - RADIUS)
+    return left[inside], values[row][inside]
+
+
+def test_without_people_the_time_is_the_distance_from_the_exit_on():
+    field = corridor().march()
+    left, time = on_axis(field, field.travel_time)
+    assert left.min() < 1.5 * field.spacing < left.max()  # nodes beside the exit too, from which the march starts
+    np.testing.assert_allclose(time, left, rtol=0, atol=0.5 * field.spacing)
+
+
+@looped("abreast", [3, 4])
+def test_a_queue_that_passes_quicker_than_the_crowd_walks_saves_no_time(abreast):
+    """All over a corridor of one width people walk at the speed of their density: the exit would let more of them pass."""
+    people, side = FundamentalDiagram(RADIUS, 1.3, keeps_distance=True), WIDTH / abreast
+    flow = 1.3 * weidmann(np.array(side**-2)) * side**-2 * WIDTH
+    assert people.flow(np.array(WIDTH - 2.0 * RADIUS)) > flow
+    x, y = np.meshgrid(np.arange(0.5 * side, LENGTH, side), np.arange(0.5 * side, WIDTH, side))
+    congestion, position = corridor(), np.column_stack([x.ravel(), y.ravel()])
+    field = congestion.march(position, people)
+    left, time = on_axis(field, field.travel_time)
+    _, density = on_axis(field, congestion.density(position))
+    middle = (left > 3.0) & (left < LENGTH - 3.0)
+    slowness = np.polyfit(left[middle], time[middle], 1)[0]  # s/m at 1 m/s
+    assert slowness == pytest.approx((1.0 / weidmann(density[middle])).mean(), rel=0.03)
