@@ -153,6 +153,27 @@ def test_who_passes_the_end_comes_round_where_there_is_room():
     assert position[:, 0] == pytest.approx([0.5, 81.5, 0.6, 40.0])
 
 
+@pytest.mark.parametrize("gap", [-0.1, -0.01, 0.01])
+def test_nobody_comes_round_into_another(gap):
+    simulation = on_deck(2)
+    position, apart = simulation.state.position, 2.0 * 0.2 + gap
+    position[:] = [(82.0, 2.0), (1.0 + apart, 2.0)]
+    assert come_round(simulation, 81.0, 81.0).tolist() == [gap > 0.0, False]
+    assert (np.hypot(*(position[0] - position[1])) < apart + 1e-9) == (gap > 0.0)
+
+
+def test_who_has_left_the_place_loads_the_deck_no_more():
+    """An exit at mid-span: the last places of pedestrians that have left are on the deck."""
+    place = Geometry.from_polygon(box(30.0, 0.0, 40.0, 4.0), exits={"stairs": [(40.0, 0.0), (40.0, 4.0)]})
+    bodies = make_bodies(np.full(2, 0.2), np.full(2, 80.0), desired_speed=np.array([1.5, 0.0]))
+    bridge = Footbridge(Simulation(place, bodies, make_state([(39.0, 1.0), (35.0, 3.0)]), physics="dem"))
+    walked(bridge, 20)
+    state = bridge.simulation.state
+    assert state.active.tolist() == [False, True] and DECK.shape(state.position[:, 0]).min() > 0.9
+    assert bridge.psi == pytest.approx([0.0, np.sin(np.pi * 35.0 / DECK.length)], abs=1e-6)
+    assert bridge.order == pytest.approx(1.0)  # of the one that is there
+
+
 def test_mistakes_are_said():
     with pytest.raises(ValueError, match="unknown coupling 'glue'; known: synchrony, pendulum, off"):
         Footbridge(on_deck(), "glue")

@@ -60,6 +60,18 @@ def test_what_crosses_pays_and_what_shakes_costs():
     assert env._discomfort(np.array([0.0, 1.0])) == pytest.approx([0.0, worst])
 
 
+@pytest.mark.parametrize("interval", [0.1, 0.5, 2.0])
+def test_discomfort_is_the_time_on_the_deck_times_the_scaled_acceleration(interval):
+    """One at mid-span, of a deck that sways by an amplitude halfway between comfortable and intolerable."""
+    env = FootbridgeEnv(1, coupling="off", interval=interval)
+    env.reset(seed=0)
+    env.bridge.simulation.state.position[:] = 0.5 * DECK.length, 2.0
+    env.bridge._state = np.array(np.mean(COMFORT) / DECK.frequency**2), np.array(0.0), env.bridge._state[2]
+    _, reward, _, _, info = env.step(1)
+    assert info["reward/discomfort"] == pytest.approx(-0.5 * interval, rel=0.02)
+    assert reward == pytest.approx(-0.02 * 0.5 * interval, rel=0.02)
+
+
 def test_mistakes_are_said():
     with pytest.raises(ValueError, match="people"):
         FootbridgeEnv(0)
