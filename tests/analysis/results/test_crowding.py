@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crowd_env import CrowdEnv, Population, make_scenario, record
+from crowd_env import Cohorts, CrowdEnv, Population, make_scenario, record
 from crowd_env.analysis.results.crowding import SERVICE, CrowdingRecorder, wall_pieces
 from crowd_env.analysis.results.measurements import CELL, INJURY
 from crowd_env.envs.rollout import Recorders, run_episodes
@@ -37,6 +37,17 @@ def test_who_stands_alone_is_one_person_on_the_map_and_at_the_best_level():
     assert not found.pressure.any() and found.injured == 0.0
     assert found.service[0] == pytest.approx(2.5) and not found.service[1:].any()  # five samples of 0.5 s
     assert found.zone_most.tolist() == [1] and np.isnan(found.zone_empty[0])  # the western half
+
+
+def test_a_zone_is_empty_from_the_time_on_at_which_the_last_has_left_it():
+    """That pedestrian may be the last of all, so that the run ends before the next sample."""
+    place = hall([(1.2, 6.0)])
+    both = Cohorts((place.population, hall([(16.0, 2.0)], speed=0.0).population))
+    last, first = (
+        collected(replace(place, population=people, time_limit=5.0), scheme="dem", strategy="nearest").zone_empty
+        for people in (place.population, both)
+    )
+    assert last[0] == pytest.approx(first[0]) and 1.0 < last[0] < 3.0
 
 
 def test_levels_of_service_are_those_of_the_number_within_a_meter():
