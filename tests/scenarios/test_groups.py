@@ -82,6 +82,18 @@ def test_people_in_a_row_walk_with_their_neighbors(row):
     assert draw_groups(np.random.default_rng(0), Uniform(2, 2), row).tolist() == [0, 0, 1, 1, 2, 2]
 
 
+@looped("rows", [2, 4, 5])
+def test_strips_run_to_and_fro(rows):
+    """In strips of three the pairs at the turn of two strips stand beside each other too."""
+    x, y = np.meshgrid(np.arange(3.0), 0.9 * np.arange(rows))
+    position = np.column_stack([x.ravel(), y.ravel()])
+    group = draw_groups(np.random.default_rng(0), Uniform(2, 2), position)
+    for c in set(group[group >= 0]):
+        (one, other) = position[group == c]
+        assert np.hypot(*(one - other)) <= 1.0
+    assert len(set(group[group >= 0])) == 3 * rows // 2
+
+
 def test_groups_of_several_cohorts_have_numbers_of_their_own():
     cohorts = Cohorts((Population(4, group_size=2), Population(5), Population(6, group_size=3)))
     bodies, _ = cohorts.draw(np.random.default_rng(0), HALL)
