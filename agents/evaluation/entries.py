@@ -107,6 +107,9 @@ def make_entries(
     ]
 
 
+_PARTS = ("name", "env_options", "reset", "act")  # of a `Policy`
+
+
 class Unsuited(ValueError):
     """A policy that cannot move some of the people while the others follow the rule, or a controller of another place.
 
@@ -132,6 +135,8 @@ def _make(name: str, scenario: Scenario, task: Task | None, learned_share: float
         policy = make_policy(name)
     elif names_own(name):
         policy = load_own("--policies", name)
+        if lacks := [part for part in _PARTS if not hasattr(policy, part)]:
+            raise ValueError(f"{name} is no policy: it has no {lacks[0]}; a policy has {', '.join(_PARTS)}")
     elif plain in PRETRAINED:
         entry = _learned_entry(PRETRAINED[plain], scenario, task, learned_share, sampled)
         return replace(entry, name=name)

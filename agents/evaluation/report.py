@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from crowd_env.analysis.figures import cell, median_time
+from crowd_env.core.console import literal_console
 
 from ..plain import Plain
 from .comparison import ranking, rows_beside
@@ -79,8 +80,8 @@ _EXITS = 4  # more do not fit side by side
 
 def table_console() -> Console:
     """Return where tables go: standard output, 104 columns wide where that is no terminal."""
-    console = Console()
-    return console if console.is_terminal else Console(width=104)
+    console = literal_console()
+    return console if console.is_terminal else literal_console(width=104)
 
 
 def table_of(sections: Sections, columns: Columns, caption: str, title: str = "") -> Table:

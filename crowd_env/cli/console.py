@@ -8,14 +8,14 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from crowd_env.core.console import check_place
+from crowd_env.core.console import check_place, literal_console
 
 _WIDTH = 100  # letters of a table that no terminal shows
 
 
 def wide_console() -> Console:
     """Return the standard output, at most 100 columns wide so that tables look the same in a file and on a screen."""
-    console = Console(highlight=False)
+    console = literal_console()
     console.width = min(_WIDTH, console.width) if console.is_terminal else _WIDTH
     return console
 

@@ -1,7 +1,9 @@
 """The command ``crowd-env``: a group whose commands are loaded when they are named."""
 
+import sys
 from collections.abc import Mapping
 from importlib import import_module
+from io import TextIOWrapper
 from types import MappingProxyType
 from typing import Annotated, Any
 
@@ -80,5 +82,8 @@ def about(
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line; a letter that the output cannot hold, as in the files of Windows, becomes a question mark."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
     app()

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,6 +13,7 @@ from crowd_env.cli.options import AsJson, new_app, of_output
 from crowd_env.cli.place import CrowdOptions, setting_of
 from crowd_env.core.console import check_place, friendly_errors, say
 from crowd_env.core.files.atomic import check_suffix
+from crowd_env.core.files.own import names_own
 from crowd_env.physics import ContactScheme
 from crowd_env.rendering.report.figures import differences
 from crowd_env.rendering.report.maps import measure
@@ -21,9 +23,19 @@ from crowd_env.scenarios.scenario import Scenario
 app = new_app()
 
 
-def place_of(arguments: Mapping[str, Any]) -> tuple[Scenario, ContactScheme]:
-    """Return what the arguments of a config stand for; ValueError if they name no place."""
-    setting = setting_of(CrowdOptions.of_config(arguments))
+def place_of(arguments: Mapping[str, Any], trust_code: bool = False) -> tuple[Scenario, ContactScheme]:
+    """Return what the arguments of a config stand for.
+
+    Raises
+    ------
+    ValueError
+        If they name no place, or a law or a policy in a file of code, which is run only with ``trust_code``.
+    """
+    options = CrowdOptions.of_config(arguments)
+    own = [text for text in (options.scheme, options.policy) if isinstance(text, str) and names_own(text)]
+    if own and not trust_code:
+        raise ValueError(f"they were made with the code {own[0]}, which a report would run; allow it by --trust-code")
+    setting = setting_of(options)
     return setting.place, setting.physics.law
 
 
@@ -38,6 +50,9 @@ def report(
     maps: Annotated[
         bool, of_output("Leave out the maps of recorded runs.", names=(" /--no-maps",), show_default=False)
     ] = True,
+    trust_code: Annotated[
+        bool, typer.Option("--trust-code", help="Run a law or a policy of your own, FILE.py:NAME, that a folder names.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Make one web page to hand in: plan, people, assumptions, results with intervals, comparison, limits of validity.
@@ -52,7 +67,7 @@ def report(
         check_suffix(out, (".html",))
         check_place("--out", out)
         check_picture("--out", out.with_suffix(".png"), (".png",))  # the libraries that draw
-        runs = load_runs(folders, place_of)
+        runs = load_runs(folders, partial(place_of, trust_code=trust_code))
         for remark in remarks_on(runs):
             say(f"note: {remark}", "yellow")
         measured = [of_one for one in runs if maps and (of_one := measure(one)) is not None]

@@ -9,7 +9,6 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 from rich.box import SIMPLE_HEAD
-from rich.markup import escape
 from rich.table import Table
 
 from crowd_env.cli.console import wide_console
@@ -192,14 +191,14 @@ def show(result: Result) -> None:
         for row in rows:
             quantity = row.quantity if row.unit in ("1", "share", result.unit) else f"{row.quantity} [{row.unit}]"
             cells = (quantity, row.paper or "-", row.shown(), row.difference(), str(row.n), row.explained())
-            table.add_row(*map(escape, cells))
+            table.add_row(*cells)
         table.add_section()
     console.print(table)
     if result.options:
         changed = ", ".join(f"{key} {value}" for key, value in result.options.items())
-        console.print(f"Settings that differ from the defaults: {changed}", markup=False)
+        console.print(f"Settings that differ from the defaults: {changed}")
     for remark in result.remarks:
-        console.print(f"* {remark}", markup=False)
+        console.print(f"* {remark}")
     console.print()
 
 
@@ -235,9 +234,7 @@ def show_names(as_json: bool) -> None:
         settings = Table(f"--set, {paper.title}", "default", "meaning", box=SIMPLE_HEAD, pad_edge=False)
         for one in fields(paper.settings):
             if one.name not in ("runs", "seed"):
-                settings.add_row(
-                    one.name, "" if one.default is None else str(one.default), escape(one.metadata["help"])
-                )
+                settings.add_row(one.name, "" if one.default is None else str(one.default), one.metadata["help"])
         console.print(settings)
     console.print("about: time on one core with the default draws; evacuations spread over the cores and are kept.")
 

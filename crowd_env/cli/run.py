@@ -12,8 +12,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
-from rich.console import Console
-from rich.markup import escape
+from rich.text import Text
 
 from crowd_env.analysis.figures import FEWEST, cells, doubts, report, runs_enough
 from crowd_env.analysis.results.crowding import CrowdingRecorder
@@ -22,7 +21,7 @@ from crowd_env.cli.console import show_table
 from crowd_env.cli.place import CrowdOptions, Setting, setting_of
 from crowd_env.cli.results_folder import again, config_of, keep_in, open_folder, write_results
 from crowd_env.core.checks import counted, whole
-from crowd_env.core.console import friendly_errors, interrupted, noted, progress_bar, say
+from crowd_env.core.console import friendly_errors, interrupted, literal_console, noted, progress_bar, say
 from crowd_env.core.executors import Processes, all_cores
 from crowd_env.envs.metrics import t_quantile
 from crowd_env.envs.rollout import Episode, Recorder, Recorders, RunsInterrupted, run_episodes
@@ -140,7 +139,7 @@ def run(
         settings = f"seed {seed}, step {figures['dt']:g} s, {figures['strategy']}; {took}"
         show_table(title, {"": cells(place, figures)}, caption=settings)
         if figures["doubts"]:
-            Console(highlight=False).print(f"[yellow]check:[/] {escape(figures['doubts'])}", soft_wrap=True)
+            literal_console().print(Text.assemble(("check:", "yellow"), f" {figures['doubts']}"), soft_wrap=True)
     with friendly_errors():
         recordings = {number: records["recording"] for number, records in sorted(done.records.items())}
         for number, record_of in recordings.items():

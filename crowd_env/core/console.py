@@ -6,6 +6,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
@@ -20,12 +21,14 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 _MISTAKES = (ValueError, ModuleNotFoundError, OSError, MemoryError, NotImplementedError)
 
-notes = Console(stderr=True, highlight=False)
+# A console prints texts just as they are: names of users hold brackets and colons, which are no markup and no emoji.
+literal_console = partial(Console, highlight=False, markup=False, emoji=False)
+notes = literal_console(stderr=True)
 
 
 def say(text: str, style: str | None = None) -> None:
-    """Write a line on the standard error stream just as it is: no brackets in it are markup, and none is broken."""
-    notes.print(text, style=style, markup=False, soft_wrap=True)
+    """Write a line on the standard error stream just as it is, unbroken."""
+    notes.print(text, style=style, soft_wrap=True)
 
 
 @contextmanager
@@ -128,7 +131,7 @@ def progress_bar(title: str, total: int = 0) -> Iterator[Callable[..., None]]:
 
     Call what is given with each count done, and with the number of all if that was not known before.
     """
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=notes, transient=True, disable=not notes.is_terminal) as bar:
         task = bar.add_task(title, total=total)
         yield lambda count, of=None: bar.update(task, advance=count, total=of)

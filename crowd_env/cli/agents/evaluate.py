@@ -203,4 +203,4 @@ def _tell(
     console = report.table_console()
     console.print(*(table for table in tables if table is not None))
     for line in lines:
-        console.print(line, markup=False, highlight=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)

@@ -84,6 +84,7 @@ _OF_A_COHORT: dict[str, Callable[[Mapping[str, Any]], str]] = {
     "response time": lambda part: _spread(part["response_time"], "s"),
     "start": _starts,
     "way": _goals,
+    "walk together": lambda part: f"{_spread(part['group_size'], 'people')}" if part.get("group_size") else "no",
 }
 
 
@@ -103,7 +104,23 @@ def _blocked(one: Runs) -> str:
     return f"nobody out for {after:g} s" if after < float("inf") else "not looked for"
 
 
+def _largest_drive(one: Runs) -> str:
+    drive = one.config.get("max_drive")
+    return f"{float(drive):g} N" if drive is not None else "not limited"
+
+
+def _attractions(one: Runs) -> str:
+    points = one.scenario.pulls.attractions
+    return "\n".join(f"({at.x:g}, {at.y:g}) m, {at.strength:g} m/s2, from {at.since:g} s on" for at in points) or "none"
+
+
+def _moving_doors(one: Runs) -> str:
+    events = one.scenario.door_events
+    return "\n".join(f"{event.door} {'opens' if event.opens else 'closes'}" for event in events) or "none"
+
+
 _ASSUMED: dict[str, Callable[[Runs], str]] = {
+    "led by": lambda one: led_by(one) or "no policy: pedestrians follow the strategy",
     "strategy: how people choose their way": lambda one: str(one.config["strategy"]),
     "contact scheme": lambda one: f"{one.scheme.info.name}: {one.scheme.info.title}",
     "its reference": lambda one: one.scheme.info.reference,
@@ -113,6 +130,10 @@ _ASSUMED: dict[str, Callable[[Runs], str]] = {
     "time limit": lambda one: f"{one.scenario.time_limit:g} s",
     "exits count as blocked": _blocked,
     "control rules": _rules,
+    "largest drive of a pedestrian": _largest_drive,
+    "balance of standing pedestrians": lambda one: described(plain(one.scenario.balance or "none")),
+    "attractions": _attractions,
+    "doors that open or close": _moving_doors,
     "where the place comes from": lambda one: one.scenario.reference or one.scenario.title or one.scenario.name,
 }
 
@@ -133,6 +154,11 @@ _MADE: dict[str, Callable[[Runs], str]] = {
     "fingerprint of plan, people and rules": lambda one: str(one.config["fingerprint"]),
     "files read": _files,
 }
+
+
+def led_by(one: Runs) -> str:
+    """Return the name of the policy that led the pedestrians; "" without one."""
+    return str((one.config.get("policy") or {}).get("name", ""))
 
 
 _WORDS = {"yes": "met", "no": "NOT met", "reported": "reported, not judged"}
@@ -157,6 +183,9 @@ def validation_map() -> Any:
 def limits_of(runs: Runs) -> Limits:
     """Return what the validation map says of runs."""
     scheme = runs.config["scheme"]["name"]
+    if policy := led_by(runs):
+        text = f"The validation map has no row of pedestrians led by {policy}: how near they are to recorded ones is not known."
+        return Limits(f"{scheme}, led by {policy}", text, tuple(_others(runs.config, runs.scenario)), ())
     values = {name: runs.config[name] for name, behavior in IN_WORDS.items() if behavior.judged}
     name = ", ".join(value if isinstance(value, str) else f"of their own {name}" for name, value in values.items())
     about = f"{scheme}, {name}"

@@ -1,0 +1,92 @@
+"""Names of users in tables and on consoles that cannot hold them, and folders of results that name code."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from commands import call
+from reported_pages import Parsed, command
+from repository import ROOT
+
+pytestmark = pytest.mark.more
+
+PLACE = {
+    "name": "[/zz] :door:",
+    "geometry": {
+        "walkable": {"box": [0, 0, 6, 4]},
+        "exits": {"[/east]": [[6, 1], [6, 2]], "[west]": [[0, 1], [0, 2]], ":door:": [[2, 4], [3, 4]]},
+    },
+    "population": {"people": 6},
+}
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    path = tmp_path / "p.json"
+    path.write_text(json.dumps(PLACE), encoding="utf-8")
+    return path
+
+
+def test_brackets_and_colons_in_names_stay_as_they_are(place: Path, tmp_path: Path) -> None:
+    result = call(f"run {place} --runs 2 --workers 1 --out {tmp_path / 'o'}")
+    assert result.exit_code == 0, result.output
+    for name in ("[/east]", "[west]", ":door:", "[/zz]"):
+        assert name in result.stdout
+    assert (tmp_path / "o" / "exits.csv").exists()
+    refused = call("evaluate --policies evil.py:X --runs 2")
+    assert refused.exit_code == 2 and "evil.py:X" in refused.stderr
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
+def test_a_console_without_a_letter_of_a_name_loses_no_table(place: Path, tmp_path: Path, encoding: str) -> None:
+    place.write_text(place.read_text(encoding="utf-8").replace("[/zz]", "Saal \u0141\u00f3d\u017a"), encoding="utf-8")
+    out = tmp_path / "o"
+    lines = [["run", str(place), "--runs", "2", "--workers", "1", "--out", str(out)], ["list"]]
+    for words in lines:
+        done = subprocess.run(
+            [sys.executable, "-m", "crowd_env", *words],
+            cwd=ROOT,
+            env={**os.environ, "PYTHONIOENCODING": encoding},
+            capture_output=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr.decode(encoding, "replace")
+    assert (out / "exits.csv").exists()
+
+
+def test_a_report_runs_no_code_that_a_folder_names(tmp_path: Path) -> None:
+    folder, page = tmp_path / "results", tmp_path / "page.html"
+    assert command("run", "room-v0", "--people", 4, "--runs", 1, "--workers", 1, "--out", folder)[0] == 0
+    mark = tmp_path / "RAN"
+    (folder / "evil.py").write_text(
+        f"import pathlib\npathlib.Path({str(mark)!r}).touch()\nfrom crowd_env.physics import NSM2\nclass Law(NSM2): pass\n",
+        encoding="utf-8",
+    )
+    config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+    for name in ("scheme", "policy"):
+        changed = {**config, "arguments": {**config["arguments"], name: f"{folder / 'evil.py'}:Law"}}
+        (folder / "config.json").write_text(json.dumps(changed), encoding="utf-8")
+        code, _, said = command("report", folder, "-o", page)
+        assert code == 2 and "--trust-code" in said and not mark.exists() and not page.exists()
+    assert command("report", folder, "-o", page, "--trust-code")[0] == 2 and mark.exists()  # a law is no policy
+
+
+def test_a_report_says_what_decided_the_runs(tmp_path: Path) -> None:
+    folder, page = tmp_path / "led", tmp_path / "page.html"
+    run = ("run", "room-v0", "--people", 6, "--runs", 1, "--workers", 1, "--policy", "follow", "--set", "max_drive=120")
+    assert command(*run, "--out", folder)[0] == 0
+    assert command("report", folder, "-o", page)[0] == 0
+    text = " ".join(Parsed(page).text.split())
+    assert "led by follow" in text and "120 N" in text
+    assert "no row of pedestrians led by follow" in text and "judged cases are met" not in text
+    place = tmp_path / "groups.json"
+    attraction = {"x": 3.0, "y": 2.0, "strength": 1.5}
+    content = PLACE | {"population": {"people": 6, "group_size": 3}, "pulls": {"attractions": [attraction]}}
+    place.write_text(json.dumps(content | {"balance": "stepping"}), encoding="utf-8")
+    assert command("run", place, "--runs", 1, "--workers", 1, "--out", tmp_path / "groups")[0] == 0
+    assert command("report", tmp_path / "groups", "-o", page)[0] == 0
+    text = " ".join(Parsed(page).text.split())
+    assert "walk together" in text and "3 people" in text and "(3, 2) m, 1.5 m/s2" in text and "stepping" in text
