@@ -82,7 +82,7 @@ class MixedEnv(CrowdEnv):
                 raise ValueError(f"policy {others.name!r} cannot move the others: it must act along the path alone")
 
     def reset(
-        self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None
+        self, seed: int | Sequence[int | None] | None = None, mask: ArrayLike | None = None
     ) -> tuple[np.ndarray, dict[str, object]]:
         """Start new episodes, as `CrowdEnv.reset` does, and draw the pedestrians that actions move."""
         self._seeds = seed if isinstance(seed, Sequence) else None
@@ -100,7 +100,8 @@ class MixedEnv(CrowdEnv):
         super()._restart(chosen)
         for e in chosen:
             people = self.people(e)
-            rng = self._generators[e] if self._seeds is None else np.random.default_rng((self._seeds[e], _MIXED))
+            word = None if self._seeds is None else self._seeds[e]
+            rng = self._generators[e] if word is None else np.random.default_rng((word, _MIXED))
             self.learned[people] = _drawn(rng, people.stop - people.start, self.share)
 
     def _command(

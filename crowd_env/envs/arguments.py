@@ -106,12 +106,12 @@ def bodies_before_reset(scenarios: Sequence[Scenario]) -> Bodies:
     )
 
 
-def seed_words(seed: int | Sequence[int] | None, num_envs: int) -> list[list[int] | None]:
+def seed_words(seed: int | Sequence[int | None] | None, num_envs: int) -> list[list[int] | None]:
     """Return the words that seed each environment's generator; None = go on drawing from the present one.
 
     Parameters
     ----------
-    seed : an int gives environment ``e`` the words (seed, e); a sequence gives each (its own, 0).
+    seed : an int gives environment ``e`` the words (seed, e); a sequence gives each (its own, 0), or None.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def seed_words(seed: int | Sequence[int] | None, num_envs: int) -> list[list[int
         return [[word, e] for e in range(num_envs)]
     if len(seed) != num_envs:
         raise ValueError(f"{len(seed)} seeds for {num_envs} environments; give one each, or a single int")
-    return [[whole("seed", word, NOT_NEGATIVE), 0] for word in seed]
+    return [None if word is None else [whole("seed", word, NOT_NEGATIVE), 0] for word in seed]
 
 
 def check_options(options: Any, known: Collection[str] = (), *, idle: Collection[str] = ()) -> None:

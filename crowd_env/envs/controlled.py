@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from crowd_env.core.arrays.state import Bools, Floats
-from crowd_env.core.checks import array, known
+from crowd_env.core.checks import array, known, whole
 from crowd_env.envs.arguments import NUMBERS, check_options, reset_mask
 from crowd_env.envs.crowd import CrowdEnv, Reset
 from crowd_env.envs.metrics import EpisodeMetrics
@@ -37,6 +37,10 @@ class Batch(Protocol):
     layout: Any  # where the columns of an observation are
 
     @property
+    def duration(self) -> float:
+        """Simulated time of a step [s]."""
+
+    @property
     def observation_space(self) -> gymnasium.Space[Any]:
         """Space of the observations of one environment."""
 
@@ -47,11 +51,17 @@ class Batch(Protocol):
     def info_at_reset(self) -> dict[str, np.ndarray]:
         """Return the infos of a reset, (E, ...) each, in arrays that belong to the caller."""
 
-    def reset(self, seed: int | Sequence[int] | None = None, mask: Bools | None = None) -> np.ndarray:
+    def reset(self, seed: int | Sequence[int | None] | None = None, mask: Bools | None = None) -> np.ndarray:
         """Start new episodes everywhere, or where ``mask`` (E,) is true; return observations (E, ...), valid there."""
 
     def step(self, actions: Any) -> BatchStep:
         """Advance by one step; if the batch was made with ``autoreset``, restart each episode that ends in it."""
+
+
+def frame_rate(duration: float) -> float:
+    """Return the frames a second at which films of steps of ``duration`` [s] run in real time; a whole number if it is one."""
+    rate = 1.0 / duration
+    return round(rate) if abs(rate - round(rate)) < 1e-9 * rate else rate
 
 
 class SingleEnv(gymnasium.Env):
@@ -80,6 +90,7 @@ class SingleEnv(gymnasium.Env):
         self.batch, self.env, self.layout = batch, batch.env, batch.layout
         self.observation_space, self.action_space = batch.observation_space, batch.action_space
         self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": frame_rate(batch.duration)}
         self._canvas: Any = None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Reset:
@@ -155,6 +166,7 @@ class BatchVectorEnv(VectorEnv):
     make : makes the environments; it receives ``autoreset``, whether environments that end restart at once.
     autoreset_mode : an `AutoresetMode` or its value.
     render_mode : None; a batch is not rendered.
+    max_episode_steps : steps until the time limit; by default that of the place.
 
     Attributes
     ----------
@@ -169,7 +181,11 @@ class BatchVectorEnv(VectorEnv):
     metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
 
     def __init__(
-        self, make: Callable[..., Batch], autoreset_mode: AutoresetMode | str, render_mode: None = None
+        self,
+        make: Callable[..., Batch],
+        autoreset_mode: AutoresetMode | str,
+        render_mode: None = None,
+        max_episode_steps: int | None = None,
     ) -> None:
         if render_mode is not None:
             raise ValueError("a batch is not rendered; make one environment with a render_mode instead")
@@ -177,6 +193,8 @@ class BatchVectorEnv(VectorEnv):
             known("autoreset_mode", autoreset_mode, [one.value for one in AutoresetMode])
         self.autoreset_mode = mode = AutoresetMode(autoreset_mode)
         batch = make(autoreset=mode is AutoresetMode.SAME_STEP)
+        if max_episode_steps is not None:
+            batch.env.time_limit[:] = whole("max_episode_steps", max_episode_steps) * batch.duration
         self.batch, self.env, self.layout = batch, batch.env, batch.layout
         self.render_mode = None
         self.num_envs = num_envs = batch.env.num_envs
@@ -189,7 +207,7 @@ class BatchVectorEnv(VectorEnv):
         # Rows as last returned: a reset of some environments returns the others unchanged.
         self._last = np.zeros(self.observation_space.shape or (), dtype=self.observation_space.dtype)
 
-    def reset(self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None) -> Reset:
+    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None) -> Reset:
         """Start new episodes everywhere, or where ``options["reset_mask"]`` (E,) is true.
 
         Parameters
@@ -215,6 +233,8 @@ class BatchVectorEnv(VectorEnv):
         else:
             fresh, observation = self.batch.reset(seed, mask), self._last.copy()
             observation[mask] = fresh[mask]
+        if seed is not None:
+            self._np_random_seed = seed if isinstance(seed, int) else tuple(seed)  # type: ignore[assignment]  # as SyncVectorEnv
         self._begun = True
         self._ended[mask] = False
         self._last[:] = observation

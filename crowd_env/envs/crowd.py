@@ -215,7 +215,11 @@ class CrowdEnv:
         e = whole("environment", e, Range(0, self.num_envs - 1))
         return slice(int(self.env_start[e]), int(self.env_start[e + 1]))
 
-    def reset(self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None) -> Reset:
+    def go_on_drawing(self, other: "CrowdEnv") -> None:
+        """Draw the next episodes from the generators of another environment, so that one seed fixes a series over places."""
+        self._generators, self._started = other._generators, other._started
+
+    def reset(self, seed: int | Sequence[int | None] | None = None, mask: ArrayLike | None = None) -> Reset:
         """Start a new episode everywhere, or where ``mask`` (E,) is true.
 
         Parameters

@@ -37,11 +37,16 @@ class CrowdBatch:
         self.observation_space = batch_space(self.env.single_observation_space, int(sizes[0]))
         self.action_space = batch_space(self.env.single_action_space, int(sizes[0]))
 
+    @property
+    def duration(self) -> float:
+        """Simulated time of a step [s]: the decision step."""
+        return self.env.decision_dt
+
     def info_at_reset(self) -> dict[str, np.ndarray]:
         """Return ``active`` (E, N): all are inside."""
         return {"active": np.ones((self.env.num_envs, self.env.num_people // self.env.num_envs), dtype=np.bool_)}
 
-    def reset(self, seed: int | Sequence[int] | None = None, mask: Bools | None = None) -> np.ndarray:
+    def reset(self, seed: int | Sequence[int | None] | None = None, mask: Bools | None = None) -> np.ndarray:
         """Start new episodes everywhere, or where ``mask`` (E,) is true; return all observations (E, N, D)."""
         return as_grid(self.env.reset(seed, mask)[0], self.env.num_envs)
 
@@ -141,6 +146,7 @@ class CrowdVectorEnv(BatchVectorEnv):
     num_envs : number of rooms E.
     autoreset_mode : "SameStep", "NextStep" or "Disabled".
     render_mode : None; a batch is not rendered.
+    max_episode_steps : decision steps until the time limit; by default that of the place.
     **arguments : all others of `CrowdEnv`, but for ``autoreset``.
 
     Raises
@@ -157,10 +163,11 @@ class CrowdVectorEnv(BatchVectorEnv):
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         render_mode: None = None,
+        max_episode_steps: int | None = None,
         **arguments: Unpack[EnvArguments],
     ) -> None:
         make = partial(CrowdBatch, scenario, num_envs=num_envs, **arguments)
-        super().__init__(make, autoreset_mode, render_mode)
+        super().__init__(make, autoreset_mode, render_mode, max_episode_steps)
 
 
 make_vec = CrowdVectorEnv

@@ -1,6 +1,7 @@
 """PettingZoo ParallelEnv: one evacuation as dictionaries, one agent per pedestrian."""
 
 import copy
+import math
 from collections.abc import Mapping
 from typing import Any, Unpack
 
@@ -12,6 +13,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import array, refuse, whole
 from crowd_env.envs.arguments import NUMBERS, Place, check_options
+from crowd_env.envs.controlled import frame_rate
 from crowd_env.envs.crowd import CrowdEnv, require_same_spaces
 from crowd_env.envs.global_state import StateLayout, StateReader
 from crowd_env.envs.settings import EnvArguments, answers_unknown
@@ -80,7 +82,7 @@ class CrowdParallelEnv(ParallelEnv):
         self._slots: Ints | slice = slice(None)  # of the agents; while these are all, indexing copies nothing
         self._slot = {agent: i for i, agent in enumerate(self.possible_agents)}
         self._begun = False
-        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.env.decision_dt)}
+        self.metadata = {**self.metadata, "render_fps": frame_rate(self.env.decision_dt)}
         self._observation_spaces = {a: copy.deepcopy(self.env.single_observation_space) for a in self.possible_agents}
         self._action_spaces = {a: copy.deepcopy(self.env.single_action_space) for a in self.possible_agents}
         self._window: Any = None
@@ -98,11 +100,12 @@ class CrowdParallelEnv(ParallelEnv):
     @property
     def max_cycles(self) -> int:
         """Decision steps until the time limit."""
-        return round(float(self.env.time_limit[0]) / self.env.decision_dt)
+        return math.ceil(float(self.env.time_limit[0]) / self.env.decision_dt - 1e-9)
 
     @max_cycles.setter
     def max_cycles(self, cycles: int) -> None:
-        self.env.time_limit[:] = whole("max_cycles", cycles) * self.env.decision_dt
+        self._cycles = whole("max_cycles", cycles)
+        self.env.time_limit[:] = self._cycles * self.env.decision_dt
 
     # Every agent has its own space, made once: seeding one must not seed another.
     def observation_space(self, agent: str) -> gymnasium.spaces.Box:
@@ -137,6 +140,7 @@ class CrowdParallelEnv(ParallelEnv):
                 most = len(self.possible_agents)
                 refuse("scenario", env.scenarios[0].name, f"a place of at most {most} people, not {env.num_people}")
             require_same_spaces(env, self.env)
+            env.go_on_drawing(self.env)
             self._enter(env)
         observation, _ = self.env.reset(None if seed is None else [seed])
         self._begun = True

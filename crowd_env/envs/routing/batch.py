@@ -105,6 +105,11 @@ class RoutingBatch:
         self._decided = np.zeros(num_envs)  # s  time of the last decision
 
     @property
+    def duration(self) -> float:
+        """Simulated time of a step [s]: the interval between decisions."""
+        return self.interval
+
+    @property
     def observation_space(self) -> gymnasium.spaces.Box:
         """Space of one evacuation's observation."""
         return gymnasium.spaces.Box(0.0, 1.0, (self.layout.size,), np.float32)
@@ -130,7 +135,7 @@ class RoutingBatch:
         """Return ``inside`` (E,): all people."""
         return {"inside": np.full(self.env.num_envs, self.env.num_people // self.env.num_envs)}
 
-    def reset(self, seed: int | Sequence[int] | None = None, mask: ArrayLike | None = None) -> np.ndarray:
+    def reset(self, seed: int | Sequence[int | None] | None = None, mask: ArrayLike | None = None) -> np.ndarray:
         """Start new episodes everywhere, or where ``mask`` (E,) is true; return all observations (E, D)."""
         self.env.reset(seed, mask)
         self._decided[:] = self.env.simulation.state.time

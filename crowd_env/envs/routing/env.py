@@ -90,6 +90,7 @@ class RoutingVectorEnv(BatchVectorEnv):
     num_envs : number of evacuations E.
     autoreset_mode : "SameStep", "NextStep" or "Disabled".
     render_mode : None; a batch is not rendered.
+    max_episode_steps : decisions of a controller until the time limit; by default that of the place.
     **arguments : all others of `RoutingEnv`.
 
     Raises
@@ -109,10 +110,11 @@ class RoutingVectorEnv(BatchVectorEnv):
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         render_mode: None = None,
+        max_episode_steps: int | None = None,
         **arguments: Any,
     ) -> None:
         make = partial(RoutingBatch, scenario, num_envs=num_envs, **arguments)
-        super().__init__(make, autoreset_mode, render_mode)
+        super().__init__(make, autoreset_mode, render_mode, max_episode_steps)
 
     @property
     def finished(self) -> Bools:
