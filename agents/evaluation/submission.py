@@ -49,6 +49,7 @@ _DIGITS = {
 }
 _COLUMNS = tuple(_DIGITS)
 _FIGURES = 6  # digits of other numbers
+_LEAST_FLOW = 0.5  # of the people but one over the last time: flow is of the middle of a run; 0.75 is the least seen
 _KEYS = {"format", "task", "policies", "networks", "columns", "trials", "versions"}
 
 
@@ -213,6 +214,9 @@ def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> dict[str
                 raise ValueError(f"{path}: there are no runs of {one} in {name}; submit again")
         kept[name] = {one: of[one] for one in dict.fromkeys((*REFERENCES, policy)) if of.get(one) is not None}
         columns = {one: _runs_of(found["runs"]) for one, found in kept[name].items()}
+        for one, found in columns.items():
+            if wrong := _contradiction(found, trial["people"]):
+                raise ValueError(f"{path}: runs of {one} in {name} contradict themselves: {wrong}")
         if len({len(one["last_time"]) for one in columns.values()}) != 1:
             raise ValueError(f"{path}: {name} has other numbers of draws than {task.name}.json")
         runs += [{"variation": name, "policy": one, **found} for one, found in columns.items()]
@@ -299,6 +303,29 @@ def _runs_of(lines: Sequence[str]) -> dict[str, Floats]:
     """Return the columns of the runs that a file holds."""
     rows = [[np.nan if one == "-" else float(one or 0) for one in line.split(",")] for line in lines]
     return dict(zip(_COLUMNS, np.array(rows, dtype=np.float64).T, strict=True))
+
+
+def _contradiction(runs: Mapping[str, Floats], people: int) -> str:
+    """Return what no ``people`` can have done in runs, given as columns; "" if there is nothing."""
+    cleared, last, mean = runs["unfinished"] == 0, runs["last_time"], runs["mean_exit"]
+    some = {name: values[np.isfinite(values)] for name, values in runs.items()}
+    for name in ("unfinished", "escaped", "crushed", "blocked"):
+        most = 1 if name == "blocked" else people
+        if len(some[name]) < len(last) or not np.isin(some[name], np.arange(most + 1)).all():
+            return f"{name} must be whole numbers from 0 to {most}"
+    if below := [name for name, values in some.items() if (values < 0.0).any()]:
+        return f"{below[0]} must not be negative"
+    if (
+        not np.isfinite([last[cleared], mean[cleared], runs["flow"][cleared]]).all()
+        or np.isinf(list(runs.values())).any()
+    ):
+        return "a run that all have left has a last time, a mean exit time and a flow, all finite"
+    if (mean[cleared] > last[cleared]).any():
+        return "mean_exit must not be above last_time"
+    if (runs["flow"][cleared] * last[cleared] < _LEAST_FLOW * (people - 1)).any():
+        return "flow must not be below the people over last_time"
+    every = np.nan_to_num(np.stack(list(runs.values()), axis=1), nan=-1.0)
+    return "two runs are the same" if len(np.unique(every, axis=0)) < len(every) else ""
 
 
 def _figures(policy: str, trial: Plain, kept: Plain, count: int) -> Plain:

@@ -178,6 +178,36 @@ def test_what_does_not_fit_is_refused(files, tmp_path, change, message):
         read_submission(changed(files, tmp_path, change))
 
 
+@looped(
+    "column, value, message",
+    [
+        ("last_time", "1", "mean_exit must not be above last_time"),
+        ("last_time", "-5", "last_time must not be negative"),
+        ("last_time", "-", "a last time, a mean exit time and a flow, all finite"),
+        ("last_time", "inf", "all finite"),
+        ("unfinished", "-3", "unfinished must be whole numbers from 0 to"),
+        ("unfinished", "0.5", "unfinished must be whole numbers"),
+        ("crushed", "1e9", "crushed must be whole numbers"),
+        ("blocked", "2", "blocked must be whole numbers from 0 to 1"),
+        ("mean_exit", "500", "mean_exit must not be above last_time"),
+        ("flow", "0.001", "flow must not be below the people over last_time"),
+        (None, None, "two runs are the same"),
+    ],
+)
+def test_runs_that_contradict_themselves_are_refused(files, tmp_path, column, value, message):
+    def change(content):
+        runs = content["trials"][0]["of"]["follow"]["runs"]
+        if column is None:
+            runs[1] = runs[0]
+            return
+        cells = runs[0].split(",")
+        cells[content["columns"].index(column)] = value
+        runs[0] = ",".join(cells)
+
+    with pytest.raises(ValueError, match=f"runs of follow in task contradict themselves: .*{message}"):
+        read_submission(changed(files, tmp_path, change))
+
+
 def test_a_network_that_is_not_the_one_that_was_judged_is_refused(files, tmp_path):
     content = json.loads(files[1].read_text())
     random_policy(1).save(tmp_path / "other.safetensors")
