@@ -80,7 +80,7 @@ def test_a_report_says_what_decided_the_runs(tmp_path: Path) -> None:
     assert command(*run, "--out", folder)[0] == 0
     assert command("report", folder, "-o", page)[0] == 0
     text = " ".join(Parsed(page).text.split())
-    assert "led by follow" in text and "120 N" in text
+    assert "led by follow" in text and "as in the papers, is no limit120" in text
     assert "no row of pedestrians led by follow" in text and "judged cases are met" not in text
     place = tmp_path / "groups.json"
     attraction = {"x": 3.0, "y": 2.0, "strength": 1.5}
@@ -89,4 +89,4 @@ def test_a_report_says_what_decided_the_runs(tmp_path: Path) -> None:
     assert command("run", place, "--runs", 1, "--workers", 1, "--out", tmp_path / "groups")[0] == 0
     assert command("report", tmp_path / "groups", "-o", page)[0] == 0
     text = " ".join(Parsed(page).text.split())
-    assert "walk together" in text and "3 people" in text and "(3, 2) m, 1.5 m/s2" in text and "stepping" in text
+    assert "walk together" in text and "3 people" in text and "x 3, y 2, strength 1.5" in text and "stepping" in text

@@ -67,7 +67,7 @@ class Balance(Behavior):
     """m/s: a pedestrian with a larger desired speed walks, and does not stand."""
 
     NAME = "balance"
-    ABOUT = "how those who stand keep upright, unless the run says otherwise"
+    ABOUT = "how standing pedestrians keep their balance, unless the run says otherwise"
     NEEDS = "drives"
     LACKS = "has no force of the ground, so pedestrians cannot keep their balance"
     MEMORY = Feet

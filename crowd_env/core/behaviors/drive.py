@@ -29,7 +29,7 @@ class DriveLimit(Behavior):
     force: Positive
 
     NAME = "max_drive"
-    ABOUT = "N, the largest force with which one drives forwards; infinite = as large as the papers make it"
+    ABOUT = "largest driving force of a pedestrian [N]; infinite, as in the papers, is no limit"
     NEEDS = "drives"
     LACKS = "has no driving force that max_drive could limit"
     YIELDS = True

@@ -94,7 +94,7 @@ class Pulls(Behavior):
     """points that pull people, each for a while."""
 
     NAME = "pulls"
-    ABOUT = "what pulls people off their way: their group, and attractions"
+    ABOUT = "what pulls pedestrians off their way: their group, and attractions"
     MEMORY = Waiting
     USES = ("walking", "pulls")
     PER_PLACE = True

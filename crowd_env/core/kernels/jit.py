@@ -141,13 +141,13 @@ def _open(folder: Path) -> str | None:
             pass
         if problem := _shared(folder):
             return problem
-        for above in folder.parent.parents:  # who may rename a folder there may put another into its place
+        for above in folder.parent.parents:  # a user that can rename a folder there can put another in its place
             mode = above.stat().st_mode
             if mode & stat.S_IWOTH and not mode & stat.S_ISVTX:
                 return f"other users can write to {above}"
     except OSError as error:
         return f"{folder} cannot be written: {error.strerror}"
-    with suppress(OSError):  # as in an image that can only be read, whose kernels are
+    with suppress(OSError):  # a folder that can only be read
         os.utime(folder)
     return None
 

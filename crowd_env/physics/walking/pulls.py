@@ -123,7 +123,7 @@ def _keep_together(
 ) -> tuple[float, float, float, bool]:
     """Add the forces of the group of pedestrian ``i`` to (fx, fy) [m/s2].
 
-    ``passed`` is the weight of now in means over the recent past: the pull is a step, which people shuffle in and out of, so
+    ``passed`` is the weight of now in means over the recent past: the pull is a step, across which people shuffle, so
     one moment does not tell whether they are held back.
 
     Returns the sum, the angle of the head [rad], and whether ``i`` waits.

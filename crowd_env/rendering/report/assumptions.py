@@ -6,13 +6,14 @@ The limits are what is not modeled, and what the validation map says of the runs
 import json
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
 from typing import Any, NamedTuple
 
 from crowd_env.analysis.results.folder import CONFIG
 from crowd_env.analysis.results.plain import plain
-from crowd_env.core.behaviors import IN_WORDS
+from crowd_env.core.behaviors import BEHAVIORS, IN_WORDS
+from crowd_env.core.behaviors.behavior import Behavior
 from crowd_env.envs.settings import physics_step
 from crowd_env.physics import make_scheme
 from crowd_env.physics.settings import Physics
@@ -104,19 +105,15 @@ def _blocked(one: Runs) -> str:
     return f"nobody out for {after:g} s" if after < float("inf") else "not looked for"
 
 
-def _largest_drive(one: Runs) -> str:
-    drive = one.config.get("max_drive")
-    return f"{float(drive):g} N" if drive is not None else "not limited"
-
-
-def _attractions(one: Runs) -> str:
-    points = one.scenario.pulls.attractions
-    return "\n".join(f"({at.x:g}, {at.y:g}) m, {at.strength:g} m/s2, from {at.since:g} s on" for at in points) or "none"
-
-
 def _moving_doors(one: Runs) -> str:
     events = one.scenario.door_events
     return "\n".join(f"{event.door} {'opens' if event.opens else 'closes'}" for event in events) or "none"
+
+
+def _chosen(kind: type[Behavior], one: Runs) -> str:
+    """Return a behavior of the runs: that of the config, or of the place."""
+    value = one.config.get(kind.NAME, plain(kind.plain_of(one.scenario.behavior(kind))))
+    return described(value if value is not None else "none")
 
 
 _ASSUMED: dict[str, Callable[[Runs], str]] = {
@@ -130,10 +127,8 @@ _ASSUMED: dict[str, Callable[[Runs], str]] = {
     "time limit": lambda one: f"{one.scenario.time_limit:g} s",
     "exits count as blocked": _blocked,
     "control rules": _rules,
-    "largest drive of a pedestrian": _largest_drive,
-    "balance of standing pedestrians": lambda one: described(plain(one.scenario.balance or "none")),
-    "attractions": _attractions,
     "doors that open or close": _moving_doors,
+    **{kind.ABOUT: partial(_chosen, kind) for name, kind in BEHAVIORS.items() if name not in IN_WORDS},
     "where the place comes from": lambda one: one.scenario.reference or one.scenario.title or one.scenario.name,
 }
 
