@@ -62,6 +62,8 @@ def report(
     crowd-env run two-exit-hall-v0 --runs 20 --routing fastest --out fastest
 
     crowd-env report nearest fastest -o report.html --title "Nearest or fastest exit"
+
+    crowd-env report mine --trust-code, where the runs had a law or a policy of your own
     """
     with friendly_errors():
         check_suffix(out, (".html",))
