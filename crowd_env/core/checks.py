@@ -53,6 +53,7 @@ class Range(NamedTuple):
             return False
         if not (math.isfinite(size) or (self.infinite and size == math.inf)):
             return False
+        size = value if isinstance(value, int) else size  # a float may lose digits of it
         return (self.low < size if self.above else self.low <= size) and size <= self.high
 
     def because(self, why: str) -> "Range":

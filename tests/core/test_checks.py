@@ -126,3 +126,9 @@ def test_pydantic_is_loaded_for_the_first_value_that_is_not_plain():
     )
     result = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True)
     assert result.stdout.split() == ["False", "True"]
+
+
+def test_no_digit_of_a_whole_number_is_lost():
+    seeds = Range(0, 2**62)
+    assert 2**62 in seeds and 2**62 + 1 not in seeds and 10**400 not in seeds and -1 not in seeds
+    assert np.int64(2**62) in seeds and 2.0**62 in seeds

@@ -5,16 +5,19 @@ moves by a thousandth of the deck.  The deck acts on the crowd through the step 
 walking, by `crowd_env.envs.footbridge.gait`.  Under ``off`` and ``pendulum`` no bit of the crowd changes.
 """
 
+import copy
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.checks import known
+from crowd_env.core.checks import known, refuse, whole
 from crowd_env.envs.footbridge.deck import Deck, State, order_parameter
 from crowd_env.envs.footbridge.gait import stride_rate, walking_speed
 from crowd_env.envs.footbridge.pendulum import Pendulum, advance_pendulum, start_walking
 from crowd_env.envs.footbridge.synchrony import Synchrony, advance_synchrony
+from crowd_env.physics.simulation.checkpoint import Checkpoint
 from crowd_env.physics.simulation.simulation import Simulation
 
 # Name -> how walkers and deck act on each other, with the numbers of its file.
@@ -22,6 +25,7 @@ COUPLINGS: Mapping[str, Synchrony | Pendulum | None] = {"synchrony": Synchrony()
 
 _LONGEST = 0.05  # s, a step of the phases, at most: a third of a radian
 _PENDULUM = 0.02  # s, the step of pendulums, of which a call is a multiple
+_STABLE = 2.0  # times the step: a rate above 2.8 over it grows without limit
 _CALL = 0.4  # s, of one call at most: a longer one could not resolve the rate of a phase
 
 
@@ -38,7 +42,7 @@ class Footbridge:
     Raises
     ------
     ValueError
-        If the simulation holds several environments, or the coupling is unknown.
+        If the simulation holds several environments, the coupling is unknown, or deck or pendulums move too fast for steps.
     """
 
     def __init__(
@@ -51,17 +55,17 @@ class Footbridge:
     ) -> None:
         if len(simulation.state.time) != 1:
             raise ValueError(f"the simulation holds {len(simulation.state.time)} environments; a footbridge takes one")
-        if isinstance(coupling, str):
-            known("coupling", coupling, COUPLINGS)
-            coupling = COUPLINGS[coupling]
-        self.simulation, self.coupling = simulation, coupling
-        self.deck = Deck() if deck is None else deck
+        self.simulation, self.coupling = simulation, coupling_of(coupling)
+        coupling, self.deck = self.coupling, Deck() if deck is None else deck
+        _check_rates(self.deck, coupling)
+        self._times_restored = simulation.times_restored
         self.omega = stride_rate(simulation.bodies.desired_speed)
         rng = np.random.default_rng(seed)
         zero, people = np.zeros(()), len(self.omega)
         turns = np.exp(2j * np.pi * rng.random(people))
         self._state: State = (zero, zero, turns)
         self._pace = np.ones(people)
+        self._walkers: Any = None  # of pendulums
         if isinstance(coupling, Pendulum):
             strides = np.full(people, coupling.frequency)
             self._walkers, self._state = start_walking(coupling, strides, _PENDULUM, rng)
@@ -99,6 +103,16 @@ class Footbridge:
         """R of the pedestrians on the deck."""
         return float(order_parameter(self.walkers_phase, self.psi > 0.0))
 
+    def checkpoint(self) -> "BridgeCheckpoint":
+        """Return all that the future of crowd and deck depends on; it can be pickled."""
+        return BridgeCheckpoint(self.simulation.checkpoint(), *copy.deepcopy((self._state, self._pace, self._walkers)))
+
+    def restore(self, checkpoint: "BridgeCheckpoint") -> None:
+        """Go back to a checkpoint of this footbridge."""
+        self.simulation.restore(checkpoint.crowd)
+        self._state, self._pace, self._walkers = copy.deepcopy(tuple(checkpoint)[1:])
+        self._times_restored = self.simulation.times_restored
+
     def advance(self, command: Floats | None = None, *, n_substeps: int = 10, world: bool = False) -> None:
         """Advance crowd and deck by ``n_substeps`` physics steps.
 
@@ -111,11 +125,18 @@ class Footbridge:
         Raises
         ------
         ValueError
-            If that is longer than 0.4 s or, with pendulums, no multiple of 0.02 s.
+            If that is longer than 0.4 s or, with pendulums, no multiple of 0.02 s; or if the simulation was restored alone.
+        FloatingPointError
+            If the motion of the deck is not finite any more.
         """
+        n_substeps = whole("n_substeps", n_substeps)
+        if self.simulation.times_restored != self._times_restored:
+            raise ValueError(
+                "the simulation under this footbridge was restored; restore the footbridge, which takes both back"
+            )
         duration, people = n_substeps * self.simulation.dt, len(self.omega)
-        whole = not isinstance(self.coupling, Pendulum) or abs(duration / _PENDULUM % 1.0 - 0.5) > 0.5 - 1e-6
-        if duration > _CALL or not whole:
+        divides = not isinstance(self.coupling, Pendulum) or abs(duration / _PENDULUM % 1.0 - 0.5) > 0.5 - 1e-6
+        if duration > _CALL or not divides:
             raise ValueError(f"n_substeps: {duration:g} s; at most {_CALL:g} s, pendulums multiples of {_PENDULUM:g} s")
         relative = np.full(people, not world)
         if isinstance(self.coupling, Synchrony):
@@ -136,3 +157,42 @@ class Footbridge:
         elif isinstance(coupling, Pendulum):
             steps = round(duration / _PENDULUM)
             self._state = advance_pendulum(self.deck, coupling, self._walkers, psi, self._state, _PENDULUM, steps)
+        if not np.isfinite(self._state[0]):
+            raise FloatingPointError(
+                "the motion of the deck is not finite any more; take a heavier or less damped deck"
+            )
+
+
+class BridgeCheckpoint(NamedTuple):
+    """A moment of a `Footbridge`."""
+
+    crowd: Checkpoint
+    state: State
+    pace: Floats
+    walkers: Any
+
+
+def coupling_of(coupling: Any) -> Synchrony | Pendulum | None:
+    """Return a coupling, given as such, by a name in `COUPLINGS`, or as None.
+
+    Raises
+    ------
+    ValueError
+        If it is unknown, or of another type.
+    """
+    if isinstance(coupling, str):
+        return COUPLINGS[known("coupling", coupling, COUPLINGS)]
+    if coupling is not None and not isinstance(coupling, Synchrony | Pendulum):
+        refuse("coupling", coupling, f"None, a Synchrony, a Pendulum, or one of {', '.join(COUPLINGS)}")
+    return coupling
+
+
+def _check_rates(deck: Deck, coupling: Synchrony | Pendulum | None) -> None:
+    """Raise ValueError if the method of Runge and Kutta would not be stable at its step."""
+    step = _PENDULUM if isinstance(coupling, Pendulum) else _LONGEST
+    rates = {"frequency": deck.frequency, "damping over mass": deck.damping / deck.mass}
+    for name, rate in rates.items():
+        if coupling is not None and rate * step > _STABLE:
+            raise ValueError(
+                f"deck: its {name} is {rate:g} 1/s; steps of {step:g} s allow at most {_STABLE / step:g} 1/s"
+            )

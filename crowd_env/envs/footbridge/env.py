@@ -11,7 +11,7 @@ from crowd_env.core.checks import COUNT, NOT_NEGATIVE, POSITIVE, Range, number, 
 from crowd_env.envs.arguments import check_options, parts_of
 from crowd_env.envs.controlled import Row
 from crowd_env.envs.crowd import Reset
-from crowd_env.envs.footbridge.crossing import Footbridge
+from crowd_env.envs.footbridge.crossing import Footbridge, coupling_of
 from crowd_env.envs.footbridge.pendulum import Pendulum
 from crowd_env.envs.footbridge.synchrony import Synchrony
 from crowd_env.envs.footbridge.walkers import DECK, come_round, crowd
@@ -89,7 +89,8 @@ class FootbridgeEnv(gymnasium.Env):
         weight: float = 0.02,
         time_limit: float = 400.0,
     ) -> None:
-        self.people, self.coupling, self.scheme = whole("people", people, COUNT), coupling, scheme
+        self.people, self.coupling, self.scheme = whole("people", people, COUNT), coupling_of(coupling), scheme
+        self.bridge: Any = None
         self.dt, self.layout = number("dt", dt, POSITIVE, "s"), DeckLayout()
         self.weight = number("weight", weight, NOT_NEGATIVE, "1/s")
         self.time_limit = number("time_limit", time_limit, POSITIVE, "s")
@@ -113,8 +114,10 @@ class FootbridgeEnv(gymnasium.Env):
         Raises
         ------
         ValueError
-            If the action is neither 0 nor 1.
+            If the action is neither 0 nor 1, or before the first `reset`.
         """
+        if self.bridge is None:
+            raise ValueError("call reset before the first step")
         opened, bridge = bool(whole("the action", action, Range(0, 1))), self.bridge
         state, passed, discomfort = bridge.simulation.state, 0, 0.0
         for _ in range(self._calls):

@@ -1,10 +1,14 @@
 """The gatekeeper of the swaying deck: what is seen of it, what a closed gate does, and what is paid."""
 
+import pickle
+
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from crowd_env.envs.footbridge.crossing import Footbridge
+from crowd_env.envs.footbridge.deck import Deck
 from crowd_env.envs.footbridge.env import COMFORT, DeckLayout, FootbridgeEnv
 from crowd_env.envs.footbridge.synchrony import Synchrony
 from crowd_env.envs.footbridge.walkers import DECK
@@ -83,3 +87,47 @@ def test_mistakes_are_said():
     env.reset(seed=0)
     with pytest.raises(ValueError, match="the action"):
         env.step(2)
+
+
+@pytest.mark.parametrize("coupling", ["synchrony", "pendulum"])
+def test_a_checkpoint_takes_crowd_and_deck_back(coupling):
+    env = FootbridgeEnv(20, coupling=coupling)
+    env.reset(seed=0)
+    bridge = env.bridge
+    for _ in range(5):
+        bridge.advance()
+    kept = pickle.loads(pickle.dumps(bridge.checkpoint()))
+    runs = []
+    for _ in range(2):
+        for _ in range(5):
+            bridge.advance()
+        runs.append((bridge.displacement, bridge.walkers_phase.copy(), bridge.simulation.state.position.copy()))
+        bridge.restore(kept)
+    for one, other in zip(*runs, strict=True):
+        np.testing.assert_array_equal(one, other)
+    bridge.simulation.restore(kept.crowd)
+    with pytest.raises(ValueError, match="was restored; restore the footbridge"):
+        bridge.advance()
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: FootbridgeEnv(4, coupling={"force": 3}), "coupling is .*must be None, a Synchrony"),
+        (lambda: FootbridgeEnv(4, coupling=5), "coupling is 5"),
+        (lambda: FootbridgeEnv(4, coupling="glue"), "unknown coupling 'glue'"),
+        (lambda: FootbridgeEnv(4).step(1), "call reset before the first step"),
+        (lambda: _bridge().advance(n_substeps=0), "n_substeps is 0"),
+        (lambda: _bridge(deck=Deck(stiffness=1e12)), "its frequency is .*at most"),
+        (lambda: _bridge(deck=Deck(damping=1e12)), "its damping over mass is"),
+    ],
+)
+def test_what_no_bridge_can_do_is_refused(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()
+
+
+def _bridge(**options):
+    env = FootbridgeEnv(4)
+    env.reset(seed=0)
+    return Footbridge(env.bridge.simulation, **options)
