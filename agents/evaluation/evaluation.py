@@ -211,7 +211,12 @@ def evaluate(
     from .. import make_policy  # which knows this file by its tasks
 
     policy = make_policy(policy) if isinstance(policy, str) else policy
-    crowd = DrivenCrowd(policy, make_scenario(scenario), arguments, learned_share=learned_share, hindrance=hindrance)
+    if own := [name for name in ("num_envs", "autoreset") if name in arguments]:
+        raise ValueError(f"an evaluation sets {own[0]} by itself; leave it out")
+    changes = {} if arguments.get("people") is None else {"people": arguments.pop("people")}
+    crowd = DrivenCrowd(
+        policy, make_scenario(scenario, **changes), arguments, learned_share=learned_share, hindrance=hindrance
+    )
     return evaluate_crowd(crowd, runs=runs, first_seed=first_seed, measure=measure, progress=progress)
 
 

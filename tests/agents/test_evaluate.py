@@ -24,6 +24,15 @@ from crowd_env.agents.evaluation.report import crowding_table, exits_table, left
 from crowd_env.agents.training_config import check_config, default_config, make_env, task_of
 from crowd_env.envs.routing.batch import RoutingBatch
 
+
+def test_an_evaluation_of_another_number_of_people_and_what_it_sets_by_itself():
+    result = evaluate("shortest", "room-v0", runs=2, people=8)
+    assert all(len(times) == 8 for times in result.exit_times)
+    for name, value in (("autoreset", True), ("num_envs", 4)):
+        with pytest.raises(ValueError, match=f"an evaluation sets {name} by itself"):
+            evaluate("shortest", "room-v0", runs=2, **{name: value})
+
+
 # ------------------------------------------------------------------------------------------------------- the same draws
 
 

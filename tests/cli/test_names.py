@@ -74,6 +74,20 @@ def test_a_report_runs_no_code_that_a_folder_names(tmp_path: Path) -> None:
     assert command("report", folder, "-o", page, "--trust-code")[0] == 2 and mark.exists()  # a law is no policy
 
 
+def test_a_report_of_runs_under_a_law_of_ones_own(tmp_path: Path) -> None:
+    folder, page, law = tmp_path / "results", tmp_path / "page.html", tmp_path / "soft_law_of_a_test.py"
+    law.write_text(
+        "from dataclasses import replace\nfrom crowd_env.physics import NSM2\n\n\n"
+        "class Law(NSM2):\n    @property\n    def info(self):\n        return replace(super().info, name='soft')\n",
+        encoding="utf-8",
+    )
+    run = ("run", "room-v0", "--people", 4, "--runs", 1, "--workers", 1, "--scheme", f"{law}:Law")
+    assert command(*run, "--out", folder)[0] == 0
+    code, _, said = command("report", folder, "-o", page, "--trust-code")
+    assert code == 0, said
+    assert "soft" in Parsed(page).text
+
+
 def test_a_report_says_what_decided_the_runs(tmp_path: Path) -> None:
     folder, page = tmp_path / "led", tmp_path / "page.html"
     run = ("run", "room-v0", "--people", 6, "--runs", 1, "--workers", 1, "--policy", "follow", "--set", "max_drive=120")

@@ -122,6 +122,14 @@ class Odd(NamedTuple):
     time: Annotated[Floats, "2 P"]
 
 
+def test_a_checkpoint_with_a_behavior_fits_no_simulation_without_it():
+    kept = one_who_tires("nsm2").checkpoint()
+    bodies = make_bodies(np.array([0.2]), 80.0, desired_speed=SPEED, relaxation_time=TAU)
+    plain = Simulation(corridor(), bodies, make_state(np.array([[0.5, 1.0]])), physics="nsm2")
+    with pytest.raises(ValueError, match="its fatigue differs"):
+        plain.restore(kept)
+
+
 WRONG = {
     "not compiled": ({"NAME": "limp", "desire": 3}, "desire is 3; it must be a function under @inner_kernel"),
     "no shape": ({"NAME": "limp", "MEMORY": NoShape}, "array 'time' of its MEMORY has the shape 'none'; write such as"),

@@ -26,7 +26,7 @@ def load_own(option: str, text: str) -> Any:
     Raises
     ------
     ValueError
-        If there is no such file, it cannot be imported, or nothing in it has the name.
+        If there is no such file, it cannot be imported, nothing in it has the name, or a class needs arguments.
     """
     file, _, name = text.rpartition(":")
     path = Path(file).resolve()
@@ -42,4 +42,9 @@ def load_own(option: str, text: str) -> Any:
     if not hasattr(module, name):
         raise ValueError(f"{option} {text}: {file} has no {name}")
     found = getattr(module, name)
-    return found() if isinstance(found, type) else found
+    if not isinstance(found, type):
+        return found
+    try:
+        return found()
+    except TypeError as error:
+        raise ValueError(f"{option} {text}: {name} cannot be made without arguments: {error}") from error

@@ -90,7 +90,7 @@ def require_checkpoint(checkpoint: Any, kind: type, of: str) -> None:
 
 def require_same(now: dict[str, Any], then: dict[str, Any], of: str = "simulation") -> None:
     """Raise ValueError if two simulations or environments differ in what they must have in common, naming it."""
-    for name, value in now.items():
-        if value != then.get(name):
-            says = "" if name == "place" else f": {shown(then.get(name))}, here {shown(value)}"
+    for name in {**now, **then}:
+        if now.get(name) != then.get(name):
+            says = "" if name == "place" else f": {shown(then.get(name))}, here {shown(now.get(name))}"
             raise ValueError(f"the checkpoint fits another {of}: its {name} differs{says}")

@@ -15,10 +15,9 @@ from crowd_env.analysis.results.plain import plain
 from crowd_env.core.behaviors import BEHAVIORS, IN_WORDS
 from crowd_env.core.behaviors.behavior import Behavior
 from crowd_env.envs.settings import physics_step
-from crowd_env.physics import make_scheme
+from crowd_env.physics import SCHEMES
 from crowd_env.physics.settings import Physics
 from crowd_env.rendering.report.runs import Runs, described, table
-from crowd_env.scenarios.scenario import Scenario
 
 
 def assumptions(runs: Sequence[Runs]) -> dict[str, Any]:
@@ -180,7 +179,7 @@ def limits_of(runs: Runs) -> Limits:
     scheme = runs.config["scheme"]["name"]
     if policy := led_by(runs):
         text = f"The validation map has no row of pedestrians led by {policy}: how near they are to recorded ones is not known."
-        return Limits(f"{scheme}, led by {policy}", text, tuple(_others(runs.config, runs.scenario)), ())
+        return Limits(f"{scheme}, led by {policy}", text, tuple(_others(runs)), ())
     values = {name: runs.config[name] for name, behavior in IN_WORDS.items() if behavior.judged}
     name = ", ".join(value if isinstance(value, str) else f"of their own {name}" for name, value in values.items())
     about = f"{scheme}, {name}"
@@ -198,19 +197,20 @@ def limits_of(runs: Runs) -> Limits:
         if less := every - len(rows):
             text += f" Of {every} cases of the map, {less} have no row of {about}: of these nothing is known."
     said = tuple((case, _WORDS[outcome], criterion) for case, outcome, criterion in rows)
-    return Limits(about, text, tuple(_others(runs.config, runs.scenario)), said)
+    return Limits(about, text, tuple(_others(runs)), said)
 
 
-def _others(config: Mapping[str, Any], scenario: Scenario) -> Iterator[str]:
-    """Yield in what a config differs from the runs of the map."""
+def _others(one: Runs) -> Iterator[str]:
+    """Yield in what runs differ from the runs of the map."""
+    config = one.config
     for name, behavior in IN_WORDS.items():
         plain_form = config[name]
         limit = behavior.limits.get(plain_form, behavior.limit) if isinstance(plain_form, str) else behavior.limit
         if limit:
             yield limit
-    scheme = make_scheme(config["scheme"]["name"])
+    scheme = SCHEMES.get(config["scheme"]["name"], one.scheme)
     changed = [key for key, value in plain(scheme).items() if config["scheme"].get(key) != value]
     if changed:
         yield f"The rows are of the scheme's own parameters; in these runs others are set: {', '.join(changed)}."
-    if config["dt"] != (step := physics_step(Physics(scheme), scenario)):
+    if config["dt"] != (step := physics_step(Physics(scheme), one.scenario)):
         yield f"The scheme's own physics step is {step:g} s for these people; that of these runs is {config['dt']:g} s."

@@ -9,7 +9,9 @@ pytestmark = pytest.mark.more
 
 def test_objects_of_a_file_are_found(tmp_path):
     file = tmp_path / "things_of_my_own.py"
-    file.write_text("class Thing:\n    size = 3\n\n\nready = Thing()\n")
+    file.write_text(
+        "class Thing:\n    size = 3\n\n\nready = Thing()\n\n\nclass Wants:\n    def __init__(self, size):\n        pass\n"
+    )
     assert names_own(f"{file}:Thing") and not names_own("nsm2")
     made, ready = load_own("--scheme", f"{file}:Thing"), load_own("--scheme", f"{file}:ready")
     assert made.size == ready.size == 3 and made is not ready
@@ -18,6 +20,7 @@ def test_objects_of_a_file_are_found(tmp_path):
     unimported = "cannot be imported: ModuleNotFoundError"
     for text, answer in (
         (f"{file}:Other", "has no Other"),
+        (f"{file}:Wants", "Wants cannot be made without arguments"),
         (f"{tmp_path}/none.py:Thing", "there is no file"),
         (f"{broken}:Law", unimported),
     ):
