@@ -52,7 +52,10 @@ def _dictionaries(agents: int) -> Stepped:
     """Return a PettingZoo ParallelEnv in which each agent acts with a separate array."""
     env = parallel_env(make_scenario("room-v0", people=agents, side=15.0, door_width=1.0), physics="nsm2")
     actions = {agent: np.array([1.0, 0.0], dtype=np.float32) for agent in env.possible_agents}
-    step = lambda: env.step({agent: actions[agent] for agent in env.agents})  # noqa: E731
+
+    def step() -> object:
+        return env.step({agent: actions[agent] for agent in env.agents})
+
     name, reset = f"nsm2, dictionaries of {agents}", partial(env.reset, seed=0)
     return Stepped(name, step, lambda: len(env.agents), reset, _EPISODE)
 

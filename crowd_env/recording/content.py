@@ -42,19 +42,7 @@ class FrameContacts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """One evacuation of N people, seen in F frames; its R rows lie frame by frame, within a frame in the order of people.
-
-    A frame has a row for every pedestrian inside.  In the two frames after an exit that pedestrian has one row more, beyond the
-    exit line: on the straight way on, and at least a few centimeters past the line.  If people get out in the last frame of a
-    run, one more follows in which they alone have a row.
-
-    Arrays may be given as lists, or of another kind of number.
-
-    Raises
-    ------
-    ValueError
-        If an array does not have the shape named here, the times do not increase, or a number is out of range.
-    """
+    """The arrays of a `Recording`, where they are explained."""
 
     facts: Plain  #: plain data: scenario, scheme, dt, decision_dt, seed, strategy, time_limit, versions ...
     walkable: str  #: WKT of the walkable area [m]

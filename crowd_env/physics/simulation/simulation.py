@@ -283,7 +283,7 @@ class Simulation:
             raise ValueError(f"environment {e} holds {count} people, not {len(bodies.radius)}")
         if not self.has_groups and has_groups(bodies):
             raise ValueError(
-                "nobody walked in groups when the simulation was made, so bodies.group must be -1 here too"
+                "no group had two members when the simulation was made, so bodies.group must be -1 here too"
             )
         arguments.check_step(self.scheme, bodies, self.dt, self.allow_unstable, self.outline)
         stand = arguments.vectors("position", position, count)

@@ -19,8 +19,8 @@ from crowd_env.physics.workspace import Batch
 from crowd_env.routing.fields.lookup import travel_time_at
 
 HURRY = 1.3  # times the desired speed: the largest speed under pulls
-_SLOW = 0.25  # of the desired speed, along the way, in the mean of about the last ...
-_RECENT = 2.0  # s: slower counts as held back
+_SLOW = 0.25  # of the desired speed, along the way: a lower mean over the recent past counts as held back
+_RECENT = 2.0  # s, of that mean: the time in which a moment's weight falls to 1/e
 _GAZE, _COHESION, _REPULSION, _SPACING, _APART, _PATIENCE = 0, 1, 2, 3, 4, 5  # columns of `PullArrays.groups`
 _X, _Y, _STRENGTH, _REACH, _LIFETIME, _SINCE = 0, 1, 2, 3, 4, 5  # columns of `PullArrays.attraction`
 

@@ -36,7 +36,7 @@ class MoussaidSettings(Settings):
     runs: int = option(40, "Groups of each size", COUNT)
     scheme: str = option("nsm2", "Contact scheme")
     manner: str = option("calm", "How people walk before they touch")
-    gaze: float = option(GroupCohesion.gaze, "beta_1, 1/s; 0 = nobody minds to see the others", NOT_NEGATIVE)
+    gaze: float = option(GroupCohesion.gaze, "beta_1, 1/s; 0 = no slowing to see the others", NOT_NEGATIVE)
 
 
 class Walk(NamedTuple):

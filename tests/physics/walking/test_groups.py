@@ -320,5 +320,5 @@ def test_what_is_refused():
         Attraction(0.0, 0.0, -1.0)
     alone, _ = standing([[0.0, 0.0], [2.0, 0.0]], [[1.0, 0.0]] * 2, None)
     bodies = make_bodies(np.full(2, 0.2), np.full(2, 70.0), group=np.array([0, 0]))
-    with pytest.raises(ValueError, match="nobody walked in groups when the simulation was made"):
+    with pytest.raises(ValueError, match="no group had two members when the simulation was made"):
         alone.restart(0, bodies, np.array([[0.0, 0.0], [2.0, 0.0]]))
