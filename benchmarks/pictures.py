@@ -1,4 +1,7 @@
-"""The pictures of docs/performance.md, drawn from the tables that ``python -m benchmarks --csv`` writes."""
+"""The pictures of docs/performance.md, drawn from the tables that ``python -m benchmarks --csv`` writes.
+
+``python -m benchmarks.pictures`` draws them here.
+"""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -89,3 +92,7 @@ def _legend(axes: Any) -> None:
     for name, color in _COLORS.items():
         axes.plot([], [], "o", color=color, label=name)
     axes.legend(fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=len(_COLORS), frameon=False)
+
+
+if __name__ == "__main__":
+    draw_pictures(images=Path())

@@ -38,19 +38,22 @@ def table(names: list[str], about: dict[str, str]) -> str:
     return "\n".join(lines)
 
 
+def page() -> str:
+    """Return the text of the page."""
+    about = {name: f"[{name}](scenarios.md): {make_scenario(name).title}" for name in SCENARIOS}
+    about |= {name: f"[{name}](tasks/{name}.md): {task.about}" for name, task in TASKS.items()}
+    parts = [_HEAD, "## Scenarios\n", table(list(SCENARIOS), about), "\n## Tasks\n", table(list(TASKS), about)]
+    return "\n".join(parts) + "\n"
+
+
 def main() -> None:
     """Draw all places and write the page."""
     (DOCS / IMAGES).mkdir(parents=True, exist_ok=True)
-    about = {}
     for name in SCENARIOS:
-        place = make_scenario(name)
-        draw(name, place, "nsm2")
-        about[name] = f"`{name}`: {place.title}"
+        draw(name, make_scenario(name), "nsm2")
     for name, task in TASKS.items():
         draw(name, task.place(), task.scheme)
-        about[name] = f"[{name}](tasks/{name}.md): {task.about}"
-    pages = [_HEAD, "## Scenarios\n", table(list(SCENARIOS), about), "\n## Tasks\n", table(list(TASKS), about)]
-    (DOCS / "gallery.md").write_text("\n".join(pages) + "\n", encoding="utf-8")
+    (DOCS / "gallery.md").write_text(page(), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -49,6 +49,10 @@ def test_a_notebook_runs(path):
     notebook = execute(path)
     assert [cell.execution_count for cell in code_cells(notebook)] == list(range(1, len(code_cells(notebook)) + 1))
     assert path.read_bytes() == before
+    kept = nbformat.reads(before.decode(), as_version=4)
+    pairs = zip(code_cells(kept), code_cells(notebook), strict=True)
+    stale = [cell.source for cell, now in pairs if text_of(cell) != text_of(now)]
+    assert not stale, f"run: make notebooks ARGS={path.stem}"
 
 
 @each_notebook

@@ -1,6 +1,7 @@
 """The command ``python -m validation``."""
 
 import json
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -26,6 +27,7 @@ from validation.cases.case import COMPARED, DISC, Row, Setting
 from validation.cases.case import row as row_of
 from validation.finished import Finished, complete_rows, of_bodies
 from validation.pages import ROOT, fill_pages
+from validation.pictures import DATA, commands, remade
 from validation.sources import Source, run
 from validation.tables import MAKERS, make
 
@@ -38,6 +40,7 @@ _DRAWS = "Crowds of each experiment; default as many as the case takes."
 _SEED = "Of the crowds, which are the same for every scheme and manner."
 _QUICK = "The case laws under dem alone, in a minute or two: what runs with the tests."
 _OUT = "Folder for CASE/SCHEME-MANNER.json, and for pictures; what is finished there is not run again."
+_PICTURES = ROOT / "build/pictures"
 _PASSED = {True: "yes", False: "NO", None: "–"}
 
 
@@ -217,6 +220,37 @@ def pages(
         make(names or (), Source(command, folder))
         for page in fill_pages():
             typer.echo(page.relative_to(ROOT))
+
+
+@app.command()
+def pictures(
+    names: Annotated[list[str] | None, typer.Argument(help="Pictures of docs/images/; default all.")] = None,
+    data: Annotated[Path | None, typer.Option(help=f"{_DATA}  Without it theirs are left out.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder to work in; what lies there is not made again.")] = _PICTURES,
+) -> None:
+    """Make the pictures of the pages again, by the commands of docs/tables/made_by.csv; exit code 1 if one was not made.
+
+    An interrupted command goes on where it was.  Where a program has changed, name another folder or delete this one.
+
+    Example:  python -m validation pictures office.png lin-fig7.png --data DATA --out build/pictures
+    """
+    failed = False
+    with friendly_errors(f"the pictures that were finished are in {out}/"):
+        found = commands()
+        for name in names or ():
+            known("picture", name, (name for made in found.values() for name in made))
+        jobs = [(command, made) for command, made in found.items() if not names or {*names} & {*made}]
+        for k, (command, made) in enumerate(jobs, start=1):
+            left_out = data is None and DATA in command
+            say(f"{k} of {len(jobs)}: {', '.join(made)}{': left out, it needs --data' if left_out else ''}")
+            try:
+                for there, new in () if left_out else remade(command, made, out, data).items():
+                    there.parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(new, there)
+            except ValueError as error:
+                failed = True
+                say(f"error: {error}", "red")
+    raise typer.Exit(int(failed))
 
 
 def main() -> None:

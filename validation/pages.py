@@ -3,6 +3,8 @@
 Between ``<!-- table: NAME -->`` and ``<!-- end -->`` stands docs/tables/NAME.csv, with the command that made it from
 docs/tables/made_by.csv below; nothing there is typed by hand.  ``<!-- table: NAME COLUMN=VALUE -->`` takes the rows that have
 this value and leaves out columns that are empty then, and the command; a single row stands upright.
+
+A figure in a sentence stands between ``<!--NAME-->`` and ``<!--/-->``, and is the value of NAME in docs/tables/facts.csv.
 """
 
 import csv
@@ -13,12 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from crowd_env.analysis.figures import cell
+from crowd_env.core.checks import known
 from crowd_env.core.files.atomic import write_text
 from crowd_env.core.files.csv_table import plain_cell, write_csv
 
 ROOT = Path(__file__).resolve().parent.parent
 TABLES = ROOT / "docs" / "tables"
-MADE_BY = "made_by"  # table, command, note
+MADE_BY = "made_by"  # table, or picture of docs/images/, command, note
+_FACT = re.compile(r"<!--([\w-]+)-->.*?<!--/-->", re.DOTALL)
 _MARK = re.compile(r"(<!-- table: ([\w-]+)((?: [\w-]+=[\w.-]+)*) -->\n).*?(?=<!-- end -->)", re.DOTALL)
 
 Grid = list[list[str]]  # rows of cells, the head first
@@ -71,15 +75,31 @@ def write_table(name: str, grid: Grid, command: str, note: str = "", folder: Pat
     write_csv(folder / f"{MADE_BY}.csv", ["table", "command", "note"], [commands[key] for key in sorted(commands)])
 
 
+def pages_of(root: Path = ROOT) -> list[Path]:
+    """Return README, the pages and the notebooks."""
+    return [
+        root / "README.md",
+        *sorted((root / "docs").rglob("*.md")),
+        *sorted((root / "docs/notebooks").glob("*.ipynb")),
+    ]
+
+
+def facts_in(page: str) -> list[str]:
+    """Return the names of the facts that a page states."""
+    return [mark[1] for mark in _FACT.finditer(page)]
+
+
 def filled(page: str, folder: Path = TABLES) -> str:
-    """Return the text of a page with the tables as they lie in a folder."""
-    return _MARK.sub(lambda mark: mark[1] + _markdown(mark[2], mark[3], folder), page)
+    """Return the text of a page with the tables and facts as they lie in a folder; ValueError if one is not there."""
+    page = _MARK.sub(lambda mark: mark[1] + _markdown(mark[2], mark[3], folder), page)
+    facts = dict(read_table("facts", folder)) if facts_in(page) else {}
+    return _FACT.sub(lambda mark: f"<!--{mark[1]}-->{facts[known('fact', mark[1], facts)]}<!--/-->", page)
 
 
 def fill_pages(root: Path = ROOT) -> list[Path]:
-    """Write all tables into the pages below ``root``; return the pages that have changed."""
+    """Write all tables and facts into the pages below ``root``; return the pages that have changed."""
     changed = []
-    for page in sorted((root / "docs").rglob("*.md")):
+    for page in pages_of(root):
         before = page.read_text(encoding="utf-8")
         after = filled(before, root / "docs" / "tables")
         if after != before:

@@ -1,23 +1,36 @@
-"""What runs of the main job with several seeds learned, from nothing: a table, and one picture of their curves."""
+"""What runs of the main job with several seeds learned, from nothing: a table, and one picture of their curves.
 
+``python -m validation.seeds FOLDER`` draws FOLDER/learning.png.
+"""
+
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from validation.pages import ROOT, Rows
+from validation.pages import Rows
 from validation.sources import Source
 
-PICTURE = ROOT / "docs/images/learning.png"
 _BESIDE = ("rule-best-speed", "follow")
 
 
 def seeds(source: Source) -> Rows:
-    """One row a run, which lies in FOLDER/SEED; the picture has the curves of all, search and training one after the other."""
-    runs = sorted((one.parent.name for one in source.folder.glob("*/results.json")), key=int)
+    """One row a run, which lies in FOLDER/SEED."""
+    return [_row(source, run) for run in _runs(source)]
+
+
+def draw(folder: Path) -> None:
+    """Draw the curves of all runs in a folder, search and training one after the other."""
+    source = Source(lambda _: {}, folder)
+    runs = _runs(source)
     rules = {row["policy"]: row["clearing_time"]["mean"] for row in source.read(f"{runs[0]}/results.json")["rows"]}
-    _draw([_curve(source, run) for run in runs], {name: rules[name] for name in _BESIDE})
-    return [_row(source, run) for run in runs]
+    _draw([_curve(source, run) for run in runs], {name: rules[name] for name in _BESIDE}, folder / "learning.png")
+
+
+def _runs(source: Source) -> list[str]:
+    return sorted((one.parent.name for one in source.folder.glob("*/results.json")), key=int)
 
 
 def _row(source: Source, run: str) -> dict[str, Any]:
@@ -48,7 +61,7 @@ def _curve(source: Source, run: str) -> Floats:
     return np.array([(row["cpu_seconds"], row["evacuation_time"]) for row in rows])
 
 
-def _draw(curves: list[Floats], reference: dict[str, float]) -> None:
+def _draw(curves: list[Floats], reference: dict[str, float], path: Path) -> None:
     from crowd_env.rendering import learning_curve, save_figure
 
     at = np.linspace(0.0, min(curve[-1, 0] for curve in curves), 400)
@@ -59,4 +72,8 @@ def _draw(curves: list[Floats], reference: dict[str, float]) -> None:
         title="Learning from nothing: mean and range",
         xlabel="CPU seconds: search, then clone and PPO",
     )
-    save_figure(figure, PICTURE)
+    save_figure(figure, path)
+
+
+if __name__ == "__main__":
+    draw(Path(sys.argv[1]))

@@ -11,7 +11,7 @@ from crowd_env import SCHEMES
 from crowd_env.core.checks import known
 from crowd_env.reproduce.pecol2011.room import PRINTED as FLOWS
 from crowd_env.reproduce.pecol2011.theatre import PRINTED as TIMES
-from validation import task_tables
+from validation import facts, task_tables
 from validation.cases.case import DISC, share
 from validation.cases.standing import DENSITIES
 from validation.map import criteria, measured, passed, write_limits
@@ -95,6 +95,15 @@ def strategies(source: Source) -> Rows:
     line = "--scenario two-exit-hall-v0 --policies shortest fastest comfortable nearest"
     found = source(f"crowd_env evaluate {line} --scheme dem nsm1 nsm2 nsm2-printed hertz --runs 20")
     return map(_left, found["rows"])
+
+
+def fastest(source: Source) -> Rows:
+    """One row a place and number of people: the fastest beside the shortest way, of hurried people."""
+    places = (("two-exit-hall-v0", 60), ("two-exit-hall-v0", 150), ("examples/office.dxf", 100), ("bottleneck-v0", 60))
+    for place, people in places:
+        line = f"crowd_env evaluate --scenario {place} --people {people} --walking hurried --policies shortest fastest"
+        (row,) = (row for row in source(f"{line} --scheme dem --runs 12")["rows"] if row["policy"] == "fastest")
+        yield {"place": place, "people": people, **_left(row)}
 
 
 def algorithms(source: Source) -> Grid:
@@ -203,6 +212,8 @@ _ROWS: dict[str, Callable[[Source], Rows]] = {
     "submissions": lambda _: task_tables.submissions(),
     "variations": lambda _: task_tables.varied(),
     "cards": lambda _: task_tables.cards(),
+    "facts": lambda _: facts.facts(),
+    "fastest": fastest,
 }
 
 

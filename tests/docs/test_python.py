@@ -1,6 +1,5 @@
 """Every Python block of the pages runs, and so does every example."""
 
-import os
 import re
 
 import pytest
@@ -27,13 +26,13 @@ def test_the_readme_has_a_short_example_to_begin_with():
 
 
 @pytest.mark.more
-@pytest.mark.parametrize("name", ["own_policy", "room_picture", "shipped_policy"])
-def test_examples_run(name, monkeypatch, tmp_path):
+@pytest.mark.parametrize("name", ["own_policy", "shipped_policy"])
+def test_examples_run(name, monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT))
     example = __import__(f"examples.{name}", fromlist=["main"])
     if name == "own_policy":
         example.main(runs=1)
-    elif name == "shipped_policy":
+    else:
         from crowd_env.agents import load
         from crowd_env.agents.evaluation.evaluation import evaluate
         from crowd_env.agents.tasks import make_task
@@ -41,9 +40,6 @@ def test_examples_run(name, monkeypatch, tmp_path):
         task = make_task("competitive-door")
         judged = evaluate(load("competitive-door/ppo"), task.place(8), runs=1, **task.arguments())
         assert example.main(people=8) == judged.column("evacuation_time")[0]
-    else:
-        example.main(tmp_path / "room.png")
-        assert os.path.getsize(tmp_path / "room.png") > 1000
 
 
 @pytest.mark.more

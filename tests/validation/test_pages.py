@@ -16,11 +16,12 @@ from validation.cases.case import Setting, row
 from validation.cli import app
 from validation.finished import Finished
 from validation.map import LIMITS, limits, passed
-from validation.pages import TABLES, filled, grid, pivoted, read_table, write_table
+from validation.pages import TABLES, facts_in, filled, grid, pivoted, read_table, write_table
+from validation.pictures import commands
 from validation.sources import Source, run
 from validation.tables import MAKERS
 
-PAGES = sorted((ROOT / "docs").rglob("*.md"))
+PAGES = pages.pages_of()
 NO_SOURCE = Source(dict)
 STORED = {path.stem for path in TABLES.glob("*.csv")} - {pages.MADE_BY}
 
@@ -34,14 +35,22 @@ def test_pages_and_files_agree():
 
 def test_every_file_is_used_says_what_made_it_and_is_written_as_it_lies(tmp_path):
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
-    made_by = {name: how for name, *how in read_table(pages.MADE_BY)[1:]}
+    drawn = {name for names in commands().values() for name in names}
+    made_by = {name: how for name, *how in read_table(pages.MADE_BY)[1:] if name not in drawn}
     assert set(made_by) == STORED and all(command for command, _ in made_by.values()) and set(MAKERS) <= STORED
     (tmp_path / "made_by.csv").write_bytes((TABLES / "made_by.csv").read_bytes())
     for name in sorted(STORED):
-        assert f"<!-- table: {name}" in text or f"tables/{name}.csv" in text, name
+        assert f"<!-- table: {name}" in text or f"tables/{name}.csv" in text or name == "facts", name
         write_table(name, read_table(name), *made_by[name], folder=tmp_path)
         assert (tmp_path / f"{name}.csv").read_bytes() == (TABLES / f"{name}.csv").read_bytes(), name
     assert (tmp_path / "made_by.csv").read_bytes() == (TABLES / "made_by.csv").read_bytes()
+
+
+def test_facts_are_those_of_code_and_tables_and_each_stands_in_a_sentence():
+    assert MAKERS["facts"](NO_SOURCE) == read_table("facts"), "run python -m validation pages facts"
+    texts = [page.read_text(encoding="utf-8") for page in PAGES]
+    assert {name for text in texts for name in facts_in(text)} == {name for name, _ in read_table("facts")[1:]}
+    assert not [line for text in texts for line in re.findall(r"^ *<!--[\w-]+-->.*", text, re.MULTILINE)], "no Markdown"
 
 
 def test_the_map_and_what_reports_say_of_it_follow_from_the_figures():
@@ -94,6 +103,14 @@ def test_a_table_replaces_what_stands_between_its_marks_and_nothing_else(folder)
     )
     assert '| y | 2, or 3 | say "no" |\n| y | 4 | 5 |\n\nMade by `python -m x`.\n<!-- end -->\nafter\n' in found
     assert filled(found, folder) == found
+
+
+def test_a_fact_replaces_what_stands_between_its_marks(folder):
+    write_table("facts", [["fact", "value"], ["tasks", "17"]], "python -m x", folder=folder)
+    found = filled("All <!--tasks-->9<!--/--> and <!--tasks--><!--/-->, <!-- tasks -->.", folder)
+    assert found == "All <!--tasks-->17<!--/--> and <!--tasks-->17<!--/-->, <!-- tasks -->."
+    with pytest.raises(ValueError, match="unknown fact 'laws'; known: fact, tasks"):
+        filled("<!--laws-->4<!--/-->", folder)
 
 
 def test_rows_can_be_chosen_one_stands_upright_and_none_is_said(folder):

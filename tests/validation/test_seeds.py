@@ -38,8 +38,8 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_every_run_is_a_row_and_all_curves_are_in_one_picture(folder, monkeypatch):
-    monkeypatch.setattr(seeds, "PICTURE", folder / "learning.png")
+def test_every_run_is_a_row_and_all_curves_are_in_one_picture(folder):
+    seeds.draw(folder)
     head, *rows = MAKERS["seeds"](Source(dict, folder))
     assert [row[0] for row in rows] == ["0", "9", "10"]
     found = dict(zip(head, rows[2], strict=True))
