@@ -59,6 +59,27 @@ def test_the_map_and_what_reports_say_of_it_follow_from_the_figures():
     assert {**read_json(LIMITS), **found} == read_json(LIMITS)
 
 
+def test_what_fails_is_explained_and_what_passes_is_not():
+    """Names in the bold head of a remark are cases, manners and schemes; it is of the rows that all of them fit."""
+    head, *rows = ([cell.strip("`") for cell in line] for line in read_table("map"))
+    failed = {
+        (case, manner, scheme)
+        for case, manner, *cells in rows
+        for scheme, cell in zip(head[2:], cells, strict=True)
+        if "no" in cell
+    }
+    text = (ROOT / "docs/validation.md").read_text(encoding="utf-8")
+    section = text.partition("### What fails, and why\n")[2].partition("\n## ")[0]
+    explained = set()
+    for remark in re.findall(r"^\* \*\*(.*?)\*\*", section, re.MULTILINE):
+        names = set(re.findall(r"`([\w-]+)`", remark))
+        kinds = [names & set(column) for column in zip(*failed, strict=True)]
+        fits = {row for row in failed if all(name in kind for name, kind in zip(row, kinds, strict=True) if kind)}
+        assert not names or names == {name for row in fits for name in row} & names, f"nothing of this fails: {remark}"
+        explained |= fits if names else set()
+    assert failed == explained
+
+
 @pytest.mark.more
 def test_the_tables_of_the_tasks_say_what_these_are_now():
     for name in ("tasks", "task-facts", "task-presets"):
