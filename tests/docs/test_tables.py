@@ -5,6 +5,7 @@ import re
 import pytest
 from repository import ROOT
 
+from crowd_env.core.behaviors.headway import MANNERS
 from crowd_env.envs.action import DISCRETE
 from crowd_env.envs.global_state import StateLayout
 from crowd_env.envs.observation.layout import TERMS, ObservationLayout
@@ -54,6 +55,10 @@ def test_the_table_of_rewards_is_complete():
 
 def test_the_table_of_schemes_is_complete():
     assert [row[0] for row in table("docs/physics.md", "name")] == list(SCHEMES)
+
+
+def test_the_table_of_manners_is_complete():
+    assert {row[0] for row in table("docs/walking.md", "manner")} == set(MANNERS)
 
 
 def test_numbers_in_the_text_are_those_of_the_code():
