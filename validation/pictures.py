@@ -10,6 +10,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from crowd_env.core.files.atomic import written
 from validation.pages import MADE_BY, ROOT, read_table
 
 IMAGES = ROOT / "docs/images"
@@ -26,7 +27,7 @@ def commands() -> dict[str, list[str]]:
 
 
 def remade(command: str, names: list[str], out: Path, data: Path | None = None) -> dict[Path, Path]:
-    """Run a command, unless its pictures lie below ``out`` already; return picture of docs/images/ -> the one that it made.
+    """Run a command, unless it has ended below ``out`` already; return picture of docs/images/ -> the one that it made.
 
     Raises
     ------
@@ -41,11 +42,10 @@ def remade(command: str, names: list[str], out: Path, data: Path | None = None) 
     for name, target in (links | ({DATA: data.resolve()} if data else {})).items():
         if not (folder / name).is_symlink():
             (folder / name).symlink_to(target)
-    made = {name: _below(name, folder, shared) for name in names}
-    if not all(made.values()):
-        log, known = folder / "log.txt", os.environ.get("PYTHONPATH", "")
-        environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{known}"}
-        with log.open("w", encoding="utf-8") as file:
+    made, log = {name: _below(name, folder, shared) for name in names}, folder / "log.txt"
+    if not (log.exists() and all(made.values())):  # the log is there once the command has ended
+        environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
+        with written(log) as part, part.open("w", encoding="utf-8") as file:
             for line in command.split(" && "):  # a case of validation that does not pass draws its picture all the same
                 subprocess.run(_words(line), cwd=folder, env=environment, stdout=file, stderr=file, check=False)
         made = {name: _below(name, folder, shared) for name in names}

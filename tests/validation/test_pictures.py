@@ -95,6 +95,8 @@ def test_a_command_is_run_once_and_one_that_makes_nothing_is_named(tmp_path):
     assert made == {IMAGES / "a.png": (tmp_path / "a/a.png").resolve()}
     before = (tmp_path / "a/a.png").stat().st_mtime_ns
     assert remade(DRAW, ["a.png"], tmp_path) == made and (tmp_path / "a/a.png").stat().st_mtime_ns == before
+    (tmp_path / "a/log.txt").unlink()  # as if it had been interrupted
+    assert remade(DRAW, ["a.png"], tmp_path) == made and (tmp_path / "a/a.png").stat().st_mtime_ns > before
     with pytest.raises(ValueError, match=r"made no b\.png; it ends with: drawn"):
         remade(DRAW, ["b.png"], tmp_path)
 
