@@ -38,12 +38,19 @@ def test_there_is_no_interval_of_one_value_and_none_of_equal_ones():
     assert summarise([2.0, 2.0, 2.0]).ci95 == (2.0, 2.0)
 
 
-def test_without_scipy_there_is_a_mean_and_no_interval(monkeypatch):
-    monkeypatch.setitem(sys.modules, "scipy.special", None)
+def test_intervals_need_no_scipy(monkeypatch):
+    for name in ("scipy", "scipy.special", "scipy.stats"):
+        monkeypatch.setitem(sys.modules, name, None)
     t_quantile.cache_clear()
-    mean, sd, ci95 = summarise([1.0, 2.0, 3.0])
-    t_quantile.cache_clear()
-    assert (mean, sd) == (2.0, 1.0) and np.isnan(ci95).all()
+    mean, sd, (low, high) = summarise([1.0, 2.0, 3.0])
+    assert (mean, sd) == (2.0, 1.0) and high - mean == mean - low == pytest.approx(4.302652730 / np.sqrt(3.0))  # tables
+    assert t_quantile(9) == pytest.approx(2.262157163) and t_quantile(10**6) == pytest.approx(1.959966, abs=1e-6)
+
+
+@looped("freedom", [1, 2, 3, 4, 7, 30, 60, 199, 5000, 10**6])
+def test_the_quantile_of_student_is_that_of_scipy(freedom):
+    stats = pytest.importorskip("scipy.stats")
+    assert t_quantile(freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=3e-9)
 
 
 @looped(("count", "of"), [(0, 1), (0, 20), (1, 8), (9, 40), (14, 50), (50, 50), (3, 1000)])
