@@ -150,15 +150,13 @@ def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> dict[str, Any]:
     """Return figures of each exit, ready for JSON.
 
     ``people`` took it in all runs, ``share`` is of the people out in a run, ``first`` and ``last`` are when it was first
-    and last used [s].  ``flow_per_meter`` is its flow over its width [1/(s m)], ``peak_flow_per_meter`` its `peak_flow`; that
-    of a zone in the floor is over the width of a door that lets through as many, see `Geometry.clear_widths`, and a handful of
-    people have none.
+    and last used [s].  ``flow_per_meter`` is its flow over its `Geometry.exit_lengths` [1/(s m)], ``peak_flow_per_meter`` its
+    `peak_flow`; a handful of people have none.
     """
     taken = [exit_names(scenario, episode.exit_index) for episode in episodes]
     out = np.array([(names != "").sum() for names in taken])
     found = {}
-    body = scenario.population.radius.low + scenario.population.radius.high
-    for name, width in scenario.geometry.clear_widths(body).items():
+    for name, width in scenario.geometry.exit_lengths.items():
         count = np.array([(names == name).sum() for names in taken])
         of_run = np.divide(count, out, out=np.full(len(out), np.nan), where=out > 0)
         times = [np.sort(one.exit_time[names == name]) for one, names in zip(episodes, taken, strict=True)]
@@ -177,14 +175,11 @@ def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> dict[str, Any]:
 def peak_flow(times: Floats) -> float:
     """Return the largest flow [1/s] through an exit, from the ascending times (K,) [s] at which people crossed it.
 
-    It is the mean of the `PEAK` seconds after some crossing in which most people cross; of an exit that was used for a shorter
-    time, of that time.  Fewer than 3 people have no flow: nan.
+    It is how many cross, at most, within `PEAK` seconds after a crossing, over these.  Where the mean flow is more (an exit was
+    used for a shorter time, or hardly), it is the mean flow.  Fewer than 3 people have no flow: nan.
     """
-    if len(times) < 3 or not times[-1] > times[0]:
-        return float("nan")
-    span = min(PEAK, float(times[-1] - times[0]))
-    following = np.searchsorted(times, times + span + 1e-9, side="right") - np.arange(1, len(times) + 1)
-    return float(following.max()) / span
+    following = np.searchsorted(times, times + PEAK + 1e-9, side="right") - np.arange(1, len(times) + 1)
+    return max(flow_slope(times), float(following.max(initial=0)) / PEAK)  # nan stays nan: it comes first
 
 
 def named(values: np.ndarray) -> dict[str, Any]:
@@ -292,7 +287,7 @@ def cell(text: str, row: Mapping[str, Any]) -> str:
 def cells(place: Scenario, figures: Mapping[str, Any]) -> dict[str, str]:
     """Return the rows of the table of a `report`: label -> cell."""
     x0, y0, x1, y1 = place.geometry.bounds
-    widths = [f"{name} {width:.2f} m" for name, width in place.geometry.exit_widths.items()]
+    widths = [f"{name} {width:.2f} m" for name, width in place.geometry.exit_lengths.items()]
     rows = {
         "plan": f"{place.geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m",
         "exits": listed(widths),
@@ -308,6 +303,7 @@ def cells(place: Scenario, figures: Mapping[str, Any]) -> dict[str, str]:
     rows["flow per meter of exit"] = f"{listed(parts)} 1/(s m); at most {HIGHEST_FLOW:g} was ever measured"
     if len(figures["exits"]) > 1:
         shares = [(name, taken["share"]["mean"]) for name, taken in figures["exits"].items()]
+        shares.sort(key=lambda one: -(one[1] or 0.0))
         parts = [f"{name} {'-' if mean is None else f'{100.0 * mean:.0f} %'}" for name, mean in shares]
         rows["shares of the exits"] = listed(parts)
     left = counted(figures["unfinished"], "person", "people"), counted(figures["unfinished_runs"], "run", "runs")

@@ -113,7 +113,7 @@ def check_plan(
     cohort = np.repeat(np.arange(len(people.parts)), [part.people for part in people.parts])
     regions = tuple(dict.fromkeys(part.start_region for part in people.parts if part.starts is None))
     start_area = geometry.area if None in regions or not regions else sum(geometry.area_of(r) for r in regions)
-    widths = geometry.exit_widths
+    widths = geometry.exit_lengths
     lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.exits, least) if widths else ())]
     passages = narrowest_passages(geometry, terrain, _starts(terrain, people, geometry, position)) if widths else {}
     remarks += _of_exits(widths, passages, people)

@@ -314,11 +314,18 @@ class Geometry:
         return float(shapely.intersection(self.walkable, self.regions[region], grid_size=ROUNDED).area)
 
     @cached_property
+    def exit_lengths(self) -> dict[str, float]:
+        """The length [m] of the lines through which people pass each exit, by its name: of a zone all its open sides."""
+        length = np.hypot(*(self.exits[:, 1] - self.exits[:, 0]).T)
+        names = np.array(self.exit_names, dtype=object)
+        return {name: float(length[names == name].sum()) for name in dict.fromkeys(self.exit_names)}
+
+    @cached_property
     def exit_widths(self) -> dict[str, float]:
-        """The width [m] of each exit by its name.
+        """The width [m] of each exit by its name, as people see it from one side.
 
         Connected lines are one opening.  A bent one, such as the sides of a zone that people walk into, is as wide as the
-        longer side of the smallest rectangle around it: people come from one side.
+        longer side of the smallest rectangle around it.
         """
         return self.clear_widths()
 

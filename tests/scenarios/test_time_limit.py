@@ -51,6 +51,8 @@ def test_a_zone_is_as_wide_as_its_longer_side():
     }
     place = Geometry.from_polygon(box(0, 0, 20, 8), exits=exits)
     assert place.exit_widths == pytest.approx({"zone": 3.0, "niche": 2.0, "hatch": 1.0, "door": 2.0}, abs=0.01)
+    sides = {"zone": 10.0, "niche": 4.0, "hatch": np.pi, "door": 2.0}  # through which people come
+    assert place.exit_lengths == pytest.approx(sides, abs=0.02)
     clear = {"zone": 3.34, "niche": 2.34, "hatch": 1.34, "door": 2.0}
     assert place.clear_widths(0.34) == pytest.approx(clear, abs=0.01)  # a zone has no jambs that keep bodies off
     assert np.isfinite(Scenario("zones", place, Population(3), 60.0).longest_walk()[0])

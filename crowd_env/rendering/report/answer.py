@@ -115,7 +115,7 @@ _ROWS: dict[str, Callable[[Runs], str]] = {
 
 def _exits(one: Runs) -> list[tuple[str, ...]]:
     """Return a row for each exit; people and times are means over runs."""
-    widths, runs = one.scenario.geometry.exit_widths, one.figures["runs"]
+    widths, runs = one.scenario.geometry.exit_lengths, one.figures["runs"]
     rows = []
     for k, (name, found) in enumerate(one.figures["exits"].items()):
         times = (number(found[key]["mean"], digits=1) for key in ("first", "last"))

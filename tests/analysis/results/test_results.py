@@ -11,11 +11,12 @@ from repository import ROOT
 
 from crowd_env import Cohorts, Geometry, Population, Scenario, make_scenario
 from crowd_env.analysis.exit_times import read_exits
-from crowd_env.analysis.figures import exits_of, peak_flow, report, time_of_share
+from crowd_env.analysis.figures import cells, exits_of, peak_flow, report, time_of_share
 from crowd_env.analysis.results.config import FREE, run_config
 from crowd_env.analysis.results.folder import ResultsFolder, egress, write_curve, write_tables
 from crowd_env.core.files.csv_table import read_table
 from crowd_env.core.files.store import difference as differs
+from crowd_env.envs.metrics import flow_slope
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.physics import make_scheme
 
@@ -174,9 +175,27 @@ def test_the_peak_flow_of_an_exit_is_that_of_its_ten_busiest_seconds():
     assert peak_flow(steady) == pytest.approx(2.0)
     busy = np.sort([*steady, *np.arange(20.05, 25.0, 0.25)])  # 20 more within 5 of those seconds
     assert peak_flow(busy) == pytest.approx(4.0)
-    brief = np.array([1.0, 2.0, 2.5, 5.0])  # used for 4 s: the three who follow the first
-    assert peak_flow(brief) == pytest.approx(0.75)
+    assert peak_flow(steady[:10]) == pytest.approx(2.0)  # used for less than 10 s: the flow
     assert np.isnan([peak_flow(np.array([1.0, 2.0])), peak_flow(np.full(5, 2.0))]).all()
+
+
+STOPPED = np.r_[
+    0.4 * np.arange(12), 40.0 + 0.4 * np.arange(12)
+]  # twelve people in 4.4 s, twice, with a stop in between
+
+
+def test_the_peak_flow_is_never_below_the_flow():
+    """For people who come in any manner: a few, many, in bursts, with a stop in the middle, one alone."""
+    rng = np.random.default_rng(2)
+    ways = [STOPPED, 9.0 * np.arange(5), np.array([3.0]), np.empty(0), np.array([1.0, 2.0, 2.5, 5.0])]
+    ways += [np.sort(rng.uniform(0.0, span, count)) for span in (1.0, 8.0, 12.0, 60.0) for count in (2, 3, 12, 100)]
+    ways += [np.cumsum(rng.lognormal(-1.0, 2.0, count)) for count in (3, 12, 12, 12, 100) for _ in range(20)]
+    for times in ways:
+        flow, peak = flow_slope(times), peak_flow(times)
+        assert peak >= flow or (np.isnan(peak) and np.isnan(flow)), times
+    assert (
+        peak_flow(STOPPED) == pytest.approx(1.1) and flow_slope(STOPPED) < 0.6
+    )  # eleven follow the first in ten seconds
 
 
 def test_figures_of_exits_are_those_of_the_people_who_took_them(place, episodes):
@@ -190,15 +209,30 @@ def test_figures_of_exits_are_those_of_the_people_who_took_them(place, episodes)
             assert found[name][key]["mean"] == (None if expected is None else pytest.approx(expected))
 
 
+def test_the_busiest_exits_come_first_where_not_all_are_named():
+    walls = {name: [[k, 0.0], [k + 1.0, 0.0]] for k, name in zip(range(1, 15, 2), "abcdefg", strict=True)}
+    place = Scenario("many", Geometry.from_polygon(shapely.box(0, 0, 16, 8), exits=walls), Population(28), 60.0)
+    row = {name: place.geometry.exit_names.index(name) for name in walls}
+    took = np.repeat([row[name] for name in "abcdefg"], [1, 2, 3, 4, 5, 6, 7])
+    figures = report(place, "dem", [run_by(place, took)])
+    shares = cells(place, figures)["shares of the exits"]
+    assert shares == "g 25 %, f 21 %, e 18 %, d 14 %, and 3 more"
+
+
+def run_by(place, exit_index):
+    """Return a run of a place in which people took these exits, one a second."""
+    (episode,) = run_episodes(place, 1, scheme="dem", seed=0)
+    return episode._replace(exit_index=exit_index, exit_time=1.0 + np.arange(len(exit_index)))
+
+
 def test_flows_of_a_small_zone_and_of_a_handful_of_people_are_no_records():
-    """Two a second who walk into a box of 0.4 m were 5 people a second and meter: as a door it would be wider by a body."""
+    """Two a second who walk into a box of 0.2 m x 0.4 m from all sides are no 5 a second and meter."""
     walkable, exits = shapely.box(0, 0, 9, 8), {"zone": shapely.box(5, 4, 5.2, 4.4), "door": [[9, 2], [9, 3]]}
     place = Scenario("zones", Geometry.from_polygon(walkable, exits=exits), Population(50), 60.0)
     zone, door = (place.geometry.exit_names.index(name) for name in exits)
     times = np.r_[np.arange(20) / 2.0, np.arange(9) / 9.0]
     run = SimpleNamespace(exit_time=times, exit_index=np.repeat([zone, door], [20, 9]))
     found = exits_of(place, [run])
-    body = place.population.radius.low + place.population.radius.high
     for key in ("flow_per_meter", "peak_flow_per_meter"):
-        assert found["zone"][key]["mean"] == pytest.approx(2.0 / (0.4 + body)) and found["door"][key]["mean"] is None
+        assert found["zone"][key]["mean"] == pytest.approx(2.0 / 1.2) and found["door"][key]["mean"] is None
     assert found["door"]["people"] == 9
