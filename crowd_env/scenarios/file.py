@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
+from shapely.geometry import Polygon
 
 from crowd_env.core.checks import POSITIVE, Plain, at, check_keys, from_table, number, table
 from crowd_env.core.files.foreign import read_text
@@ -130,7 +131,7 @@ def _geometry(content: Any) -> Geometry:
 
 
 def _shape(where: str, value: Any) -> Any:
-    """Return an area or line of a file, or a list of them, with corners in place of tables."""
+    """Return an area or line of a file, or a list of them, with polygons in place of tables."""
     if isinstance(value, list) and any(isinstance(one, Mapping | list) for one in value):
         return [_shape(f"{where}[{k}]", one) for k, one in enumerate(value)]
     if not isinstance(value, Mapping):
@@ -146,11 +147,11 @@ def _shape(where: str, value: Any) -> Any:
     if form == "circle":
         x, y, radius = numbers
         number(f"geometry.{where}: the radius of the circle", radius, POSITIVE, "m")
-        return circle(x, y, radius)
+        return Polygon(circle(x, y, radius))
     x0, y0, x1, y1 = numbers
     if not (x0 < x1 and y0 < y1):
         raise ValueError(f"geometry.{where}: box is {given}; it must be [low x, low y, high x, high y]")
-    return rectangle(x0, y0, x1, y1)
+    return Polygon(rectangle(x0, y0, x1, y1))
 
 
 def _people(content: Plain, folder: Path) -> People:

@@ -10,6 +10,7 @@ import pytest
 from cases import looped
 from late import late
 from repository import ROOT
+from shapely.geometry import Polygon, box
 from typer.testing import CliRunner
 
 from crowd_env import CrowdEnv, LogNormal, Normal, Population, Uniform, make_scenario
@@ -17,6 +18,7 @@ from crowd_env.cli.main import app
 from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
+from crowd_env.scenarios.shapes import circle
 
 json_schema = late("crowd_env.scenarios.schema", "json_schema")
 
@@ -127,6 +129,34 @@ def write(tmp_path, monkeypatch):
 
 
 # --------------------------------------------------------------------------------------------------------- what it holds
+
+
+@looped(
+    "area",
+    [
+        *({"box": [10.0 - depth, 1.0, 10.0, 2.0]} for depth in (0.02, 0.05, 0.1, 0.3, 0.5)),  # at the end of the corridor
+        {"box": [9.95, 0.0, 10.0, 4.0]},  # across all of it
+        {"box": [9.5, 1.0, 10.5, 2.0]},  # half outside
+        {"box": [4.0, 1.5, 5.0, 2.5]},  # in the floor
+        {"box": [4.0, 0.0, 6.0, 1.0]},  # at a wall
+        {"box": [0.0, 0.0, 1.0, 1.0]},  # in a corner
+        {"circle": [5.0, 2.0, 0.5]},
+        {"circle": [10.0, 2.0, 0.5]},
+        {"circle": [0.0, 0.0, 1.0]},
+    ],
+)
+def test_an_exit_as_a_box_or_circle_is_the_same_area_as_its_polygon(area, write):
+    """People walk into it: it is cut out of the floor, and its open sides lead out."""
+    ((form, size),) = area.items()
+    shape = box(*size) if form == "box" else Polygon(circle(*size))
+    text = "[geometry]\nwalkable = {{ box = [0, 0, 10, 4] }}\n[geometry.exits]\nzone = {}\n[population]\npeople = 2\n"
+    ours, same = (
+        make_scenario(write(text.format(one))).geometry for one in (f"{{ {form} = {size} }}", json.dumps(shape.wkt))
+    )
+    lines, expected = ({tuple(line.ravel().round(9)) for line in one.exits} for one in (ours, same))
+    assert lines == expected and ours.area == pytest.approx(box(0, 0, 10, 4).difference(shape).area)
+    open_sides = shape.boundary.intersection(box(1e-6, 1e-6, 10 - 1e-6, 4 - 1e-6)).length
+    assert ours.exit_lengths == pytest.approx({"zone": open_sides}, abs=0.01)
 
 
 def test_everything_arrives(write):
