@@ -159,13 +159,13 @@ def figures_of_runs(runs: Mapping[str, Floats], scheme: str, people: int) -> dic
     person was out in half of all runs.  Impulse and way are means per person.
 
     ``crushed_share`` is of the people who at any time bore more than 1600 N/m, ``crushed_time`` how long these did, see
-    `crowd_env.analysis.results.measurements.INJURY`; ``hurry`` is the largest of anyone's mean speed over the desired speed.
+    `crowd_env.physics.pressure.INJURY`; ``hurry`` is the largest of anyone's mean speed over the desired speed.
     """
     found = {
         **figures_of(runs),
         "median_time": median_time(runs["evacuation_time"]),
         **{name: named(runs[name]) for name in _MEANS if name in runs},
-        **{name: {**named(runs[name]), "max": float(runs[name].max())} for name in _WITH_MAX if name in runs},
+        **{name: {**named(runs[name]), "max": json_number(runs[name].max())} for name in _WITH_MAX if name in runs},
         "max_overlap": float(runs["max_overlap"].max()),
     }
     if "crushed" not in runs:

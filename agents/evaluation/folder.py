@@ -177,7 +177,7 @@ class EvaluationFolder(Store):
             title, unit, scale = _SHOWN[kind]
             full = full and scale * full
             maps.append(HeatMap(f"{title}, {said}", scale * values, origin, CELL, unit, kind, full))  # type: ignore[arg-type]
-        note = f"Density: people within 1 m of a place over π m².  {_PRESSURE[pressure_is_force(result.scheme)]}"
+        note = f"Density: one over the floor of the person there.  {_PRESSURE[pressure_is_force(result.scheme)]}"
         name = f"heat-{_plain(result.policy)}-{_plain(result.scheme)}.png"
         title = f"{result.policy}, {scenario.name}, {result.scheme}, {result.runs} runs"
         return save_figure(heat_maps(scenario.geometry, maps, title=title, note=note), self.folder / name)

@@ -14,7 +14,6 @@ import numpy as np
 from rich.table import Table
 
 from crowd_env import CrowdEnv, Scenario, Step
-from crowd_env.analysis.results.measurements import INJURY
 from crowd_env.core.arrays.state import Bools, Floats, as_grid
 from crowd_env.core.executors import Executor, Serial
 from crowd_env.core.executors.executor import never
@@ -22,7 +21,7 @@ from crowd_env.core.files.json_file import json_number
 from crowd_env.core.files.store import Store
 from crowd_env.envs.metrics import share_interval
 from crowd_env.envs.rollout import make_batches, simulate_batch
-from crowd_env.physics.pressure import contact_pressure
+from crowd_env.physics.pressure import INJURY, contact_pressure
 from crowd_env.scenarios.generated import VERSION, conditions_of, draw_place
 
 from .. import make_policy

@@ -179,7 +179,7 @@ def task_table(
 def crowding_table(results: Sequence[Evaluation]) -> Table:
     """Return a table of how close people came, how hard they pressed, how far they walked, and what it took to compute."""
     caption = (
-        "Means over runs. dens.: greatest, people within 1 m; pressure: greatest contact "
+        "Means over runs. dens.: one over the least floor of anyone; pressure: greatest contact "
         "force on someone over circumference, mean of 0.1 s; crushed: people who bore more than 1.6 kN/m (injury, Helbing et "
         "al. 2000; friction included) in any 0.1 s, and for how long in all, mean of these; impulse, way: per person; overlap: "
         "deepest; fastest: largest speed of anyone; comp.: processor time per simulated second, and what planning anew takes "

@@ -14,6 +14,10 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.wall_grid import pairs_within
 from crowd_env.physics.simulation.simulation import Simulation
 
+# "Pedestrians are injured if the sum of the magnitudes of the radial forces on them, divided by their circumference, exceeds a
+# pressure of 1600 N/m" (Helbing, Farkas, Vicsek 2000, Nature 407:487); friction counts here.
+INJURY = 1600.0  # N/m
+
 
 class ContactForces(NamedTuple):
     """Normal forces of the C contacts in a crowd of N."""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from crowd_env.core.arrays.state import Floats
+from crowd_env.physics.pressure import INJURY
 
 Color = tuple[int, int, int]
 
@@ -22,9 +23,7 @@ FAINT: Color = (221, 217, 209)
 # One color a curve: they differ in print and to color-blind eyes, and none looks like a pressure.
 SERIES: tuple[Color, ...] = ((15, 118, 128), (137, 71, 145), (158, 122, 22), (74, 92, 160), (112, 112, 112))
 
-# "Pedestrians are injured if the sum of the magnitudes of the radial forces on them, divided by their circumference,
-# exceeds a pressure of 1600 N/m": Helbing, Farkas, Vicsek, Nature 407 (2000).  There the ramp ends.
-FULL_PRESSURE = 1600.0  # N/m
+FULL_PRESSURE = INJURY  # N/m  there the ramp ends
 
 _ANCHORS: tuple[Color, ...] = ((168, 188, 205), (238, 186, 92), (222, 96, 46), (160, 16, 30))
 

@@ -134,7 +134,9 @@ def write(tmp_path, monkeypatch):
 @looped(
     "area",
     [
-        *({"box": [10.0 - depth, 1.0, 10.0, 2.0]} for depth in (0.02, 0.05, 0.1, 0.3, 0.5)),  # at the end of the corridor
+        *(
+            {"box": [10.0 - depth, 1.0, 10.0, 2.0]} for depth in (0.02, 0.05, 0.1, 0.3, 0.5)
+        ),  # at the end of the corridor
         {"box": [9.95, 0.0, 10.0, 4.0]},  # across all of it
         {"box": [9.5, 1.0, 10.5, 2.0]},  # half outside
         {"box": [4.0, 1.5, 5.0, 2.5]},  # in the floor

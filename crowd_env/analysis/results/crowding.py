@@ -5,27 +5,29 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.analysis.results.measurements import INJURY, Grid, Spread, grid_over
+from crowd_env.analysis.results.measurements import SAMPLE, Density, Grid, felt_around, grid_over
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.geometry.geometry import Geometry, nearest_among
-from crowd_env.physics.pressure import contact_pressure
+from crowd_env.physics.pressure import INJURY, contact_pressure
 
 LOAD_SPAN = 1.0  # s  over which what presses on bodies and walls is a mean: loads that last, not impacts
-SAMPLE = 0.5  # s  between two samples of positions; forces are sampled every decision
 HELD_UP = 0.5  # of the desired speed: slower since the sample before, after the response time, counts as held up
-# Level of service of walkways by the area a person (Fruin 1971), as densities [1/m2] above which the next one begins.
+# Level of service of walkways by the floor a person (Fruin 1971), as densities [1/m2] above which the next one begins.
 SERVICE = {"A, B": 0.0, "C": 1 / 2.32, "D": 1 / 1.39, "E": 1 / 0.93, "F": 1 / 0.46}
 
 
 class Crowding(NamedTuple):
-    """What was collected of one evacuation; forces of decisions with a step that the solver did not finish are left out."""
+    """What was collected of one evacuation; forces of decisions with a step that the solver did not finish are left out.
+
+    A file with other fields is of an older version, which took walls for floor.
+    """
 
     density: Floats  # (rows, columns)  1/m2  largest of any sample
     pressure: Floats  # (rows, columns)  N/m  largest mean of `LOAD_SPAN`
     impact: float  # N/m  largest mean of a decision, of anyone
     service: Floats  # (L,)  s  that people spent at each of the `SERVICE` levels, added up
-    injured: float  # s  that people spent beyond `INJURY`, added up
+    squeezed: float  # s  that people spent beyond `INJURY`, means of `LOAD_SPAN`, added up
     zone_most: Ints  # (Z,)  most people at once in each region of the plan
     zone_empty: Floats  # (Z,)  s  when it was empty for good; nan if it was not
     queue: Ints  # (X,)  most people held up at once on the way to the exit that they took, by its name
@@ -39,7 +41,7 @@ class CrowdingRecorder:
 
     def __init__(self, geometry: Geometry) -> None:
         self.grid = grid_over(geometry)
-        self._spread = Spread(self.grid)
+        self._measure, self._felt = Density(geometry, self.grid), felt_around(self.grid)
         self._zones = zones_of(geometry, self.grid)
         self._pieces = wall_pieces(geometry)
         names = list(dict.fromkeys(geometry.exit_names))
@@ -49,10 +51,9 @@ class CrowdingRecorder:
         """Forget the batch before, and look at the first moment of this one."""
         count, cells = env.num_envs, self.grid.shape[0] * self.grid.shape[1]
         self._density, self._pressure = (np.zeros((count, cells), dtype=np.float32) for _ in range(2))
-        self._scratch = np.zeros(cells)
         self._impulse, self._whole = np.zeros(env.num_people), np.zeros(count, dtype=np.int64)
         self._impact = np.zeros(count)
-        self._service, self._injured = np.zeros((count, len(SERVICE))), np.zeros(count)
+        self._service, self._squeezed = np.zeros((count, len(SERVICE))), np.zeros(count)
         self._zone_most = np.zeros((count, len(self._zones)), dtype=np.int64)
         self._zone_last = np.zeros((count, len(self._zones)))
         self._load, self._load_most = (np.zeros((count, len(self._pieces), *more)) for more in ((2,), ()))
@@ -75,7 +76,6 @@ class CrowdingRecorder:
         counts = (inside | step.terminated) & ~broken[env.env_of_person]
         pressure[~counts] = 0.0
         np.maximum.at(self._impact, env.env_of_person, pressure)
-        self._injured += env.decision_dt * np.bincount(env.env_of_person, pressure > INJURY, minlength=env.num_envs)
         self._whole += np.bincount(env.env_of_person[counts], minlength=env.num_envs) > 0
         # Means are over the decisions that count, but over half of the span at least.
         duration, ends = (
@@ -95,9 +95,11 @@ class CrowdingRecorder:
         self._impulse += np.where(counts, results.impulse_magnitude, 0.0)
         who = np.flatnonzero((self._impulse > 0.0) & ends)
         pressure = contact_pressure(self._impulse, 1.0, env.simulation.bodies.radius)[who]
-        pressure /= duration[env.env_of_person[who]]
-        place = self.grid.cell_of(env.simulation.state.position[who])[:, None] + self._spread.felt
-        np.maximum.at(self._pressure, (env.env_of_person[who][:, None], place), pressure[:, None].astype(np.float32))
+        crowd = env.env_of_person[who]
+        pressure /= duration[crowd]
+        place = self.grid.cell_of(env.simulation.state.position[who])[:, None] + self._felt
+        np.maximum.at(self._pressure, (crowd[:, None], place), pressure[:, None].astype(np.float32))
+        np.add.at(self._squeezed, crowd, duration[crowd] * (pressure > INJURY))
         self._impulse[who] = 0.0
 
     def _press_on_walls(self, env: CrowdEnv, counts: Bools, duration: Floats, ends: bool) -> None:
@@ -123,17 +125,12 @@ class CrowdingRecorder:
         starting = time - duration < bodies.response_time + 1e-9
         self._held.append(inside & ~starting & (walked < HELD_UP * duration * env.simulation.history.local_speed))
         self._position[:] = state.position
-        offset, cover = self._spread.near
+        density = 1.0 / self._measure(env, inside, self._density)[inside]
+        level = np.searchsorted(list(SERVICE.values()), density, side="right") - 1
+        np.add.at(self._service, (env.env_of_person[inside], level), duration)
         for e in np.unique(env.env_of_person[inside]).tolist():
             people = env.people(e)
             at = self.grid.cell_of(state.position[people][inside[people]])
-            place = (at[:, None] + offset).ravel()
-            np.add.at(self._scratch, place, np.tile(cover, len(at)))
-            found = self._scratch[place]
-            self._density[e, place] = np.maximum(self._density[e, place], found)
-            level = np.searchsorted(list(SERVICE.values()), self._scratch[at], side="right") - 1
-            self._service[e] += duration * np.bincount(level, minlength=len(SERVICE))
-            self._scratch[place] = 0.0
             count = self._zones[:, at].sum(axis=1)
             self._zone_most[e] = np.maximum(self._zone_most[e], count)
             self._zone_last[e][count > 0] = state.time[e] + duration
@@ -154,7 +151,7 @@ class CrowdingRecorder:
             pressure=self._pressure[e].reshape(self.grid.shape).copy(),
             impact=float(self._impact[e]),
             service=self._service[e].copy(),
-            injured=float(self._injured[e]),
+            squeezed=float(self._squeezed[e]),
             zone_most=self._zone_most[e].copy(),
             zone_empty=np.where(stay, np.nan, self._zone_last[e]),
             queue=np.array([int(way.sum(axis=1).max(initial=0)) for way in ways], dtype=np.int64),
@@ -165,7 +162,7 @@ class CrowdingRecorder:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy has, here or in another process: it begins with no evacuation under way."""
-        return {name: vars(self)[name] for name in ("grid", "_spread", "_zones", "_pieces", "_exit_of_row")}
+        return {name: vars(self)[name] for name in ("grid", "_measure", "_felt", "_zones", "_pieces", "_exit_of_row")}
 
 
 def wall_pieces(geometry: Geometry) -> Floats:

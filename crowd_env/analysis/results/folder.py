@@ -56,9 +56,11 @@ class ResultsFolder(Store):
         self.identity["runs"] = runs
 
     def crowding(self, episodes: Sequence[Episode]) -> list[Crowding]:
-        """Return what was collected of these runs; of a damaged file nothing."""
+        """Return what was collected of these runs; of a damaged file, or one of an older version, nothing."""
         found = (self.load(f"{CROWDING}/{episode.seed}") for episode in episodes)
-        return [Crowding(**content) for content in found if content is not None]
+        return [
+            Crowding(**content) for content in found if content is not None and content.keys() == {*Crowding._fields}
+        ]
 
     def keep_runs(self, episodes: Sequence[Episode]) -> None:
         """Write runs that have just ended, and the `Crowding` that was recorded of them.

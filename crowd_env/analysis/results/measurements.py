@@ -12,17 +12,16 @@ from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.observation.view import SLOWEST
 from crowd_env.envs.rollout import Episode
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.physics.pressure import contact_pressure
+from crowd_env.geometry.voronoi import REACH, draw_density, make_rays, measure_floor
+from crowd_env.geometry.wall_grid import make_wall_grid
+from crowd_env.physics.pressure import INJURY, contact_pressure
 
-REACH = 1.0  # m  the density at a point: the number of people within this distance, over the area of the disc
 CELL = 0.25  # m  of the maps
-# People who bear more are injured (Helbing, Farkas, Vicsek 2000, Nature 407:487); friction counts here.
-INJURY = 1600.0  # N/m
-_FELT = 0.25  # m  the pressure on a body is drawn up to this distance from its center
+SAMPLE = 0.5  # s  between two samples of positions; forces are sampled every decision
 
 
 class Grid(NamedTuple):
-    """Square cells over a plan and as far beyond it as a body is counted."""
+    """Square cells over a plan and a little beyond it."""
 
     origin: tuple[float, float]  # m  lower left corner
     shape: tuple[int, int]  # rows (y), columns (x)
@@ -42,35 +41,34 @@ class Grid(NamedTuple):
 
 
 def grid_over(geometry: Geometry) -> Grid:
-    """Return the grid over a plan; everything within `REACH` of someone inside lies on it."""
+    """Return the grid over a plan, with a margin."""
     x0, y0, x1, y1 = geometry.bounds
-    margin = CELL * (np.ceil(REACH / CELL) + 2)
+    margin = 6.0 * CELL
     shape = tuple(int(np.ceil((high - low + 2 * margin) / CELL)) for low, high in ((y0, y1), (x0, x1)))
     return Grid((x0 - margin, y0 - margin), (shape[0], shape[1]))
 
 
-class Spread:
-    """Spreads people over the cells of a grid: how dense crowds are there, and how hard they press."""
+def felt_around(grid: Grid) -> Ints:
+    """Return what to add to the number of a cell for it and its neighbors: there the pressure on a body is drawn."""
+    return np.array([-grid.shape[1], -1, 0, 1, grid.shape[1]], dtype=np.int64)
 
-    def __init__(self, grid: Grid) -> None:
-        self._grid = grid
-        offset, cover = _disc(REACH, grid.shape[1])
-        # Cells around that of a person, and what one adds to the density [1/m2] of each.
-        self.near = offset, cover / (np.pi * REACH**2)
-        offset, cover = _disc(_FELT, grid.shape[1])
-        self.felt = offset[cover > 0.3]  # the cell and its four neighbors
 
-    def __call__(self, position: Floats, pressure: Floats, crowd: Ints, crowds: int) -> tuple[Floats, Floats]:
-        """Return density [1/m2] and pressure [N/m] of ``crowds`` (C, cells), of K pedestrians, each in its ``crowd`` (K,)."""
-        cells, (offset, cover) = self._grid.shape[0] * self._grid.shape[1], self.near
-        at = crowd * cells + self._grid.cell_of(position)
-        place = at[:, None] + offset
-        weights = np.broadcast_to(cover, place.shape)
-        density = np.bincount(place.ravel(), weights.ravel(), minlength=crowds * cells).astype(np.float64)
-        felt, pressed = np.zeros(crowds * cells), pressure > 0.0
-        place = at[pressed][:, None] + self.felt
-        np.maximum.at(felt, place.ravel(), np.repeat(pressure[pressed], len(self.felt)))
-        return density.reshape(crowds, cells), felt.reshape(crowds, cells)
+class Density:
+    """Measures the floor that people have, and draws how dense they stand; see `crowd_env.geometry.voronoi`."""
+
+    def __init__(self, geometry: Geometry, grid: Grid) -> None:
+        self._boundary, self._walls = geometry.boundary, make_wall_grid(geometry.boundary, 2.0 * REACH)
+        self._rays, self._grid = make_rays(), grid
+
+    def __call__(self, env: CrowdEnv, inside: Bools, density: NDArray[np.float32]) -> Floats:
+        """Return the floor (P,) [m2] of people ``inside``, nan of others; raise ``density`` (E, cells) [1/m2] to theirs."""
+        state, start = env.simulation.state, env.simulation.bodies.env_start
+        nearness, floor = np.empty((len(inside), self._rays.shape[1])), np.full(len(inside), np.nan)
+        doors = env.simulation.history.door_open
+        seen = start, inside, state.position
+        measure_floor(self._boundary, self._walls, doors, *seen, self._rays, nearness, floor)
+        draw_density(*seen, nearness, floor, self._grid.origin, CELL, density.reshape(-1, *self._grid.shape))
+        return floor
 
 
 class Maps(NamedTuple):
@@ -87,7 +85,7 @@ class Measured(NamedTuple):
 
     exit_index: Ints  # (R, N)  row of Geometry.exits; -1 = did not get out
     walked: Floats  # (R, N)  m  until out, or until the end
-    max_density: Floats  # (R,)  1/m2  people within 1 m of someone, oneself included, over pi m2
+    max_density: Floats  # (R,)  1/m2  one over the least floor of anyone, see `Density`
     max_pressure: Floats  # (R,)  N/m  contact force on someone over circumference, mean of one decision step
     crushed: Floats  # (R, N)  s  in decision steps whose mean of that exceeds `INJURY`
     hurry: Floats  # (R,)  largest mean speed over desired speed, of pedestrians that want to walk
@@ -114,9 +112,9 @@ class MeasurementRecorder:
 
     def __init__(self, geometry: Geometry) -> None:
         self.grid = grid_over(geometry)
-        self._spread = Spread(self.grid)
+        self._density, self._felt = Density(geometry, self.grid), felt_around(self.grid)
         self._sums, self._most = (np.zeros((2, self.grid.shape[0] * self.grid.shape[1])) for _ in range(2))
-        self._samples = 0
+        self._samples = np.zeros(2)  # of either
         self._spent = np.zeros(2)  # s  on steps, and the part of it that updates the fastest routes
 
     def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
@@ -126,7 +124,9 @@ class MeasurementRecorder:
         self._walked, self._crushed = np.zeros(people), np.zeros(people)
         self._max_density, self._max_pressure = np.zeros(env.num_envs), np.zeros(env.num_envs)
         self._time = env.simulation.state.time.copy()
-        self._see(env, env.active, np.zeros(people), np.ones(env.num_envs))
+        self._decisions, self._every = np.zeros(env.num_envs), max(round(SAMPLE / env.decision_dt), 1)
+        self._look(env, env.active, np.ones(env.num_envs))
+        self._feel(env, env.active, np.zeros(people), np.ones(env.num_envs))
         self._last = self._seconds(env)
 
     def add(self, env: CrowdEnv, step: Step) -> None:
@@ -149,7 +149,11 @@ class MeasurementRecorder:
         self._time[:] = state.time
         self._crushed += env.decision_dt * steps[env.env_of_person] * (pressure > INJURY)
         np.maximum(self._max_pressure, as_grid(pressure, env.num_envs).max(axis=1), out=self._max_pressure)
-        self._see(env, inside, pressure, steps)
+        before = self._decisions // self._every
+        self._decisions += steps
+        due = self._decisions // self._every - before
+        self._look(env, inside & (due[env.env_of_person] > 0.0), due)
+        self._feel(env, inside, pressure, steps)
         self._last = self._seconds(env)  # what was measured here is no part of the next step
 
     def record(self, env: CrowdEnv, e: int) -> RunMeasurements:
@@ -169,13 +173,13 @@ class MeasurementRecorder:
         """Add what another recorder saw of later batches; sums are rounded by the order of merging."""
         self._sums = self._sums + later._sums
         self._most = np.maximum(self._most, later._most)
-        self._samples += later._samples
+        self._samples = self._samples + later._samples
         self._spent = self._spent + later._spent
 
     @property
     def maps(self) -> Maps:
         """The maps over all samples so far."""
-        mean, most = self._sums / max(self._samples, 1), self._most
+        mean, most = self._sums / np.maximum(self._samples, 1.0)[:, None], self._most
         return Maps(*(values.reshape(self.grid.shape) for values in (mean[0], most[0], mean[1], most[1])))
 
     def measured(self, episodes: Sequence[Episode]) -> Measured:
@@ -191,45 +195,23 @@ class MeasurementRecorder:
         """Return the processor time so far, and that of replanning [s]."""
         return np.array([time.process_time(), env.simulation.planner.seconds])
 
-    def _see(self, env: CrowdEnv, inside: Bools, pressure: Floats, steps: Floats) -> None:
-        position = env.simulation.state.position
-        near = most_within(as_grid(position, env.num_envs), as_grid(inside, env.num_envs), REACH)
-        density = near / (np.pi * REACH**2)
-        np.maximum(self._max_density, density, out=self._max_density)
-        people = np.flatnonzero(inside)
-        fields = self._spread(position[people], pressure[people], env.env_of_person[people], env.num_envs)
-        for k, field in enumerate(fields):
-            self._sums[k] += (steps[:, None] * field).sum(axis=0)
-            np.maximum(self._most[k], field.max(axis=0), out=self._most[k])
-        self._samples += int(steps[as_grid(inside, env.num_envs).any(axis=1)].sum())
+    def _look(self, env: CrowdEnv, inside: Bools, samples: Floats) -> None:
+        """Sample positions, which stand for as many ``samples`` (E,)."""
+        if not inside.any():
+            return
+        density = np.zeros((env.num_envs, self._sums.shape[1]), dtype=np.float32)
+        floor = self._density(env, inside, density)
+        np.maximum.at(self._max_density, env.env_of_person[inside], 1.0 / floor[inside])
+        self._add(0, env, inside, density, samples)
 
+    def _feel(self, env: CrowdEnv, inside: Bools, pressure: Floats, steps: Floats) -> None:
+        """Sample the pressure (P,) of a decision that stands for ``steps`` (E,)."""
+        felt, pressed = np.zeros((env.num_envs, self._sums.shape[1])), np.flatnonzero(inside & (pressure > 0.0))
+        at = self.grid.cell_of(env.simulation.state.position[pressed])[:, None] + self._felt
+        np.maximum.at(felt, (env.env_of_person[pressed][:, None], at), pressure[pressed][:, None])
+        self._add(1, env, inside, felt, steps)
 
-def most_within(position: Floats, inside: Bools, reach: float) -> Ints:
-    """Return the largest number (E,) of people ``inside`` (E, N) less than ``reach`` from one of them, oneself included.
-
-    ``position`` (E, N, 2) is of their centers.
-    """
-    most = int(inside.sum(axis=1).max(initial=0))
-    if most == 0:
-        return np.zeros(len(inside), dtype=np.int64)
-    those = np.argsort(~inside, axis=1, kind="stable")[:, :most]  # the crowd shrinks, and the work with its square
-    here = np.take_along_axis(inside, those, axis=1)[..., None]
-    # Nearer numbers, fewer digits lost below; nan is near nobody.
-    place = np.where(here, np.take_along_axis(position, those[..., None], axis=1) - position.mean(axis=(0, 1)), np.nan)
-    square = (place**2).sum(axis=2)
-    apart = square[:, :, None] + square[:, None, :] - 2.0 * place @ place.transpose(0, 2, 1)
-    return np.asarray((apart < reach**2).sum(axis=2).max(axis=1))
-
-
-def _disc(radius: float, columns: int) -> tuple[Ints, Floats]:
-    """Return the cells that a disc around the middle of a cell covers: offsets of their numbers, and shares covered.
-
-    The shares add up to the area of the disc in cells, so that a crowd spread by them is as many people as before.
-    """
-    reach, parts = int(np.ceil(radius / CELL)) + 1, 32
-    fine = (np.arange((2 * reach + 1) * parts) + 0.5) / parts - reach - 0.5  # in cells
-    covered = np.hypot(*np.meshgrid(fine, fine)) < radius / CELL
-    share: NDArray[np.float64] = covered.reshape(2 * reach + 1, parts, 2 * reach + 1, parts).mean(axis=(1, 3))
-    share *= np.pi * (radius / CELL) ** 2 / share.sum()
-    row, column = np.nonzero(share)
-    return (row - reach) * columns + column - reach, share[row, column]
+    def _add(self, k: int, env: CrowdEnv, inside: Bools, field: NDArray[Any], steps: Floats) -> None:
+        self._sums[k] += steps @ field
+        np.maximum(self._most[k], field.max(axis=0), out=self._most[k])
+        self._samples[k] += steps[as_grid(inside, env.num_envs).any(axis=1)].sum()

@@ -10,9 +10,10 @@ import numpy as np
 from crowd_env.analysis.figures import FIGURES, exit_names, named, number
 from crowd_env.analysis.plan_check import cells, check_place
 from crowd_env.analysis.results.crowding import SERVICE
-from crowd_env.analysis.results.measurements import INJURY, REACH
 from crowd_env.core.checks import counted
 from crowd_env.envs.rollout import Episode
+from crowd_env.geometry.voronoi import REACH
+from crowd_env.physics.pressure import INJURY
 from crowd_env.rendering.canvas import encoded
 from crowd_env.rendering.figures import egress_curves, share_figure
 from crowd_env.rendering.heat import heat_maps
@@ -65,8 +66,7 @@ def figures(runs: Sequence[Runs], measured: Sequence[Measured]) -> dict[str, Any
 
 _AREAS = ("m² a person", *(f"< {1.0 / most:.2f}" if most else "> 2.32" for most in SERVICE.values()))
 _PRESSED: dict[str, Callable[[Measured], str]] = {
-    "hardest impact on anyone, mean of 0.1 s": lambda one: f"{1e-3 * one.impact:.1f} kN/m",
-    f"time that people spent beyond {INJURY:g} N/m, means of 0.1 s, added up": lambda one: f"{one.injured:.1f} s a run",
+    f"time that people spent beyond {INJURY:g} N/m, means of 1 s, added up": lambda one: f"{one.squeezed:.1f} s a run",
     "moments of 0.1 s left out, since the solver did not finish a step": lambda one: str(one.left_out),
 }
 

@@ -8,9 +8,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from crowd_env.analysis.figures import named
 from crowd_env.analysis.results.crowding import SERVICE, wall_pieces
-from crowd_env.analysis.results.measurements import CELL, INJURY, Grid, grid_over
+from crowd_env.analysis.results.measurements import CELL, Grid, grid_over
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.physics.pressure import INJURY
 from crowd_env.rendering.heat import HeatMap
 from crowd_env.rendering.report.runs import Runs
 
@@ -52,7 +53,7 @@ class Measured(NamedTuple):
     loaded: list[Worst]  # N/m  of walls
     service: dict[str, float]  # level -> share of the time that people spent inside
     impact: float  # N/m  largest mean of 0.1 s, of anyone in any run
-    injured: float  # s  that people spent beyond `INJURY`, added up, mean over runs
+    squeezed: float  # s  that people spent beyond `INJURY`, means of 1 s, added up, mean over runs
     left_out: int  # decisions whose forces are left out, of all runs
     zones: list[Zone]
 
@@ -65,7 +66,7 @@ class Measured(NamedTuple):
             "worst_places": {name: [place._asdict() for place in worst] for name, worst in places.items()},
             "service": self.service,
             "impact": self.impact,
-            "person_seconds_beyond_injury": self.injured,
+            "person_seconds_beyond_injury": self.squeezed,
             "left_out": self.left_out,
             "zones": [zone._asdict() for zone in self.zones],
         }
@@ -100,7 +101,7 @@ def measure(runs: Runs) -> Measured | None:
         loaded=_most_loaded(geometry, np.max([one.wall_load for one in found], axis=0)),
         service=service,
         impact=max(one.impact for one in found),
-        injured=float(np.mean([one.injured for one in found])),
+        squeezed=float(np.mean([one.squeezed for one in found])),
         left_out=sum(one.left_out for one in found),
         zones=zones,
     )

@@ -79,6 +79,11 @@ def _remarks(one: Runs) -> Iterator[str]:
         )
     if version != __version__:
         yield f"the runs were made by version {version}, this page by {__version__}"
+    if len(one.crowding) < finished:
+        yield (
+            f"maps, queues and levels of service are of {len(one.crowding)} of {finished} runs: files of the others are "
+            "damaged, or of an older version, which took walls for floor; run them again"
+        )
     if figures["escaped"]:
         yield "people were found outside of the plan: its figures are void"
     if figures["unconverged_steps"]:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from crowd_env import Cohorts, CrowdEnv, Population, make_scenario, record
-from crowd_env.analysis.results.crowding import SERVICE, CrowdingRecorder, wall_pieces
-from crowd_env.analysis.results.measurements import CELL, INJURY
+from crowd_env.analysis.results.crowding import CrowdingRecorder, wall_pieces
+from crowd_env.analysis.results.measurements import CELL
 from crowd_env.envs.rollout import Recorders, run_episodes
+from crowd_env.physics.pressure import INJURY
 from crowd_env.recording import RunRecorder
 
 
@@ -33,8 +34,8 @@ def collected(place, steps=None, **options):
 
 def test_who_stands_alone_is_one_person_on_the_map_and_at_the_best_level():
     found = collected(hall([(3.1, 2.3)], speed=0.0, time_limit=2.0), scheme="dem")
-    assert found.density.sum() * CELL**2 == pytest.approx(1.0)
-    assert not found.pressure.any() and found.injured == 0.0
+    assert found.density.sum() * CELL**2 == pytest.approx(1.0, rel=0.02)
+    assert not found.pressure.any() and found.squeezed == 0.0
     assert found.service[0] == pytest.approx(2.5) and not found.service[1:].any()  # five samples of 0.5 s
     assert found.zone_most.tolist() == [1] and np.isnan(found.zone_empty[0])  # the western half
 
@@ -48,13 +49,6 @@ def test_a_zone_is_empty_from_the_time_on_at_which_the_last_has_left_it():
         for people in (place.population, both)
     )
     assert last[0] == pytest.approx(first[0]) and 1.0 < last[0] < 3.0
-
-
-def test_levels_of_service_are_those_of_the_number_within_a_meter():
-    corner = [(4.0 + 0.5 * k, 4.0 + 0.5 * m) for k in range(2) for m in range(2)]  # 4 / pi = 1.27 /m2
-    found = collected(hall([*corner, (8.0, 8.0)], speed=0.0, time_limit=1.0), scheme="dem")
-    shares = dict(zip(SERVICE, found.service / found.service.sum(), strict=True))
-    assert shares["E"] == pytest.approx(0.8) and shares["A, B"] == pytest.approx(0.2)
 
 
 def test_who_walks_straight_out_has_not_queued_and_who_stands_before_a_closed_way_has():
@@ -94,15 +88,18 @@ def test_pressures_are_those_of_the_recording(scheme):
     of_frame = np.zeros((len(recording.times), 30))
     of_frame[recording.frame, recording.person] = np.nan_to_num(recording.pressure)
     assert found.impact == pytest.approx(of_frame.max())
-    assert found.injured == pytest.approx(0.1 * (of_frame > INJURY).sum())
-    means = []  # of whole seconds; of who leaves in the middle of one, of that part, or of half a second if it is shorter
+    # Means of whole seconds, and how long these are; of who leaves within one, of that part, or of half a second at least.
+    means = []
     for person in range(30):
         out = int(np.ceil(episode.exit_time[person] / 0.1 - 1e-9))  # the frame in which this one was out
         for first in range(1, out + 1, 10):
             last = min(first + 9, out)
-            means.append(of_frame[first : last + 1, person].sum() / max(last - first + 1, 5))
-    assert found.pressure.max() == pytest.approx(max(means), rel=1e-6)
-    assert max(means) < 0.8 * found.impact
+            frames = max(last - first + 1, 5)
+            means.append((of_frame[first : last + 1, person].sum() / frames, 0.1 * frames))
+    mean, lasted = np.array(means).T
+    assert found.pressure.max() == pytest.approx(mean.max(), rel=1e-6)
+    assert mean.max() < 0.8 * found.impact
+    assert found.squeezed == pytest.approx(lasted[mean > INJURY].sum())
 
 
 def test_moments_that_a_solver_did_not_finish_are_left_out_and_counted():

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from reported_pages import Parsed, command
 from crowd_env.analysis.results.crowding import CrowdingRecorder
 from crowd_env.analysis.results.measurements import CELL, grid_over
 from crowd_env.cli.report import place_of
+from crowd_env.envs.metrics import t_quantile
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.rendering.report.answer import answer
@@ -169,6 +171,36 @@ def test_a_damaged_file_of_crowding_leaves_the_report_the_others(folders: Path, 
     (copy / "crowding" / "1.npz").write_bytes(b"no archive")
     (one,) = load_runs([copy], place_of)
     assert len(one.episodes) == 3 and len(one.crowding) == 2
+
+
+def test_what_an_older_version_collected_is_left_out_and_said(folders: Path, tmp_path: Path) -> None:
+    """It took walls for floor, and had other fields."""
+    copy, page = tmp_path / "older", tmp_path / "older.html"
+    shutil.copytree(folders / "nearest", copy)
+    for k in range(3):
+        path = copy / "crowding" / f"{k}.npz"
+        with np.load(path) as content:
+            facts = json.loads(str(content["facts"]))
+            facts["injured"] = facts.pop("squeezed")
+            np.savez(path, **{**content, "facts": np.array(json.dumps(facts))})
+    (one,) = load_runs([copy], place_of)
+    assert len(one.episodes) == 3 and one.crowding == [] and measure(one) is None
+    code, _, said = command("report", copy, "-o", page)
+    assert code == 0, said
+    assert "maps, queues and levels of service are of 0 of 3 runs" in Parsed(page).text
+
+
+def test_a_report_has_intervals_without_scipy(folders: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("scipy", "scipy.special", "scipy.stats"):
+        monkeypatch.setitem(sys.modules, name, None)
+    t_quantile.cache_clear()
+    (one,) = load_runs([folders / "nearest"], place_of)
+    code, _, said = command("report", folders / "nearest", "-o", tmp_path / "page.html")
+    t_quantile.cache_clear()
+    assert code == 0, said
+    (row,) = (row for row in answer([one])["rows"] if "convergence" in row[0])
+    assert row[1].startswith("± ") and row[1] in Parsed(tmp_path / "page.html").text
+    assert None not in one.figures["evacuation_time"]["ci95"]
 
 
 def test_worst_places_are_peaks_and_not_the_slopes_beside_them(folders: Path) -> None:
