@@ -1,14 +1,14 @@
-"""Balance in every scheme: the ground force on standing pedestrians, expressed as a desired velocity of their drive.
+"""Balance in every scheme: the ground force on standing pedestrians, as a desired velocity of their drive; and their arms.
 
 A drive m (v_d - v) / tau is the force m a of the pendulum (`crowd_env.core.behaviors.balance`) if v_d = v + tau a.  So every
-scheme with a drive has it through the desired velocity, and needs no other code for it.
+scheme with a drive has it through the desired velocity, and needs no other code for it.  Arms are a force at a distance.
 """
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.behaviors.balance import GRAVITY, Balance
-from crowd_env.core.kernels.jit import inner_kernel
+from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.bounds import limited
 from crowd_env.physics.workspace import Batch
 
@@ -47,6 +47,33 @@ def stand(i: int, time: float, batch: Batch, params: Balance) -> tuple[float, fl
     ax, ay = limited(x - (px - ox + sx), y - (py - oy + sy), params.grip * params.height)
     rate = batch.bodies.relaxation_time[i] / (lag * lag)
     return u + rate * ax, v + rate * ay
+
+
+@inner_kernel
+def add_forces_of_arms(e: int, batch: Batch, dt: float, params: Balance) -> None:
+    """Add the forces [N] of the arms between standing people of environment ``e`` to `History.force`.
+
+    The neighbor list must be complete up to ``params.arms``.  A step brings the closing speed w of a pair alone exactly to
+    w / (1 + w dt / l), so it never turns it around.  In the densest packing all pairs together do not while w dt < 2 l.
+    """
+    near, force, stands = batch.workspace.neighbors, batch.history.force, batch.history.memory.balance.stands
+    owner, partner, contact_distance, mass = near.owner, near.partner, near.contact_distance, batch.bodies.mass
+    position, velocity, active = batch.state.position, batch.state.velocity, batch.state.active
+    for entry in range(index(near.entry_start[e]), index(near.pair_end[e])):
+        i, j = owner[entry], partner[entry]
+        dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
+        square, reach = dx * dx + dy * dy, contact_distance[entry] + params.arms
+        if square < reach * reach and active[i] and active[j] and stands[i] and stands[j]:
+            approach = dx * (velocity[j, 0] - velocity[i, 0]) + dy * (velocity[j, 1] - velocity[i, 1])
+            if approach > 0.0:
+                distance = np.sqrt(square)
+                speed = approach / distance
+                reduced = mass[i] * mass[j] / (mass[i] + mass[j])
+                size = reduced * speed * speed / ((params.give + speed * dt) * distance)
+                force[i, 0] += size * dx
+                force[i, 1] += size * dy
+                force[j, 0] -= size * dx
+                force[j, 1] -= size * dy
 
 
 @inner_kernel

@@ -91,9 +91,9 @@ class DEM(ContactScheme):
         lean = np.add.reduceat(drive, bodies.env_start[:-1]).max() / self.stiffness
         return float(impact + lean)
 
-    def slabs(self, people: int, driving: bool) -> int:
-        """Return the number of slabs of a crowd of ``people``; 1 with a social force, which is not shared out."""
-        return 1 if self.social is not None and driving else int(count_slabs(people))
+    def slabs(self, people: int, reach: float) -> int:
+        """Return the number of slabs of a crowd of ``people``; 1 with forces at a distance, which are not shared out."""
+        return int(count_slabs(people)) if reach == 0.0 else 1
 
     @property
     def kernel(self) -> Callable[..., None]:

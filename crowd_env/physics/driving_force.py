@@ -1,4 +1,4 @@
-"""Regular forces: the desired velocity, the driving force towards it, and the social force.
+"""Regular forces: the desired velocity, the driving force towards it, the social force and that of arms.
 
 Driving force (Pécol et al. 2011, eq 11, after Helbing and Molnár 1995):  f_a = m (v_d e_d - u) / tau, as printed without a
 limit.  With a limit F it keeps its direction and is no larger than F: f_a min(1, F / |f_a|).
@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from crowd_env.core.behaviors.behavior import Behavior
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.core.kernels.struct_ref import StructRef
-from crowd_env.physics.balance import stand
+from crowd_env.physics.balance import add_forces_of_arms, stand
 from crowd_env.physics.bounds import limited
 from crowd_env.physics.social_force import SocialForce, SocialParams, add_social_forces
 from crowd_env.physics.workspace import Batch
@@ -20,11 +20,11 @@ class Influences(NamedTuple):
     """All influences besides contact, as kernels take them; the code of a None is not compiled."""
 
     social: SocialParams | None  # passive grains feel none
-    reach: float  # m    of the social force; 0 without one
+    reach: float  # m    of the social force and of arms; 0 without both
     regions: bool | None  # there are regions, and so perhaps rules
     walking: bool | None  # people decide how to walk: a headway or pulls act
     max_drive: float | None  # N    largest driving force of a pedestrian
-    balance: bool | None  # standing pedestrians lean over their feet
+    balance: bool | None  # standing pedestrians lean over their feet, and have arms
     outline: bool | None  # bodies are of several discs
     desire: Any  # kernel of behaviors that change the desired velocity; see `Behavior.desire`
 
@@ -33,9 +33,10 @@ def influences(social: SocialForce | None, batch: StructRef, desire: Any = None)
     """Return the influences on a batch; on passive grains the outline alone can act."""
     acts, driving = batch.fields.acts.fields, bool(batch.fields.control.driving)
     params = social.params() if social is not None and driving else None
+    arms = batch.fields.behaviors.balance.arms if driving and acts.balance else 0.0
     return Influences(
         social=params,
-        reach=0.0 if params is None else params.cutoff,
+        reach=arms if params is None else max(arms, params.cutoff),
         regions=bool(batch.fields.world.guidance.region.shape.any()) or None,
         walking=(driving and (acts.manner or acts.pulls)) or None,
         max_drive=batch.fields.behaviors.max_drive if driving and acts.max_drive else None,
@@ -64,22 +65,35 @@ def _then(first: Any, second: Any) -> Any:
 
 
 @inner_kernel
-def regular_forces(e: int, rank_stop: int, batch: Batch, acting: Influences) -> None:
+def regular_forces(e: int, rank_stop: int, batch: Batch, dt: float, acting: Influences) -> None:
     """Write the sum of all forces but contact [N] into ``History.force`` (P, 2): external, driving and social.
 
     The desired velocity [m/s] goes into ``Workspace.desired_velocity`` (P, 2).  Both are written for the people in
     ``Workspace.inside`` up to ``rank_stop``.  A command is a multiple of the pedestrian's desired speed, or of that of a
     region.  A relative command turns with the direction of the followed route (`steering.steer`): command (1, 0) is the rule
-    "walk the way out".  With a social force the neighbor list must be complete up to its cut-off.
+    "walk the way out".  The neighbor list must be complete up to ``acting.reach``.
     """
     _drive(e, rank_stop, batch, acting, acting.max_drive)
+    add_forces_at_distance(e, rank_stop, batch, dt, acting)
+
+
+@inner_kernel
+def add_forces_at_distance(e: int, rank_stop: int, batch: Batch, dt: float, acting: Influences) -> None:
+    """Add the forces [N] between people who need not touch to `History.force`: social forces and those of arms."""
     _repel(e, rank_stop, batch, acting.social)
+    _brace(e, batch, dt, acting.balance)
 
 
 @inner_kernel
 def _repel(e: int, rank_stop: int, batch: Batch, social: SocialParams | None) -> None:
     if social is not None:
         add_social_forces(e, rank_stop, batch, social)
+
+
+@inner_kernel
+def _brace(e: int, batch: Batch, dt: float, balance: bool | None) -> None:
+    if balance is not None:
+        add_forces_of_arms(e, batch, dt, batch.behaviors.balance)
 
 
 @inner_kernel

@@ -328,7 +328,7 @@ def _find_forces(
 ) -> None:
     """Write all forces and torques at the present positions (eqs 1-6)."""
     steer(e, rank_stop, batch, dt, acting)
-    regular_forces(e, rank_stop, batch, acting)
+    regular_forces(e, rank_stop, batch, dt, acting)
     _clear_torques(e, batch)
     _add_contact_forces(e, batch, dt, elapsed, params, outline)
     if outline is not None:

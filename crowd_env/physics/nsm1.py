@@ -226,12 +226,12 @@ def _advance_range(
         rank_start = batch.bodies.env_start[e]
         rank_stop, limit, smallest = begin_call(e, batch, acting)
         while batch.workspace.substep[e] < n_substeps and rank_stop > rank_start:
-            # Pairs within the social force; without one, the search for contacts builds the list.
-            if acting.social is not None and not find_neighbors(e, batch, acting.reach):
+            # Pairs within reach of forces at a distance; without these, the search for contacts builds the list.
+            if acting.reach > 0.0 and not find_neighbors(e, batch, acting.reach):
                 break
             # Desired velocities, and all forces but contact.
             steer(e, rank_stop, batch, dt, acting)
-            regular_forces(e, rank_stop, batch, acting)
+            regular_forces(e, rank_stop, batch, dt, acting)
             # Trial velocities and their projection onto velocities without overlap (eqs 6, 7).
             if not _project(e, rank_stop, batch, dt, spontaneous, stopping, acting.reach):
                 break

@@ -204,7 +204,7 @@ def _advance_range(
                 break
             # Desired velocities, and all forces but contact.
             steer(e, rank_stop, batch, dt, acting)
-            regular_forces(e, rank_stop, batch, acting)
+            regular_forces(e, rank_stop, batch, dt, acting)
             # Velocities u(n+1): regular forces, then percussions (eqs 8-10).
             _accelerate(e, rank_stop, batch, dt)
             deepest = _collide(e, batch, params, stopping)

@@ -96,8 +96,8 @@ class ContactScheme(ABC):
     def check(self, driving: bool) -> None:  # noqa: B027  # most schemes accept all
         """Raise ValueError if the scheme cannot move pedestrians (``driving``) or passive grains."""
 
-    def slabs(self, people: int, driving: bool) -> int:
-        """Return the number of slabs of a crowd that several threads step together; 1 = it is not cut."""
+    def slabs(self, people: int, reach: float) -> int:
+        """Return the number of slabs of a crowd that threads share, with forces of a ``reach`` [m]; 1 = it is not cut."""
         return 1
 
     def advance(

@@ -63,7 +63,7 @@ def test_sentences_name_only_options_that_there_are():
 # Keywords that users alone turn: constants of laws, and what a place may say.
 _OF_USERS = {
     "Attraction": {"lifetime"},
-    "Balance": {"base", "grip", "swing", "walks_from"},
+    "Balance": {"arms", "base", "give", "grip", "swing", "walks_from"},
     "GroupCohesion": {"cohesion", "patience", "repulsion"},
     "Headway": {
         *("anticipation", "berth", "impatience", "keep_right", "keep_up", "off_walls", "oncoming", "overtaking"),

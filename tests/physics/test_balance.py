@@ -14,7 +14,7 @@ from crowd_env.physics.balance import GRAVITY
 DRIVEN = [name for name, scheme in SCHEMES.items() if scheme.drives and "-" not in name.removesuffix("-inertial")]
 HALL = Geometry.from_polygon(box(-5, -5, 5, 5))
 RATE = np.sqrt(GRAVITY / Balance().height)  # 1/s
-NEVER = Balance(reaction=1e3)  # lifts a foot
+NEVER = Balance(gain=0.2, reaction=1e3)  # lifts a foot
 
 
 def standing(position, velocity=None, *, balance="stepping", scheme="nsm2", environments=1, **options):
@@ -129,14 +129,15 @@ def test_the_first_step_of_a_pedestrian_that_begins_to_stand_at_speed_is_no_long
 def test_the_foot_further_from_the_capture_point_is_lifted():
     """Four pedestrians with their feet 0.3 m to either side, in both orders, are pushed to either side."""
     side, first = np.array([1.0, 1.0, -1.0, -1.0]), np.array([0.3, -0.3, 0.3, -0.3])
-    simulation = standing(np.column_stack([np.zeros(4), np.arange(-3.0, 5.0, 2.0)]))
+    rules = Balance(base=0.215)  # one step is enough
+    simulation = standing(np.column_stack([np.zeros(4), np.arange(-3.0, 5.0, 2.0)]), balance=rules)
     stay(simulation, simulation.dt)
     feet = simulation.history.memory.balance.feet
     feet[:, 0], feet[:, 2] = first, -first
     simulation.state.velocity[:, 0] = 2.0 * side
-    stay(simulation, Balance().reaction + 0.5 * Balance().swing)
+    stay(simulation, rules.reaction + 0.5 * rules.swing)
     np.testing.assert_allclose(places_of_feet(simulation)[:, 0, 0], 0.3 * side)  # the nearer one carries meanwhile
-    stay(simulation, 0.5 * Balance().swing + 0.05)
+    stay(simulation, 0.5 * rules.swing + 0.05)
     np.testing.assert_allclose(places_of_feet(simulation)[:, 0, 0], 0.3 * side)
     assert (side * places_of_feet(simulation)[:, 1, 0] > 0.5).all()  # the other one has landed beyond it
 
@@ -153,6 +154,96 @@ def test_a_lone_pushed_person_moves_alike_under_all_schemes():
         found.append(way)
     assert np.max(found[0]) > 0.2
     np.testing.assert_allclose(found, np.broadcast_to(found[0], np.shape(found)), atol=0.004)
+
+
+# Arms, of people whose ankles bear nothing: the pendulum is far too slow to matter.
+LOOSE = {"height": 1e9, "reaction": 1e3}
+ALONE = {"hertz": {"name": "hertz", "social": "none"}}  # without a force that acts at the same distance
+
+
+def approaching(scheme, gap=0.4, mass=(60.0, 90.0), speed=(0.5, -0.3), *, dt=None, **parameters):
+    """Return two people of different mass who approach head-on, with their trunks ``gap`` apart."""
+    simulation = standing(
+        [(-0.15 - 0.5 * gap, 0.0), (0.15 + 0.5 * gap, 0.0)],
+        balance=Balance(**LOOSE, **parameters),
+        scheme=ALONE.get(scheme, scheme),
+        dt=dt,
+    )
+    simulation.bodies.mass[:] = mass
+    stay(simulation, simulation.dt)
+    simulation.state.velocity[:, 0] = speed
+    return simulation
+
+
+@looped("scheme", DRIVEN)
+def test_arms_brake_two_who_approach_by_a_factor_of_e_on_each_length_that_they_give(scheme):
+    """The closing speed is w_0 up to the reach, then w_0 exp(-s / l) over the way s, or w_0 / (1 + w_0 t / l) over time."""
+    arms, give, closing = 0.15, 0.05, 0.8
+    simulation = approaching(scheme, arms=arms, give=give, dt=0.001)
+    gaps, speeds = [], []
+    for _ in range(90):
+        stay(simulation, 0.01)
+        gaps.append(np.diff(simulation.state.position[:, 0])[0] - 0.3)
+        speeds.append(-np.diff(simulation.state.velocity[:, 0])[0])
+    way = np.clip(arms - np.array(gaps), 0.0, None)
+    assert way[5] == 0.0 and 0.1 < way[-1] < arms  # it ends before the trunks touch
+    np.testing.assert_allclose(speeds, closing * np.exp(-way / give), rtol=0.02)
+    np.testing.assert_allclose(way[-1], give * np.log1p(closing / give * (0.9 - (0.4 - arms) / closing)), rtol=0.02)
+
+
+@looped("scheme", DRIVEN)
+def test_arms_push_both_alike_whatever_their_masses(scheme):
+    mass = np.array([60.0, 90.0])
+    simulation = approaching(scheme, mass=mass)
+    before = mass @ simulation.state.velocity
+    stay(simulation, 0.8)
+    assert np.abs(simulation.state.velocity[:, 0] - (0.5, -0.3)).max() > 0.3
+    np.testing.assert_allclose(mass @ simulation.state.velocity, before, atol=1e-5)
+
+
+@looped("scheme", DRIVEN)
+def test_no_pair_gets_energy_from_arms_nor_is_turned_around_by_a_long_step(scheme):
+    generator = np.random.default_rng(5)
+    x, y = np.meshgrid(np.arange(8) * 0.42, np.arange(8) * 0.42)
+    start = np.column_stack([x.ravel(), y.ravel()]) - 1.5
+    fast = generator.uniform(-1.5, 1.5, start.shape)
+    simulation = standing(start, fast, scheme=ALONE.get(scheme, scheme), balance=Balance(**LOOSE, arms=0.2, give=0.02))
+    energy, momentum = [], []
+    for _ in range(round(0.1 / simulation.dt)):
+        assert not (simulation.contacts().gap < 0.0).any()  # arms alone act
+        energy.append(float(np.sum(simulation.state.velocity**2)))
+        momentum.append(simulation.state.velocity.sum(axis=0))
+        stay(simulation, simulation.dt)
+    assert all(np.diff(energy) < 0.0) and energy[-1] < 0.8 * energy[0]
+    np.testing.assert_allclose(momentum, np.broadcast_to(momentum[0], np.shape(momentum)), atol=1e-5)
+    hasty = approaching(scheme, gap=0.1, speed=(4.0, -4.0), arms=0.2, give=0.02, mass=(80.0, 80.0))
+    stay(hasty, hasty.dt)
+    assert 0.0 < -np.diff(hasty.state.velocity[:, 0])[0] < 6.0
+
+
+@looped("scheme", DRIVEN)
+@pytest.mark.parametrize(
+    "gap, speed", [(0.4, (0.05, -0.05)), (0.1, (-0.2, 0.2)), (-0.002, (0.0, 0.0))], ids=["beyond", "apart", "touching"]
+)
+def test_arms_do_nothing_beyond_their_reach_nor_to_who_moves_apart_or_rests_at_a_trunk(scheme, gap, speed):
+    ways = []
+    for arms in (0.0, 0.2):
+        simulation = approaching(scheme, gap, speed=speed, arms=arms)
+        stay(simulation, 0.5)
+        ways.append(simulation.state.position.tobytes() + simulation.state.velocity.tobytes())
+    assert ways[0] == ways[1]
+
+
+@looped("scheme", DRIVEN)
+def test_arms_are_of_two_who_stand(scheme):
+    """Who walks into a standing pedestrian does so as without arms, up to the touch."""
+    ways = []
+    for arms in (0.0, 0.2):
+        simulation = standing([(-0.6, 0.0), (0.0, 0.0)], scheme=ALONE.get(scheme, scheme), balance=Balance(arms=arms))
+        stay(simulation, 0.8, command=np.array([0.5, 0.0]))
+        assert -0.48 < simulation.state.position[0, 0] < -0.3
+        ways.append(simulation.state.position.tobytes())
+    assert ways[0] == ways[1]
 
 
 def crowd(threads=1, scheme="nsm2", people=12, rows=6):
@@ -280,6 +371,8 @@ def test_what_cannot_be_balanced_is_refused():
         place(balance="leaning")
     with pytest.raises(ValueError, match="base"):
         Balance(base=0.0)
+    with pytest.raises(ValueError, match="arms"):
+        Balance(arms=-0.1)
     with pytest.raises(ValueError, match=r"have one balance, not none in .*, stepping in"):
         CrowdEnv([place(), place(balance="stepping")], num_envs=2)
     with pytest.raises(ValueError, match="have no feet here"):

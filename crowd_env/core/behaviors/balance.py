@@ -9,11 +9,17 @@ c' = -k sqrt(g / h) (c - q), so the body comes upright over the middle of its fe
 time, the foot further from c is lifted; until it lands, a swing later, the other foot alone carries.  It lands at c, at most a
 step away from the other.  Then the feet are apart, and bear more in that direction.
 
+    F = m_e w^2 / l                        between two standing people within reach of arms, while they close at w > 0
+
+m_e is the reduced mass of the two.  So w falls by 1/e on every l of the way that the gap closes, in a trunk contact too: arms
+only brake: they push nobody at rest, and give nothing back.  Nothing like it was recorded; the form is ours, chosen because
+forces that grow as w, or with the depth, fit worse (docs/validation.md).
+
 Pendulum and capture point: Hof, Gazendam, Sinke 2005 (J Biomech 38:1), Koolen et al. 2012 (Int J Robotics Research 31:1094),
 both unchecked.  Two feet, with the body upright over their middle after a step, are ours; so is one radius b in all directions.
 
 Walking pedestrians use the driving force instead, since their feet follow at every step.  No pedestrian falls; feet ignore
-walls and each other.  The numbers are fitted on one recorded push, under `nsm2` (docs/validation.md).
+walls and each other, arms ignore walls.  The numbers are fitted on one recorded push (docs/validation.md).
 """
 
 from dataclasses import dataclass
@@ -48,14 +54,13 @@ class Balance(Behavior):
 
     height: Positive = 1.0
     """m, ``h``, of the center of mass; about 0.55 of an adult's."""
-    base: Positive = 0.215
-    """m, ``b``: how far from the line between the feet the center of pressure can be; half a foot is 0.12, the rest is the
-    stance.  Fitted."""
-    gain: Positive = 0.2
+    base: Positive = 0.114
+    """m, ``b``: how far from the line between the feet the center of pressure can be; half a foot is 0.12.  Fitted."""
+    gain: Positive = 0.155
     """``k``, by which the center of pressure is ahead of the capture point.  Fitted."""
-    reaction: NotNegative = 0.11
+    reaction: NotNegative = 0.064
     """s that the capture point is outside of the support before a foot is lifted.  Fitted."""
-    swing: Positive = 0.35
+    swing: Positive = 0.43
     """s that a foot is in the air.  Fitted."""
     step: Positive = 0.75
     """m, longest step; no step of that push is so long."""
@@ -63,6 +68,10 @@ class Balance(Behavior):
     """share of the weight that the ground can give sideways, friction of shoes on a floor."""
     head: Positive = 1.7
     """times as far as the center of mass a leaning body moves its head: 1.7 m over 1 m."""
+    arms: NotNegative = 0.19
+    """m between two bodies from which on arms brake; 0 = never.  Fitted."""
+    give: Positive = 0.0255
+    """m, ``l``, by which arms give while the closing speed falls by 1/e.  Fitted."""
     walks_from: NotNegative = 0.1
     """m/s: a pedestrian with a larger desired speed walks, and does not stand."""
 
@@ -71,6 +80,7 @@ class Balance(Behavior):
     NEEDS = "drives"
     LACKS = "has no force of the ground, so pedestrians cannot keep their balance"
     MEMORY = Feet
+    USES = ("desired_velocity", "force")
     RECORDED = ("feet",)
 
     def __post_init__(self) -> None:

@@ -36,7 +36,7 @@ class Partition(NamedTuple):
     desired_until: Annotated[Floats, "E"]  # s    until then each step computes desired velocities
     people_inside: Annotated[Ints, "E"]
     smallest_radius: Annotated[Floats, "E"]  # m
-    has_regular_force: Annotated[Bools, "E"]  # external or social forces act
+    has_regular_force: Annotated[Bools, "E"]  # external forces or forces at a distance act
     slot_start: Annotated[Ints, "L"]  # people of each slab
     slot_stop: Annotated[Ints, "L"]
     rank_start: Annotated[Ints, "L"]  # their range in the list of people inside

@@ -18,10 +18,9 @@ from crowd_env.physics.dem_lanes.buffers import (
 )
 from crowd_env.physics.dem_lanes.gather import cut_neighbor_list, list_active_by_slab
 from crowd_env.physics.dem_lanes.partition import DEEPEST, FASTEST, OUTSIDE, OVERLAP, OVERLAPS, SLABS, TOO_FAR
-from crowd_env.physics.driving_force import Influences, desired_velocity
+from crowd_env.physics.driving_force import Influences, add_forces_at_distance, desired_velocity
 from crowd_env.physics.exits import mark_crossing
 from crowd_env.physics.neighbors.update import OK, TOO_FAST, update_neighbors
-from crowd_env.physics.social_force import SocialParams, add_social_forces
 from crowd_env.physics.steering import begin_look_up, follow_rules, is_decision_due, is_look_up_due, update_steering
 from crowd_env.physics.walking.around import look_around
 from crowd_env.physics.workspace import Batch
@@ -96,7 +95,7 @@ def _prepare_decision(e: int, batch: Batch, dt: float) -> None:
 
 @inner_kernel
 def regular_forces(e: int, row: int, batch: Batch, dt: float, acting: Influences) -> None:
-    """Bring the desired velocities of one slab up to date, and the sum of external and social forces where there are any.
+    """Bring the desired velocities of one slab up to date, and the sum of external forces and forces at a distance.
 
     The driving force needs no array: `integrate_velocity` forms it from the desired velocity.
     """
@@ -114,24 +113,24 @@ def regular_forces(e: int, row: int, batch: Batch, dt: float, acting: Influences
         for rank in range(index(rank_start), index(rank_stop)):
             i = inside[rank]
             desired_vx[i], desired_vy[i] = desired_velocity(i, time, batch, acting)
-    _add_social_forces(e, row, batch, acting.social)
+    if acting.reach > 0.0:
+        _add_forces_at_distance(e, row, batch, dt, acting)
 
 
 @inner_kernel
-def _add_social_forces(e: int, row: int, batch: Batch, social: SocialParams | None) -> None:
-    if social is not None:
-        soa, partition, active = batch.workspace.soa, batch.workspace.partition, batch.state.active
-        begin, end, rank_stop = partition.slot_start[row], partition.slot_stop[row], partition.rank_stop[row]
-        force, external = batch.history.force, batch.control.external_force
-        regular_fx, regular_fy = soa.regular_fx, soa.regular_fy
-        interleave(begin, end, active, soa.x, soa.y, batch.state.position)
-        interleave(begin, end, active, soa.desired_vx, soa.desired_vy, batch.workspace.desired_velocity)
-        for i in range(index(begin), index(end)):
-            force[i, 0], force[i, 1] = external[i, 0], external[i, 1]
-        add_social_forces(e, rank_stop, batch, social)
-        for i in range(index(begin), index(end)):
-            if active[i]:
-                regular_fx[i], regular_fy[i] = force[i, 0], force[i, 1]
+def _add_forces_at_distance(e: int, row: int, batch: Batch, dt: float, acting: Influences) -> None:
+    soa, partition, active = batch.workspace.soa, batch.workspace.partition, batch.state.active
+    begin, end, rank_stop = partition.slot_start[row], partition.slot_stop[row], partition.rank_stop[row]
+    force, external = batch.history.force, batch.control.external_force
+    regular_fx, regular_fy = soa.regular_fx, soa.regular_fy
+    interleave(begin, end, active, soa.x, soa.y, batch.state.position)
+    interleave(begin, end, active, soa.desired_vx, soa.desired_vy, batch.workspace.desired_velocity)
+    for i in range(index(begin), index(end)):
+        force[i, 0], force[i, 1] = external[i, 0], external[i, 1]
+    add_forces_at_distance(e, rank_stop, batch, dt, acting)
+    for i in range(index(begin), index(end)):
+        if active[i]:
+            regular_fx[i], regular_fy[i] = force[i, 0], force[i, 1]
 
 
 # ----------------------------------------------------------------------------------------------------- motion and bounds

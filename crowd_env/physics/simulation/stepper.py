@@ -10,6 +10,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Bodies, CrowdState
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.core.kernels.threads import Workers
+from crowd_env.physics.driving_force import influences
 from crowd_env.physics.neighbors.update import DIVERGED, FULL, OK, TOO_FAST
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.spatial_order import SortedCrowd
@@ -45,7 +46,8 @@ class Stepper:
     ) -> None:
         self._scheme, self._in_slots, self._order, self._uses, self._desire = scheme, batch, order, uses, desire
         self.batch: StructRef = struct_ref(batch if order is None else order.batch)
-        self._parts, self.ranges = _share_out(scheme, batch, threads)
+        reach = influences(scheme.social, self.batch, desire).reach
+        self._parts, self.ranges = _share_out(scheme, batch, reach, threads)
         # With spatial order or a crowd shared by threads, results are in slot order only after all threads have ended.
         self._looks_later = order is not None or self._parts[0][3] > 1
         self._workers = Workers()
@@ -99,7 +101,7 @@ class Stepper:
 
 
 def _share_out(
-    scheme: ContactScheme, batch: Batch, threads: int
+    scheme: ContactScheme, batch: Batch, reach: float, threads: int
 ) -> tuple[list[tuple[int, int, int, int]], list[tuple[int, int]]]:
     """Return the work of each thread (its environments, its number, the threads that share them), and the ranges.
 
@@ -109,7 +111,7 @@ def _share_out(
     count, largest = len(batch.state.time), int(np.diff(batch.bodies.env_start).max())
     edges = np.linspace(0, count, min(threads, count) + 1).astype(int).tolist()
     ranges = list(itertools.pairwise(edges))
-    if threads > 1 and scheme.slabs(largest, batch.control.driving) > 1:
+    if threads > 1 and scheme.slabs(largest, reach) > 1:
         return [(0, count, thread, threads) for thread in range(threads)], ranges
     return [(first, stop, 0, 1) for first, stop in ranges], ranges
 

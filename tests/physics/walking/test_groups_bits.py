@@ -60,7 +60,7 @@ def test_a_large_crowd_of_groups_that_threads_share():
     for threads in (1, 2, 3):
         group = in_threes(4200)
         simulation = before_a_door(4200, KEEPS, scheme="dem", threads=threads, group=group, pulls=PULLS)
-        assert simulation.scheme.slabs(4200, driving=True) == SLABS
+        assert simulation.scheme.slabs(4200, reach=0.0) == SLABS
         simulation.advance(n_substeps=60)
         found.add(moves(simulation))
     assert len(found) == 1

@@ -49,7 +49,7 @@ def test_a_large_crowd_that_threads_share():
     found = set()
     for threads in (1, 2, 3):
         simulation = before_a_door(4200, KEEPS, scheme="dem", threads=threads, waited=2.0)
-        assert simulation.scheme.slabs(4200, driving=True) == SLABS == count_slabs(4200)
+        assert simulation.scheme.slabs(4200, reach=0.0) == SLABS == count_slabs(4200)
         for _ in range(2):
             simulation.advance(n_substeps=35)
         found.add(moves(simulation))

@@ -49,7 +49,7 @@ def recorded_heads():
     """Return heads (K, 5) that go evenly to where recorded ones did, one after the other, and from there to the last place."""
     time = 0.01 * np.arange(1, 301)
     begin = np.array(OPEN.place) / row.FRONT
-    there = np.clip((time[:, None] - begin) / 0.8, 0.0, 1.0) * row.FURTHEST
+    there = np.clip((time[:, None] - begin) / 0.7, 0.0, 1.0) * row.FURTHEST
     back = np.clip((time[:, None] - begin - 1.0) / 1.0, 0.0, 1.0) * (np.array(row.FURTHEST) - row.LAST)
     return there - back
 
@@ -66,11 +66,21 @@ def test_heads_are_as_recorded_within_the_bounds_and_no_further():
         last[-1, 4] = row.LAST[4] - off
         assert row.as_recorded(last, OPEN.place) == good
     assert not row.as_recorded(heads * [1, 1, 1, 1, 0.0], OPEN.place)  # not reached
+    jerk = heads.copy()
+    jerk[20:40, 0] += 0.05  # 5 cm at once
+    assert row.fastest(jerk)[0] > 1.4 * row.FASTEST[0] and not row.as_recorded(jerk, OPEN.place)
     slow = np.repeat(heads[:100], 3, axis=0)
     slow[-1] = row.LAST
     assert not row.as_recorded(slow, OPEN.place)
     # The recorded front is 2.4 to 2.5 m/s by the readme of the recording; the row ends 1.44 m on.
     assert 2.4 < row.FRONT < 2.5
+
+
+def test_the_speed_of_a_head_is_the_greatest_one_forward_as_a_camera_of_25_frames_sees_it():
+    time, size = 0.01 * np.arange(1, 301), np.array([0.1, 0.2, 0.3, 0.4, 0.5])
+    sways = size * np.sin(2.0 * np.pi * time[:, None] / 1.5)
+    np.testing.assert_allclose(row.fastest(sways), size * 2.0 * np.pi / 1.5, rtol=0.01)
+    assert row.fastest(-np.abs(waves(0.0))).max() == 0.0
 
 
 def test_rows_that_hardly_differ_have_room_and_nearly_the_same_push():
