@@ -63,6 +63,7 @@ class MixedEnv(CrowdEnv):
     """
 
     learned: Bools
+    _kept = (*CrowdEnv._kept, "learned", "_rng", "_seen")
 
     def __init__(
         self,
@@ -76,6 +77,8 @@ class MixedEnv(CrowdEnv):
         super().__init__(scenario, **arguments)
         self.share, self.others, self.learned = share, others, np.ones(self.num_people, dtype=np.bool_)
         self._rng = np.random.default_rng(0)  # for actions that the others draw
+        self._seeds: Sequence[int | None] | None = None
+        self._seen = np.zeros((self.num_people, self.layout.size), dtype=np.float32)
         if others is not None:
             self._kind = make_action(arguments_of(others.env_options).get("action", "continuous"))
             if self._kind.frame != "path" or self._kind.routes is not None:

@@ -13,6 +13,7 @@ from crowd_env.core.checks import array, known, whole
 from crowd_env.envs.arguments import NUMBERS, check_options, reset_mask
 from crowd_env.envs.crowd import CrowdEnv, Reset
 from crowd_env.envs.metrics import EpisodeMetrics
+from crowd_env.envs.restorable import Restorable
 
 Row: TypeAlias = tuple[np.ndarray, float, bool, bool, dict[str, Any]]
 """What a step of one environment returns: observation, reward, terminated, truncated and info."""
@@ -35,6 +36,10 @@ class Batch(Protocol):
 
     env: CrowdEnv
     layout: Any  # where the columns of an observation are
+
+    @property
+    def made_by(self) -> dict[str, Any]:
+        """What a batch must have in common with this one to take up its checkpoints, beside that of ``env``."""
 
     @property
     def duration(self) -> float:
@@ -64,7 +69,7 @@ def frame_rate(duration: float) -> float:
     return round(rate) if abs(rate - round(rate)) < 1e-9 * rate else rate
 
 
-class SingleEnv(gymnasium.Env):
+class SingleEnv(Restorable, gymnasium.Env):
     """One environment of a `Batch`.
 
     Parameters
@@ -83,6 +88,7 @@ class SingleEnv(gymnasium.Env):
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
+    _kept = ("_np_random", "_np_random_seed")
 
     def __init__(self, batch: Batch, render_mode: str | None = None) -> None:
         if render_mode not in (None, "rgb_array"):
@@ -105,7 +111,9 @@ class SingleEnv(gymnasium.Env):
         super().reset(seed=seed)
         # Without a seed the episode follows from Gymnasium's own generator, so that one seed fixes a whole series.
         draw = int(self.np_random.integers(2**31)) if seed is None else seed
-        return self.batch.reset([draw])[0], _first(self.batch.info_at_reset())
+        observation = self.batch.reset([draw])[0]
+        self._agree()
+        return observation, _first(self.batch.info_at_reset())
 
     def step(self, action: Any) -> Row:
         """Advance by one step.
@@ -115,7 +123,11 @@ class SingleEnv(gymnasium.Env):
         ValueError
             If the action is not one of the action space, or before the first `reset`.
         """
+        self._check_whole()
         return self._row(self.batch.step(array("the action", action, self.action_space.shape or (), NUMBERS)[None]))
+
+    def _made_by(self) -> dict[str, Any]:
+        return {**super()._made_by(), **self.batch.made_by}
 
     def _row(self, made: BatchStep) -> Row:
         info = _first(made.info)
@@ -144,7 +156,7 @@ def _first(values: Mapping[str, Any]) -> dict[str, Any]:
     return row
 
 
-class BatchVectorEnv(VectorEnv):
+class BatchVectorEnv(Restorable, VectorEnv):
     """The E environments of a `Batch`, with the infos of `gymnasium.vector.SyncVectorEnv` around E single ones.
 
     Every entry of an info is an array (E, ...), or a dictionary of such, and has a mask ``_<name>`` (E,) bool of the
@@ -179,6 +191,7 @@ class BatchVectorEnv(VectorEnv):
     """
 
     metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
+    _kept = ("_begun", "_ended", "_last", "_np_random_seed")
 
     def __init__(
         self,
@@ -228,6 +241,7 @@ class BatchVectorEnv(VectorEnv):
         if mask is None:
             mask = np.ones(self.num_envs, dtype=np.bool_)
             observation = self.batch.reset(seed)
+            self._agree()
         elif not self._begun:
             raise ValueError("reset all environments before some of them")
         else:
@@ -250,6 +264,7 @@ class BatchVectorEnv(VectorEnv):
         """
         if not self._begun:
             raise ValueError("call reset before the first step")
+        self._check_whole()
         if self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any():
             e = int(np.argmax(self._ended))
             raise ValueError(f"environment {e} has ended; reset it first: reset(options={{'reset_mask': mask}})")
@@ -271,6 +286,9 @@ class BatchVectorEnv(VectorEnv):
             self._ended = over
         self._last[:] = observation
         return observation, made.reward, made.terminated, made.truncated, info
+
+    def _made_by(self) -> dict[str, Any]:
+        return {**super()._made_by(), **self.batch.made_by, "autoreset_mode": self.autoreset_mode.value}
 
 
 def about(values: Mapping[str, Any], rows: Bools) -> dict[str, Any]:

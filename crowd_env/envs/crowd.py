@@ -1,7 +1,7 @@
 """CrowdEnv: a batch of evacuations over arrays; the only module where learning meets physics."""
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, Literal, NamedTuple, TypeAlias, cast
@@ -23,22 +23,18 @@ from crowd_env.envs.arguments import (
     seed_words,
     settle,
 )
-from crowd_env.envs.episode import EnvCheckpoint, init_transition, metrics_of, update_episode
+from crowd_env.envs.episode import init_transition, metrics_of, update_episode
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout, make_layout
 from crowd_env.envs.observation.observer import Observer
+from crowd_env.envs.restorable import Restorable
 from crowd_env.envs.reward import RewardFunction, RewardWeights, make_weights
 from crowd_env.envs.route_choice import fit_to_ways, make_route_choice, take_routes
 from crowd_env.envs.settings import AsRouting, Routing, answers_unknown, physics_step
 from crowd_env.physics.scheme import DECISION_DT
 from crowd_env.physics.settings import AsPhysics, AsWalking, Physics, Walking
 from crowd_env.physics.simulation.arguments import check_step
-from crowd_env.physics.simulation.checkpoint import (
-    copy_arrays,
-    require_checkpoint,
-    require_same,
-    write_arrays,
-)
+from crowd_env.physics.simulation.checkpoint import copy_arrays, write_arrays
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.scenarios.cohorts import extreme_bodies
 
@@ -56,7 +52,7 @@ class Step(NamedTuple):
     info: dict[str, Any]  #: ``reward/<name>`` (P,), ``finished`` (E,), ``diagnostics``; see `CrowdEnv`
 
 
-class CrowdEnv:
+class CrowdEnv(Restorable):
     """A batch of evacuations.
 
     Observation
@@ -114,6 +110,8 @@ class CrowdEnv:
 
     decides: Literal["walking"] = "walking"
     learned: Bools | bool = True  # (P,)  pedestrians that actions move; a subclass may move others itself
+    _behind = "simulation"
+    _kept: Collection[str] = ("_generators", "_started", "_interrupted")
 
     @answers_unknown()
     def __init__(
@@ -185,9 +183,15 @@ class CrowdEnv:
         self._transition = init_transition(self.simulation, self.observer.view.potential, time_limits, blocked_after)
         self._reward = RewardFunction(self.reward_weights, slots)
         limits = {"time_limit": sorted({*time_limits.tolist()}), "blocked_after": sorted({*blocked_after.tolist()})}
-        self._made_by = {"decision_dt": decision_dt, "frame": self.action_kind.frame, "dwell": dwell, **limits}
+        decides = {"decision_dt": decision_dt, "frame": self.action_kind.frame, "dwell": dwell, **limits}
+        pays = {getattr(term, "name", term): weight for term, weight in self.reward_weights.weights.items()}
+        self._decides = {
+            **decides,
+            "acts_on": walks.acts_on,
+            "reward": pays,
+            "team_share": self.reward_weights.team_share,
+        }
         self._started = False
-        self._times_restored = 0
         self._interrupted = False  # a step began and did not end: Ctrl-C, or a crowd that diverged
 
     @property
@@ -243,7 +247,8 @@ class CrowdEnv:
         fresh = chosen[self.env_of_person]
         transition.travel_time_before[fresh] = transition.travel_time_after[fresh]
         if chosen.all():
-            self._times_restored, self._interrupted = self.simulation.times_restored, False
+            self._agree()
+            self._interrupted = False
         return observation, {}
 
     def step(self, action: ArrayLike | None = None, scripted: ArrayLike | None = None) -> Step:
@@ -262,8 +267,7 @@ class CrowdEnv:
         if not self._started:
             raise ValueError("call reset before the first step")
         simulation, state = self.simulation, self.simulation.state
-        if simulation.times_restored != self._times_restored:
-            raise ValueError("the simulation alone was restored, the environment was not; restore or reset that")
+        self._check_whole()
         command, relative, gives_way = self._command(action, scripted)
         transition = self._transition.fields
         if not self._interrupted:  # else this step continues the interrupted one, after some exits
@@ -307,42 +311,17 @@ class CrowdEnv:
         simulation.state.time[e] += steps * self.decision_dt
         step.impulse[people] += steps * simulation.results.impulse_magnitude[people]
 
-    def checkpoint(self) -> EnvCheckpoint:
-        """Return a copy of all that the future depends on, to `restore` here, or in an environment made like this one.
+    def _made_by(self) -> dict[str, Any]:
+        return {**super()._made_by(), **self._decides}
 
-        The last observation is not included: callers that need it keep it beside the checkpoint.
-        """
-        return EnvCheckpoint(
-            self._made_by,
-            self.simulation.checkpoint(),
-            copy_arrays(self._transition.fields),
-            self._choice.chosen_at.copy(),
-            self.observer.view.reached.copy(),
-            tuple(copy.deepcopy(rng.bit_generator.state) for rng in self._generators),
-            self._started,
-            self._interrupted,
-        )
+    def _keep(self) -> dict[str, Any]:
+        in_place = self._transition.fields, self._choice.chosen_at, self.observer.view.reached
+        return {**super()._keep(), "step": copy_arrays(in_place[0]), "chosen_at": in_place[1], "reached": in_place[2]}
 
-    def restore(self, checkpoint: EnvCheckpoint) -> None:
-        """Restore a checkpoint: the same actions, and resets without a seed, lead to the same results bit by bit.
-
-        Raises
-        ------
-        TypeError
-            If it is no checkpoint of an environment.
-        ValueError
-            If the checkpoint is of an environment of other people, places, scheme, steps, limits, frame or dwell.
-        """
-        require_checkpoint(checkpoint, EnvCheckpoint, "an environment")
-        require_same(self._made_by, checkpoint.made_by, "environment")
-        self.simulation.restore(checkpoint.simulation)
-        write_arrays(self._transition, checkpoint.step)
-        self._choice.chosen_at[:] = checkpoint.chosen_at
-        self.observer.view.reached[:] = checkpoint.reached
-        for rng, state in zip(self._generators, checkpoint.generators, strict=True):
-            rng.bit_generator.state = copy.deepcopy(state)
-        self._started, self._interrupted = checkpoint.started, checkpoint.interrupted
-        self._times_restored = self.simulation.times_restored
+    def _take_back(self, kept: Mapping[str, Any]) -> None:
+        write_arrays(self._transition, kept["step"])
+        self._choice.chosen_at[:], self.observer.view.reached[:] = kept["chosen_at"], kept["reached"]
+        super()._take_back({name: kept[name] for name in self._kept})
 
     def _restart(self, chosen: list[int]) -> None:
         """Begin new episodes in ``chosen`` environments, each with a crowd that its own generator draws."""

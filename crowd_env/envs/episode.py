@@ -1,6 +1,6 @@
 """The outcome of a decision step, compiled: exits of pedestrians, and ends of episodes."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,21 +11,7 @@ from crowd_env.envs.metrics import EpisodeMetrics, summarise_exits
 from crowd_env.envs.reward import Transition
 
 if TYPE_CHECKING:  # no part of what kernels are made of
-    from crowd_env.physics.simulation.checkpoint import Arrays, Checkpoint
     from crowd_env.physics.simulation.simulation import Simulation
-
-
-class EnvCheckpoint(NamedTuple):
-    """A moment of a `CrowdEnv`; made by `CrowdEnv.checkpoint`, taken up by `CrowdEnv.restore`.  It can be pickled."""
-
-    made_by: dict[str, Any]  # properties that must equal those of the environment to restore
-    simulation: "Checkpoint"
-    step: "Arrays"  # of the `Transition`
-    chosen_at: Floats  # of the `RouteChoice`
-    reached: Floats  # of the `View`
-    generators: tuple[Any, ...]  # states
-    started: bool
-    interrupted: bool
 
 
 def init_transition(

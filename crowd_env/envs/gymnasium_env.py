@@ -5,7 +5,7 @@ For one agent per pedestrian see `crowd_env.envs.parallel` (PettingZoo) and `cro
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, Unpack
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
@@ -36,6 +36,8 @@ class CrowdBatch:
             raise ValueError("a Gymnasium batch needs the same number of people in every scenario; CrowdEnv does not")
         self.observation_space = batch_space(self.env.single_observation_space, int(sizes[0]))
         self.action_space = batch_space(self.env.single_action_space, int(sizes[0]))
+
+    made_by: ClassVar[dict[str, Any]] = {}
 
     @property
     def duration(self) -> float:
@@ -131,6 +133,7 @@ class CrowdGymEnv(SingleEnv):
         ValueError
             If the action is malformed or not finite, or before the first `reset`.
         """
+        self._check_whole()
         return self._row(self.batch.step(None)) if action is None else super().step(action)
 
 

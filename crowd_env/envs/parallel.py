@@ -8,7 +8,8 @@ from typing import Any, Unpack
 import gymnasium
 import numpy as np
 from pettingzoo import ParallelEnv
-from pettingzoo.utils.conversions import parallel_to_aec
+from pettingzoo.utils.conversions import parallel_to_aec_wrapper
+from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import array, refuse, whole
@@ -16,12 +17,13 @@ from crowd_env.envs.arguments import NUMBERS, Place, check_options
 from crowd_env.envs.controlled import frame_rate
 from crowd_env.envs.crowd import CrowdEnv, require_same_spaces
 from crowd_env.envs.global_state import StateLayout, StateReader
+from crowd_env.envs.restorable import Restorable
 from crowd_env.envs.settings import EnvArguments, answers_unknown
 
 RENDER_MODES = ("rgb_array", "human")
 
 
-class CrowdParallelEnv(ParallelEnv):
+class CrowdParallelEnv(Restorable, ParallelEnv):
     """One evacuation; every pedestrian is an agent, ``pedestrian_0`` to ``pedestrian_{N-1}``.
 
     Observation, action and reward of an agent are the rows of `CrowdEnv`.  An action of None, or none at all for an agent,
@@ -62,6 +64,7 @@ class CrowdParallelEnv(ParallelEnv):
     """
 
     metadata = {"name": "crowd_env", "render_modes": list(RENDER_MODES), "render_fps": 10, "is_parallelizable": True}
+    _kept = ("agents", "_slots", "_begun", "_cycles")
 
     @answers_unknown(like=CrowdEnv)
     def __init__(
@@ -144,6 +147,7 @@ class CrowdParallelEnv(ParallelEnv):
             self._enter(env)
         observation, _ = self.env.reset(None if seed is None else [seed])
         self._begun = True
+        self._agree()
         self.agents, self._slots = self.possible_agents[: self.env.num_people], slice(None)
         if self.render_mode == "human":
             self.render()
@@ -160,6 +164,7 @@ class CrowdParallelEnv(ParallelEnv):
             If an action is malformed or not finite or belongs to an unknown agent, or before the first `reset`.
         """
         self._check_begun("the first step")
+        self._check_whole()
         action, scripted = self._gather(actions)
         if not self.agents:
             return {}, {}, {}, {}, {}
@@ -269,7 +274,33 @@ def _stacked(actions: list[Any], shape: tuple[int, ...]) -> np.ndarray | None:
 parallel_env = raw_env = CrowdParallelEnv
 
 
+class _Changing(Restorable):
+    """What a wrapper of PettingZoo keeps: all of it but the environment inside."""
+
+    @property
+    def _kept(self) -> list[str]:  # type: ignore[override]
+        return [name for name in vars(self) if name != self._behind]
+
+
+class _InTurn(_Changing, parallel_to_aec_wrapper):
+    """A `CrowdParallelEnv` whose agents act in turn."""
+
+    def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> None:
+        """Start an evacuation."""
+        super().reset(seed, options)
+        self._agree()
+
+    def step(self, action: Any) -> None:
+        """Take the action of the agent whose turn it is."""
+        self._check_whole()
+        super().step(action)
+
+
+class CrowdAECEnv(_Changing, OrderEnforcingWrapper):
+    """A `CrowdParallelEnv` as a PettingZoo AEC environment: agents act in turn, then physics moves."""
+
+
 @answers_unknown(like=CrowdParallelEnv)
 def env(scenario: Place = "room-v0", **arguments: Any) -> Any:
     """Return a `CrowdParallelEnv` as a PettingZoo AEC environment: agents act in turn, then physics moves."""
-    return parallel_to_aec(CrowdParallelEnv(scenario, **arguments))
+    return CrowdAECEnv(_InTurn(CrowdParallelEnv(scenario, **arguments)))

@@ -5,9 +5,8 @@ moves by a thousandth of the deck.  The deck acts on the crowd through the step 
 walking, by `crowd_env.envs.footbridge.gait`.  Under ``off`` and ``pendulum`` no bit of the crowd changes.
 """
 
-import copy
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from crowd_env.envs.footbridge.deck import Deck, State, order_parameter
 from crowd_env.envs.footbridge.gait import stride_rate, walking_speed
 from crowd_env.envs.footbridge.pendulum import Pendulum, advance_pendulum, start_walking
 from crowd_env.envs.footbridge.synchrony import Synchrony, advance_synchrony
-from crowd_env.physics.simulation.checkpoint import Checkpoint
+from crowd_env.envs.restorable import Restorable
 from crowd_env.physics.simulation.simulation import Simulation
 
 # Name -> how walkers and deck act on each other, with the numbers of its file.
@@ -29,7 +28,7 @@ _STABLE = 2.0  # times the step: a rate above 2.8 over it grows without limit
 _CALL = 0.4  # s, of one call at most: a longer one could not resolve the rate of a phase
 
 
-class Footbridge:
+class Footbridge(Restorable):
     """One crowd on one deck; the x axis runs along the deck from its first support.
 
     Parameters
@@ -45,6 +44,9 @@ class Footbridge:
         If the simulation holds several environments, the coupling is unknown, or deck or pendulums move too fast for steps.
     """
 
+    _behind = "simulation"
+    _kept = ("omega", "_state", "_pace", "_walkers")
+
     def __init__(
         self,
         simulation: Simulation,
@@ -58,7 +60,7 @@ class Footbridge:
         self.simulation, self.coupling = simulation, coupling_of(coupling)
         coupling, self.deck = self.coupling, Deck() if deck is None else deck
         _check_rates(self.deck, coupling)
-        self._times_restored = simulation.times_restored
+        self._agree()
         self.omega = stride_rate(simulation.bodies.desired_speed)
         rng = np.random.default_rng(seed)
         zero, people = np.zeros(()), len(self.omega)
@@ -103,15 +105,8 @@ class Footbridge:
         """R of the pedestrians on the deck."""
         return float(order_parameter(self.walkers_phase, self.psi > 0.0))
 
-    def checkpoint(self) -> "BridgeCheckpoint":
-        """Return all that the future of crowd and deck depends on; it can be pickled."""
-        return BridgeCheckpoint(self.simulation.checkpoint(), *copy.deepcopy((self._state, self._pace, self._walkers)))
-
-    def restore(self, checkpoint: "BridgeCheckpoint") -> None:
-        """Go back to a checkpoint of this footbridge."""
-        self.simulation.restore(checkpoint.crowd)
-        self._state, self._pace, self._walkers = copy.deepcopy(tuple(checkpoint)[1:])
-        self._times_restored = self.simulation.times_restored
+    def _made_by(self) -> dict[str, Any]:
+        return {**super()._made_by(), "coupling": self.coupling, "deck": self.deck}
 
     def advance(self, command: Floats | None = None, *, n_substeps: int = 10, world: bool = False) -> None:
         """Advance crowd and deck by ``n_substeps`` physics steps.
@@ -130,10 +125,7 @@ class Footbridge:
             If the motion of the deck is not finite any more.
         """
         n_substeps = whole("n_substeps", n_substeps)
-        if self.simulation.times_restored != self._times_restored:
-            raise ValueError(
-                "the simulation under this footbridge was restored; restore the footbridge, which takes both back"
-            )
+        self._check_whole()
         duration, people = n_substeps * self.simulation.dt, len(self.omega)
         divides = not isinstance(self.coupling, Pendulum) or abs(duration / _PENDULUM % 1.0 - 0.5) > 0.5 - 1e-6
         if duration > _CALL or not divides:
@@ -161,15 +153,6 @@ class Footbridge:
             raise FloatingPointError(
                 "the motion of the deck is not finite any more; take a heavier or less damped deck"
             )
-
-
-class BridgeCheckpoint(NamedTuple):
-    """A moment of a `Footbridge`."""
-
-    crowd: Checkpoint
-    state: State
-    pace: Floats
-    walkers: Any
 
 
 def coupling_of(coupling: Any) -> Synchrony | Pendulum | None:

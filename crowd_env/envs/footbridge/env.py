@@ -15,6 +15,7 @@ from crowd_env.envs.footbridge.crossing import Footbridge, coupling_of
 from crowd_env.envs.footbridge.pendulum import Pendulum
 from crowd_env.envs.footbridge.synchrony import Synchrony
 from crowd_env.envs.footbridge.walkers import DECK, come_round, crowd
+from crowd_env.envs.restorable import EnvCheckpoint, Restorable
 from crowd_env.envs.settings import answers_unknown
 from crowd_env.envs.terms import Layout
 
@@ -44,7 +45,7 @@ class DeckLayout(Layout):
         return dict(self.WIDTHS)
 
 
-class FootbridgeEnv(gymnasium.Env):
+class FootbridgeEnv(Restorable, gymnasium.Env):
     """A crowd that crosses the north span of the London Millennium Bridge again and again, and a gatekeeper.
 
     It is the task ``footbridge``: the most crossings with the least sway.
@@ -76,6 +77,8 @@ class FootbridgeEnv(gymnasium.Env):
     """
 
     metadata = {"render_modes": []}
+    _behind = "bridge"
+    _kept = ("_np_random", "_np_random_seed")
 
     @answers_unknown()
     def __init__(
@@ -106,6 +109,7 @@ class FootbridgeEnv(gymnasium.Env):
         draw = int(self.np_random.integers(2**31)) if seed is None else seed
         simulation = crowd(self.people, self.scheme, self.dt, draw, before=_APPROACH, region=None)
         self.bridge = Footbridge(simulation, self.coupling, seed=draw)
+        self._agree()
         return self._observe(opened=True), {"amplitude": 0.0}
 
     def step(self, action: Any) -> Row:
@@ -116,8 +120,7 @@ class FootbridgeEnv(gymnasium.Env):
         ValueError
             If the action is neither 0 nor 1, or before the first `reset`.
         """
-        if self.bridge is None:
-            raise ValueError("call reset before the first step")
+        self._check_whole()
         opened, bridge = bool(whole("the action", action, Range(0, 1))), self.bridge
         state, passed, discomfort = bridge.simulation.state, 0, 0.0
         for _ in range(self._calls):
@@ -131,6 +134,20 @@ class FootbridgeEnv(gymnasium.Env):
         info = {"reward/throughput": float(passed), "reward/discomfort": -discomfort, "amplitude": bridge.amplitude}
         over = bool(state.time[0] > self.time_limit - 0.5 * self.dt)
         return self._observe(opened), passed - self.weight * discomfort, False, over, info
+
+    def restore(self, checkpoint: EnvCheckpoint) -> None:
+        """Restore a checkpoint, as `Restorable.restore` does."""
+        if self.bridge is None:
+            self.reset()  # it then has a deck
+        super().restore(checkpoint)
+
+    def _made_by(self) -> dict[str, Any]:
+        return {**super()._made_by(), "interval": self._calls, "weight": self.weight, "time_limit": self.time_limit}
+
+    def _check_whole(self) -> None:
+        if self.bridge is None:
+            raise ValueError("call reset before the first step")
+        super()._check_whole()
 
     def _at_gate(self, x: Floats) -> Bools:
         return (x >= -_GATE) & (x < 0.0)

@@ -105,6 +105,12 @@ class RoutingBatch:
         self._decided = np.zeros(num_envs)  # s  time of the last decision
 
     @property
+    def made_by(self) -> dict[str, Any]:
+        """What decides the future beside the crowds."""
+        pays = {term.name: weight for term, weight in self.weights.items()}
+        return {"interval": self.interval, "routes": self.layout.routes, "doors": self.layout.doors, "reward": pays}
+
+    @property
     def duration(self) -> float:
         """Simulated time of a step [s]: the interval between decisions."""
         return self.interval

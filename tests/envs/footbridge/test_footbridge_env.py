@@ -105,8 +105,8 @@ def test_a_checkpoint_takes_crowd_and_deck_back(coupling):
         bridge.restore(kept)
     for one, other in zip(*runs, strict=True):
         np.testing.assert_array_equal(one, other)
-    bridge.simulation.restore(kept.crowd)
-    with pytest.raises(ValueError, match="was restored; restore the footbridge"):
+    bridge.simulation.restore(kept.behind)
+    with pytest.raises(ValueError, match=r"^the Simulation alone was restored, the Footbridge was not"):
         bridge.advance()
 
 

@@ -184,7 +184,7 @@ def test_whoever_holds_an_array_sees_that_moment():
     assert env.simulation.results.impulse_magnitude is crush
     assert env.simulation.bodies.radius is radius
     env.step(None)
-    assert (saved.simulation.state.position == there).all()  # the checkpoint is a copy
+    assert (saved.behind.state.position == there).all()  # the checkpoint is a copy
 
 
 @pytest.mark.parametrize("name", ["world", "state", "bodies", "results", "history", "workspace"])
@@ -250,7 +250,7 @@ def test_an_environment_does_not_go_on_when_the_simulation_alone_was_restored():
     env.step(None)
     env.simulation.restore(saved)
     with pytest.raises(
-        ValueError, match=r"^the simulation alone was restored, the environment was not; restore or reset"
+        ValueError, match=r"^the Simulation alone was restored, the CrowdEnv was not; restore or reset that$"
     ):
         env.step(None)
     env.restore(whole)

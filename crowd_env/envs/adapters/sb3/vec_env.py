@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import gymnasium
@@ -14,11 +14,12 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvS
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.protocol import WalkingBatch
+from crowd_env.envs.restorable import Restorable
 
 KEPT_EPISODES = 1000  #: metrics of finished environments that are kept until `take_finished` is called
 
 
-class BatchVecEnv(VecEnv):
+class BatchVecEnv(Restorable, VecEnv):
     """The common part of batches for stable-baselines3: the row's return and length, seeds, metrics, attributes.
 
     Parameters
@@ -33,6 +34,7 @@ class BatchVecEnv(VecEnv):
     """
 
     env: WalkingBatch | VectorEnv
+    _kept: Collection[str] = ("finished_episodes", "_return", "_length", "_seeds", "_options")
 
     def __init__(self, env: WalkingBatch | VectorEnv, rows: int) -> None:
         self.env, self.render_mode = env, None
@@ -53,6 +55,7 @@ class BatchVecEnv(VecEnv):
         self._reset_options()
         self._return[:] = 0.0
         self._length[:] = 0
+        self._agree()
         return np.asarray(observation)
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
@@ -62,6 +65,7 @@ class BatchVecEnv(VecEnv):
 
     def step_async(self, actions: np.ndarray) -> None:
         """Keep the actions for `step_wait`."""
+        self._check_whole()
         self._actions = actions
 
     def _close_episodes(
@@ -176,6 +180,7 @@ class CrowdVecEnv(BatchVecEnv):
     """
 
     env: WalkingBatch
+    _kept = (*BatchVecEnv._kept, "acted", "_inside")
 
     def __init__(self, env: WalkingBatch) -> None:
         if not env.autoreset:
