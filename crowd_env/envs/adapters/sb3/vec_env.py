@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections import deque
 from collections.abc import Collection, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -12,6 +12,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.envs.arguments import check_options
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.protocol import WalkingBatch
 from crowd_env.envs.restorable import Restorable
@@ -62,6 +63,11 @@ class BatchVecEnv(Restorable, VecEnv):
         """Fix the draws of the next reset: environment ``e`` of the batch uses (seed, e)."""
         self._seeds = [seed] * self.num_envs
         return self._seeds
+
+    def set_options(self, options: Any = None) -> None:
+        """Raise ValueError if there are options: a reset of a batch takes none."""
+        for one in [options] if isinstance(options, dict) else options or []:
+            check_options(one)
 
     def step_async(self, actions: np.ndarray) -> None:
         """Keep the actions for `step_wait`."""
