@@ -335,5 +335,8 @@ def shorten(command: Floats, controlled: Bools) -> int:
             return i
         if x * x + y * y > 1.0:
             length = np.hypot(x, y)
+            if length == np.inf:  # of components near the largest number
+                x, y = 0.25 * x, 0.25 * y
+                length = np.hypot(x, y)
             command[i, 0], command[i, 1] = x / length, y / length
     return -1

@@ -30,7 +30,7 @@ def scenarios_of(scenario: Any, people: int | None, num_envs: int) -> list[Scena
     Raises
     ------
     ValueError
-        If it is of a wrong type, there is none, or a batch of ``num_envs`` has more people than fit into memory.
+        If it is of a wrong type, there is none or more than environments, or people of ``num_envs`` do not fit into memory.
     """
     if isinstance(scenario, str | Path | Scenario | Mapping):
         scenario = [scenario]
@@ -40,6 +40,9 @@ def scenarios_of(scenario: Any, people: int | None, num_envs: int) -> list[Scena
     scenarios = [make_scenario(one, **options) for one in scenario]
     if not scenarios:
         raise ValueError("no scenario; give at least one")
+    if len(scenarios) > num_envs:
+        unused, rooms = scenarios[num_envs].name, "1 environment" if num_envs == 1 else f"{num_envs} environments"
+        raise ValueError(f"{len(scenarios)} scenarios for {rooms}: {unused} would never be used; give one each at most")
     each = sum(one.population.people for one in scenarios) / len(scenarios)
     if num_envs * each > MOST_PEOPLE_IN_BATCH:
         refuse("num_envs", num_envs, f"at most {int(MOST_PEOPLE_IN_BATCH // each)} with {each:g} people in each")

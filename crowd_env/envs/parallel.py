@@ -46,6 +46,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
     Attributes
     ----------
     possible_agents, agents : names of all pedestrians, and of the pedestrians inside; none before the first `reset`.
+    np_random : generator of the seed of `reset`, for wrappers; the crowd draws from others.
     state_layout, state_space : the meaning of the numbers of `state`, and their bounds.
 
     Raises
@@ -64,7 +65,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
     """
 
     metadata = {"name": "crowd_env", "render_modes": list(RENDER_MODES), "render_fps": 10, "is_parallelizable": True}
-    _kept = ("agents", "_slots", "_begun", "_cycles")
+    _kept = ("agents", "np_random", "_slots", "_begun", "_cycles")
 
     @answers_unknown(like=CrowdEnv)
     def __init__(
@@ -80,6 +81,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
         self._arguments, self._cycles = arguments, max_cycles
         self._enter(CrowdEnv(scenario, **arguments))
         self.render_mode = render_mode
+        self.np_random = np.random.default_rng()
         self.possible_agents = [f"pedestrian_{i}" for i in range(self.env.num_people)]
         self.agents: list[str] = []
         self._slots: Ints | slice = slice(None)  # of the agents; while these are all, indexing copies nothing
@@ -146,6 +148,8 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
             env.go_on_drawing(self.env)
             self._enter(env)
         observation, _ = self.env.reset(None if seed is None else [seed])
+        if seed is not None:
+            self.np_random = np.random.default_rng(seed)
         self._begun = True
         self._agree()
         self.agents, self._slots = self.possible_agents[: self.env.num_people], slice(None)

@@ -1,7 +1,6 @@
 """Pedestrians put into a frame as discs, one or several each, from small pictures of discs that are kept."""
 
-from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +18,10 @@ _RIM, _RIM_WIDTH = 0.075, (0.8, 3.0)  # of the radius, and px
 _WIDE = 2.0  # times as wide are rims that have a color of their own
 _FOOT = 0.05  # m, radius of the dot of a foot
 _SIZES, _PLACES, _TURNS = 8, 4, 48  # steps of a pixel, and of a full turn, in which pictures of discs are kept
+_MOST = 2**26  # bytes of pictures that are kept
+_ABOUT = 2**10  # bytes of a picture beside its pixels, about
+
+_Picture: TypeAlias = tuple[int, Image, Image | None]
 
 
 class Bodies(NamedTuple):
@@ -131,15 +134,14 @@ def put_discs(
     inner, outer = ([tuple(one) for one in paint.tolist()] for paint in (color, around))
     columns = (column.tolist() for column in (place // _PLACES, place % _PLACES, size, sharp, turn))
     for fill, ink, (x, y), part, width, line, way in zip(inner, outer, *columns, strict=True):
-        half, cover, lines = _disc(width, line, part[0], part[1], way)
+        half, cover, lines = _PICTURES[width, line, part[0], part[1], way]
         if -half <= x <= image.width + half and -half <= y <= image.height + half:
             image.paste(fill, (x - half, y - half), cover)
             if lines is not None:
                 image.paste(ink, (x - half, y - half), lines)
 
 
-@lru_cache(maxsize=30_000)
-def _disc(size: int, line: int, x: int, y: int, turn: int) -> tuple[int, Image, Image | None]:
+def _disc(size: int, line: int, x: int, y: int, turn: int) -> _Picture:
     """Return half the width of the picture of a disc [px], what the disc covers, and what its rim and its tick do."""
     import PIL.Image
     import PIL.ImageDraw
@@ -162,3 +164,22 @@ def _disc(size: int, line: int, x: int, y: int, turn: int) -> tuple[int, Image, 
         return mask.reduce(fine)
 
     return half, covered((radius, 255)), covered((radius, 255), (radius - edge, 0)) if edge else None
+
+
+class _Pictures(dict[tuple[int, int, int, int, int], _Picture]):
+    """Pictures of discs, each drawn when it is first asked for; all are dropped where they take more than `_MOST` bytes."""
+
+    held = 0  # bytes
+
+    def __missing__(self, key: tuple[int, int, int, int, int]) -> _Picture:
+        half, _, lines = picture = _disc(*key)
+        size = (1 if lines is None else 2) * ((2 * half) ** 2 + _ABOUT)
+        if self.held + size > _MOST:
+            self.clear()
+            self.held = 0
+        self.held += size
+        self[key] = picture
+        return picture
+
+
+_PICTURES = _Pictures()

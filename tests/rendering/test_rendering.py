@@ -13,7 +13,7 @@ from repository import ROOT as CHECKOUT
 from shapely import box
 
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering import FULL_PRESSURE, Renderer, Window
+from crowd_env.rendering import FULL_PRESSURE, Renderer, Window, discs
 from crowd_env.rendering.palette import (
     BACKGROUND,
     EXIT,
@@ -266,3 +266,20 @@ def test_several_exits_have_their_names_beside_them_and_a_single_one_has_none():
         beside = image[top : top + round(2 * renderer.layout.scale), 2 : left - 10]
         frames[names[0]] = (np.abs(beside - EXIT).sum(axis=-1) < 60).any()
     assert frames == {"west": True, "out": False}
+
+
+def test_pictures_of_discs_that_are_kept_hold_no_more_than_they_may(monkeypatch):
+    """Long films of large discs: each size, place and heading is another picture."""
+    monkeypatch.setattr(discs, "_MOST", 400_000)
+    renderer, rng = Renderer(ROOM, width=300), np.random.default_rng(0)
+    low, high = np.array(ROOM.bounds[:2]) + 0.4, np.array(ROOM.bounds[2:]) - 0.4
+    spots, radius, way = rng.uniform(low, high, (200, 2)), rng.uniform(0.15, 0.35, 200), rng.normal(size=(200, 2))
+    most, frames = 0, []
+    for _ in range(2):
+        for k in range(200):
+            frames.append(renderer.frame(spots[k : k + 1], radius[k : k + 1], velocity=way[k : k + 1]))
+            pictures = [one for _, *both in discs._PICTURES.values() for one in both if one is not None]
+            most = max(most, sum(one.width * one.height for one in pictures))
+    assert 100_000 < most <= 400_000
+    for one, again in zip(frames[:200], frames[200:], strict=True):
+        np.testing.assert_array_equal(one, again)

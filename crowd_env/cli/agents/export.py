@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from crowd_env.agents import make_policy
+from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.onnx_graph import metadata_of, to_onnx
 from crowd_env.agents.pretrained import load
 from crowd_env.agents.tasks import make_task
@@ -42,7 +43,8 @@ def main(
             raise ValueError("give one of --onnx FILE and --transitions FILE")
         if transitions is not None:
             check_folder("--transitions", transitions.parent)
-            done = write_runs(transitions, make_policy(network), make_task(task), runs)
+            policy = make_policy("shortest" if network == RULE else network)  # it leaves people to the rule of the task
+            done = write_runs(transitions, policy, make_task(task), runs)
             content = {"file": str(transitions), "bytes": transitions.stat().st_size, "runs": done}
             _say(content, f"{transitions}: {done} runs, {content['bytes']} bytes", as_json)
             return

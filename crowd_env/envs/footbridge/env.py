@@ -69,6 +69,7 @@ class FootbridgeEnv(Restorable, gymnasium.Env):
     interval : s between decisions, a multiple of 0.1 s.
     weight : 1/s, of discomfort: with 0.02 a crossing of 50 s at the limit of the intolerable is worth nothing.
     time_limit : s.
+    render_mode : None: a footbridge is not drawn.
 
     Raises
     ------
@@ -91,7 +92,10 @@ class FootbridgeEnv(Restorable, gymnasium.Env):
         interval: float = 1.0,
         weight: float = 0.02,
         time_limit: float = 400.0,
+        render_mode: None = None,
     ) -> None:
+        if render_mode is not None:
+            raise ValueError(f"unknown render_mode {render_mode!r}; known: None: a footbridge is not drawn")
         self.people, self.coupling, self.scheme = whole("people", people, COUNT), coupling_of(coupling), scheme
         self.bridge: Any = None
         self.dt, self.layout = number("dt", dt, POSITIVE, "s"), DeckLayout()

@@ -188,10 +188,11 @@ class RoutingBatch:
         Raises
         ------
         ValueError
-            If an action is not one of the choices.
+            If an action of an evacuation under way is not one of the choices.
         """
         shape = (self.env.num_envs, len(self.choices))
         given = array("the array of actions", actions, shape, NUMBERS)
+        given = np.where(self.env.finished[:, None], 0, given)  # whatever it is: the evacuation stays as it is
         bad = np.argwhere(~((given >= 0) & (given < self.choices) & (given == np.floor(given))))
         if len(bad):
             e, k = bad[0]
