@@ -87,7 +87,9 @@ def config_of(
     return config
 
 
-def open_folder(context: typer.Context, out: Path, config: dict[str, Any]) -> tuple[ResultsFolder, list[Episode]]:
+def open_folder(
+    context: typer.Context, out: Path, config: dict[str, Any], place: Scenario
+) -> tuple[ResultsFolder, list[Episode]]:
     """Return the folder, which is this command's alone, and the runs in it, after saying how many there are.
 
     Raises
@@ -96,7 +98,7 @@ def open_folder(context: typer.Context, out: Path, config: dict[str, Any]) -> tu
         If it cannot be written, holds something else, or another command writes there.
     """
     check_folder("--out", out)
-    folder = ResultsFolder(out, config)
+    folder = ResultsFolder(out, config, place)
     context.with_resource(folder.alone())
     finished = folder.finished()
     if finished:
@@ -125,9 +127,7 @@ def keep_in(folder: ResultsFolder) -> Callable[[Sequence[Episode]], None]:
     return keep
 
 
-def write_results(
-    folder: ResultsFolder, place: Scenario, title: str, figures: dict[str, Any], episodes: Sequence[Episode]
-) -> None:
+def write_results(folder: ResultsFolder, title: str, figures: dict[str, Any], episodes: Sequence[Episode]) -> None:
     """Write everything there is of the runs, and say where it is.
 
     Raises
@@ -135,7 +135,7 @@ def write_results(
     OSError
         If something cannot be written.
     """
-    paths = folder.finish(place, episodes, figures)
+    paths = folder.finish(episodes, figures)
     try:
         from crowd_env.rendering import egress_curves, save_figure
 

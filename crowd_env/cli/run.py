@@ -93,7 +93,7 @@ def run(
             where = f"({start[0]:.1f}, {start[1]:.1f})"
             say(f"note: from {where} it takes up to {walk:.0f} s to walk out; the time limit is {place.time_limit:g} s")
         here = config_of(asked, setting, runs=runs, until=until, seed=seed, like=config) | {"notes": notes}
-        folder, kept = (None, []) if out is None else open_folder(context, out, here)
+        folder, kept = (None, []) if out is None else open_folder(context, out, here, place)
         recorder = None
         if out is not None:
             seen: dict[str, Recorder] = {"crowding": CrowdingRecorder(place.geometry)}
@@ -147,7 +147,7 @@ def run(
         if folder is not None:
             if done.enough is not None:
                 folder.end_at(done.enough)
-            write_results(folder, place, run_title(place, physics.law.info.name), figures, done.episodes)
+            write_results(folder, run_title(place, physics.law.info.name), figures, done.episodes)
         for record_of in recordings.values():
             if not isinstance(record_of, OSError):
                 say(f"recording: {record_of}")

@@ -97,8 +97,8 @@ def evacuate(
     for key, case in cases.items():
         for run, seed in enumerate(case.seeds if not fresh else ()):
             content = store.load(case.name(seed), case.identity, redo=True)
-            if content is not None:
-                found[key][run] = decode(run, content)._replace(record=content.get("record"))
+            if content is not None and (episode := decode(run, content)) is not None:
+                found[key][run] = episode._replace(record=content.get("record"))
         progress(len(found[key]))
         batches = make_batches(
             case.place,

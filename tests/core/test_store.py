@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 
+from crowd_env.core.files import store
 from crowd_env.core.files.store import Store
 
 # Keeps one piece after the other until it is killed.
@@ -77,3 +78,12 @@ def test_a_damaged_piece_is_as_good_as_none(tmp_path):
         for damaged in (b"", b"[1]", whole[:-3]):
             path.write_bytes(damaged)
             assert store.load(name) is None, (name, damaged)
+
+
+def test_a_piece_that_unpacks_to_more_than_any_has_is_as_good_as_none(tmp_path, monkeypatch):
+    held = Store(tmp_path)
+    held.keep("large", {"zeros": np.zeros(100_000)})
+    assert held.load("large") is not None
+    assert (tmp_path / "large.npz").stat().st_size < 10_000
+    monkeypatch.setattr(store, "_MOST", 700_000)  # bytes
+    assert held.load("large") is None

@@ -47,6 +47,13 @@ class CrowdingRecorder:
         names = list(dict.fromkeys(geometry.exit_names))
         self._exit_of_row = np.array([names.index(name) for name in geometry.exit_names], dtype=np.int64)
 
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return the shape of each array of a `Crowding` here."""
+        exits, zones = (int(self._exit_of_row.max(initial=-1)) + 1,), (len(self._zones),)
+        cells, levels, pieces = self.grid.shape, (len(SERVICE),), (len(self._pieces),)
+        found = {"density": cells, "pressure": cells, "service": levels, "wall_load": pieces}
+        return {**found, "zone_most": zones, "zone_empty": zones, "queue": exits, "wait": exits}
+
     def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Forget the batch before, and look at the first moment of this one."""
         count, cells = env.num_envs, self.grid.shape[0] * self.grid.shape[1]
@@ -163,6 +170,17 @@ class CrowdingRecorder:
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy has, here or in another process: it begins with no evacuation under way."""
         return {name: vars(self)[name] for name in ("grid", "_measure", "_felt", "_zones", "_pieces", "_exit_of_row")}
+
+
+def crowding_of(content: dict[str, Any] | None, shapes: dict[str, tuple[int, ...]]) -> Crowding | None:
+    """Return what was kept of an evacuation as a `Crowding`; None if it is none of a place with arrays of these shapes."""
+    if content is None or set(content) != set(Crowding._fields):
+        return None
+    is_whole = all(
+        np.issubdtype(np.asarray(value).dtype, np.number) and np.shape(value) == shapes.get(name, ())
+        for name, value in content.items()
+    )
+    return Crowding(**content) if is_whole else None
 
 
 def wall_pieces(geometry: Geometry) -> Floats:

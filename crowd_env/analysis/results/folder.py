@@ -12,7 +12,7 @@ import numpy as np
 
 from crowd_env.analysis.figures import exit_names, time_of_share
 from crowd_env.analysis.results.config import FREE
-from crowd_env.analysis.results.crowding import Crowding
+from crowd_env.analysis.results.crowding import Crowding, CrowdingRecorder, crowding_of
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.json_file import json_number, write_json
@@ -24,7 +24,7 @@ from crowd_env.scenarios.scenario import Scenario
 CONFIG, SUMMARY, KEPT, CROWDING = "config.json", "summary.json", "runs", "crowding"
 
 _NUMBERS = ("seed", "end", "time_limit")
-_ARRAYS = ("exit_time", "exit_index", "radius", "desired_speed")
+_ARRAYS = {"exit_time": np.float64, "exit_index": np.int64, "radius": np.float64, "desired_speed": np.float64}
 
 
 class ResultsFolder(Store):
@@ -33,6 +33,7 @@ class ResultsFolder(Store):
     Parameters
     ----------
     config : of `crowd_env.analysis.results.config.run_config`.
+    scenario : that place; a run that cannot be one of it is as good as none.
 
     Raises
     ------
@@ -40,15 +41,25 @@ class ResultsFolder(Store):
         If the folder holds results of something else.
     """
 
-    def __init__(self, folder: Path, config: dict[str, Any]) -> None:
+    def __init__(self, folder: Path, config: dict[str, Any], scenario: Scenario) -> None:
         super().__init__(folder, config, about=CONFIG, free=FREE, owned=_OWNED)
+        self._scenario = scenario
 
     def finished(self) -> list[Episode]:
         """Return the runs of the config that are here, in the order of their numbers."""
         assert self.identity is not None
         first, runs = self.identity["seed"], self.identity["runs"]
-        kept = ((run, self.load(f"{KEPT}/{first + run}")) for run in range(runs))
-        return [decode(run, content) for run, content in kept if content is not None]
+        seeds = {int(path.stem) for path in (self.folder / KEPT).glob("*") if path.stem.isdecimal()}
+        asked = sorted(seed for seed in seeds if first <= seed < first + runs)
+        read = (decode(seed - first, self.load(f"{KEPT}/{seed}")) for seed in asked)
+        return [one for seed, one in zip(asked, read, strict=True) if one is not None and self._may_be(one, seed)]
+
+    def _may_be(self, one: Episode, seed: int) -> bool:
+        """Return whether a run has the people and exits of the place, and the seed that its name says."""
+        people, exits = self._scenario.population.people, len(self._scenario.geometry.exits)
+        return (
+            one.seed == seed and len(one.exit_time) == people and bool(np.isin(one.exit_index, range(-1, exits)).all())
+        )
 
     def end_at(self, runs: int) -> None:
         """Limit the folder to ``runs``: runs beyond are kept, and counted if the command asks for more."""
@@ -57,10 +68,9 @@ class ResultsFolder(Store):
 
     def crowding(self, episodes: Sequence[Episode]) -> list[Crowding]:
         """Return what was collected of these runs; of a damaged file, or one of an older version, nothing."""
-        found = (self.load(f"{CROWDING}/{episode.seed}") for episode in episodes)
-        return [
-            Crowding(**content) for content in found if content is not None and content.keys() == {*Crowding._fields}
-        ]
+        shapes = CrowdingRecorder(self._scenario.geometry).shapes()
+        found = (crowding_of(self.load(f"{CROWDING}/{episode.seed}"), shapes) for episode in episodes)
+        return [one for one in found if one is not None]
 
     def keep_runs(self, episodes: Sequence[Episode]) -> None:
         """Write runs that have just ended, and the `Crowding` that was recorded of them.
@@ -75,7 +85,7 @@ class ResultsFolder(Store):
                 self.keep(f"{CROWDING}/{episode.seed}", episode.record["crowding"]._asdict())
             self.keep(f"{KEPT}/{episode.seed}", encode(episode))
 
-    def finish(self, scenario: Scenario, episodes: Sequence[Episode], summary: dict[str, Any]) -> list[Path]:
+    def finish(self, episodes: Sequence[Episode], summary: dict[str, Any]) -> list[Path]:
         """Write tables, the curve N(t) and the ``summary``; return the paths.
 
         Raises
@@ -87,7 +97,7 @@ class ResultsFolder(Store):
         self.keep_runs([one for one in episodes if self.path(f"{KEPT}/{one.seed}") is None])
         write_json(self.about, self.identity)  # with the number of runs, and the command, of now
         write_json(self.folder / SUMMARY, summary)
-        paths = [*write_tables(self.folder, scenario, episodes), write_curve(self.folder, episodes)]
+        paths = [*write_tables(self.folder, self._scenario, episodes), write_curve(self.folder, episodes)]
         return [*paths, self.folder / SUMMARY, self.about]
 
 
@@ -98,13 +108,19 @@ def encode(episode: Episode) -> dict[str, Any]:
     return {**{name: getattr(episode, name) for name in _NUMBERS}, "metrics": metrics, **numbers}
 
 
-def decode(run: int, content: dict[str, Any]) -> Episode:
-    """Return the run of the number ``run`` that was encoded."""
-    index = np.array(content["exit_index"], dtype=np.int64)
-    told: dict[str, Any] = {name: np.array(content[name], dtype=np.float64) for name in _ARRAYS if name != "exit_index"}
-    told |= {name: content[name] for name in _NUMBERS}
-    metrics: dict[str, Any] = {name: float("nan") if one is None else one for name, one in content["metrics"].items()}
-    return Episode(run, metrics=EpisodeMetrics(**metrics), exit_index=index, **told)
+def decode(run: int, content: dict[str, Any] | None) -> Episode | None:
+    """Return the run of the number ``run`` that was encoded; None if this is no whole run."""
+    try:
+        told: dict[str, Any] = {name: np.array((content or {})[name], dtype=_ARRAYS[name]) for name in _ARRAYS}
+        told |= {name: (content or {})[name] for name in _NUMBERS}
+        metrics = {name: float("nan") if one is None else one for name, one in (content or {})["metrics"].items()}
+        found = Episode(run, metrics=EpisodeMetrics(**metrics), **told)
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
+        return None
+    numbers = (found.seed, found.end, found.time_limit, *found.metrics)
+    lists = {getattr(found, name).shape for name in _ARRAYS}
+    whole = len(lists) == 1 and found.exit_time.ndim == 1 and all(isinstance(one, int | float) for one in numbers)
+    return found if whole else None
 
 
 RUNS, EXITS, CURVE = "runs.csv", "exits.csv", "nt.csv"

@@ -20,6 +20,7 @@ from crowd_env.core.files.json_file import read_json, write_json
 
 _LOCK = ".lock"
 _MADE_BY = "made_by"
+_MOST = 2**28  # bytes of the arrays of a piece
 _FACTS = "facts"  # the member of an ``.npz`` file that holds a JSON object as text
 # What file systems without locks answer.
 _NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL)
@@ -145,6 +146,8 @@ def _read(path: Path) -> dict[str, Any]:
     if path.suffix == ".json":
         return dict(read_json(path))
     with np.load(path, allow_pickle=False) as file:  # nothing in the file is executed, whatever it holds
+        if sum(member.file_size for member in file.zip.infolist()) > _MOST:
+            raise ValueError("it unpacks to more than any piece has")
         arrays = {name: file[name] for name in file.files}
     return {**json.loads(str(arrays.pop(_FACTS))), **arrays}
 

@@ -39,7 +39,7 @@ def assumptions(runs: Sequence[Runs]) -> dict[str, Any]:
 
 
 def _population(one: Runs) -> dict[str, Any]:
-    cohorts = one.config["population"]
+    cohorts = plain(one.scenario.population.parts)
     rows = table(_OF_A_COHORT, cohorts)
     for name, behavior in IN_WORDS.items():
         rows.append((behavior.label, *([described(one.config[name])] * len(cohorts))))
@@ -176,7 +176,7 @@ def validation_map() -> Any:
 
 def limits_of(runs: Runs) -> Limits:
     """Return what the validation map says of runs."""
-    scheme = runs.config["scheme"]["name"]
+    scheme = runs.config["scheme"].get("name")
     if policy := led_by(runs):
         text = f"The validation map has no row of pedestrians led by {policy}: how near they are to recorded ones is not known."
         return Limits(f"{scheme}, led by {policy}", text, tuple(_others(runs)), ())
@@ -208,7 +208,7 @@ def _others(one: Runs) -> Iterator[str]:
         limit = behavior.limits.get(plain_form, behavior.limit) if isinstance(plain_form, str) else behavior.limit
         if limit:
             yield limit
-    scheme = SCHEMES.get(config["scheme"]["name"], one.scheme)
+    scheme = SCHEMES.get(config["scheme"].get("name"), one.scheme)
     changed = [key for key, value in plain(scheme).items() if config["scheme"].get(key) != value]
     if changed:
         yield f"The rows are of the scheme's own parameters; in these runs others are set: {', '.join(changed)}."

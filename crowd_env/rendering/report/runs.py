@@ -8,6 +8,7 @@ from crowd_env.analysis.figures import listed, report
 from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
 from crowd_env.core.behaviors import IN_WORDS
+from crowd_env.core.checks import shown
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.version import __version__
@@ -17,6 +18,14 @@ from crowd_env.rendering.words import told_apart
 from crowd_env.scenarios.scenario import Scenario
 
 T = TypeVar("T")
+
+# What a page takes of a config -> its type.
+_FACTS = {
+    **dict.fromkeys(("scenario", "fingerprint", "version", "sources", "strategy"), str),
+    **dict.fromkeys(("arguments", "scheme", "versions"), dict),
+    **{"rules": bool, "runs": int, "seed": int, "dt": int | float, "decision_dt": int | float},
+    **dict.fromkeys(IN_WORDS, object),
+}
 
 # Returns the place and the contact scheme that the arguments of a config name.
 PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme]]
@@ -96,10 +105,11 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
     if not (folder / CONFIG).exists():
         raise ValueError(f"{folder} has no {CONFIG}; name folders that crowd-env run --out has written")
     config = read_json(folder / CONFIG)
-    needed = ("arguments", "fingerprint", "runs", "version", "sources", "dt", "scheme", "strategy", "seed", "rules")
-    missing = [name for name in needed if not isinstance(config, dict) or name not in config]
-    if missing:
-        raise ValueError(f"{folder / CONFIG} is not the config of crowd-env run: {missing[0]!r} is missing")
+    facts = config if isinstance(config, dict) else {}
+    for name, kind in _FACTS.items():
+        if name not in facts or not isinstance(facts[name], kind):
+            wrong = f"is {shown(facts[name])}" if name in facts else "is missing"
+            raise ValueError(f"{folder / CONFIG} is not the config of crowd-env run: {name!r} {wrong}")
     try:
         scenario, scheme = place_of(config["arguments"])
     except (ValueError, KeyError, TypeError) as error:
@@ -108,7 +118,7 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
         other = config["version"] != __version__
         why = f"they were made by version {config['version']}" if other else "its file has changed since"
         raise ValueError(f"{folder}: {scenario.name} is not what these runs were made of: {why}; run them again")
-    kept = ResultsFolder(folder, config)
+    kept = ResultsFolder(folder, config, scenario)
     episodes = kept.finished()
     if not episodes:
         raise ValueError(f"{folder / KEPT} holds no finished run; the command that began it goes on with it")
@@ -135,7 +145,7 @@ def _told(runs: Runs) -> dict[str, str]:
     config = runs.config
     return {
         **{name: described(config[name]) for name in ("scenario", "strategy")},
-        "scheme": str(config["scheme"]["name"]),
+        "scheme": str(config["scheme"].get("name")),
         **{name: described(config[name]) for name in IN_WORDS},
         "rules": "with rules" if config["rules"] else "without rules",
         "people": f"{runs.figures['people']} people",

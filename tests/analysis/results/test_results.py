@@ -7,12 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import shapely
+from cases import looped
 from repository import ROOT
 
 from crowd_env import Cohorts, Geometry, Population, Scenario, make_scenario
 from crowd_env.analysis.exit_times import read_exits
 from crowd_env.analysis.figures import cells, exits_of, peak_flow, report, time_of_share
 from crowd_env.analysis.results.config import FREE, run_config
+from crowd_env.analysis.results.crowding import CrowdingRecorder
 from crowd_env.analysis.results.folder import ResultsFolder, egress, write_curve, write_tables
 from crowd_env.core.files.csv_table import read_table
 from crowd_env.core.files.store import difference as differs
@@ -125,20 +127,75 @@ def test_every_column_is_explained(place, episodes, tmp_path):
 
 def test_a_folder_goes_on_with_the_runs_it_has(place, episodes, tmp_path):
     out = tmp_path / "out"
-    first = ResultsFolder(out, config(place))
+    first = ResultsFolder(out, config(place), place)
     assert first.finished() == [] and not out.exists()
     first.keep_runs(episodes[:1])
-    again = ResultsFolder(out, config(place))
+    again = ResultsFolder(out, config(place), place)
     assert same(again.finished(), episodes[:1])
     again.keep_runs(episodes[1:])
-    paths = again.finish(place, episodes, {"runs": 3})
+    paths = again.finish(episodes, {"runs": 3})
     assert {path.name for path in paths} | {"runs"} == {path.name for path in out.iterdir()}
-    assert same(ResultsFolder(out, config(place, runs=5)).finished(), episodes)
-    assert same(ResultsFolder(out, config(place, runs=2)).finished(), episodes[:2])
+    assert same(ResultsFolder(out, config(place, runs=5), place).finished(), episodes)
+    assert same(ResultsFolder(out, config(place, runs=2), place).finished(), episodes[:2])
+
+
+DAMAGE = {  # of a run
+    "a key is missing": lambda run: run.pop("exit_time"),
+    "a figure is missing": lambda run: run["metrics"].pop("flow"),
+    "a figure too many": lambda run: run["metrics"].update(evil=1),
+    "figures are a list": lambda run: run.update(metrics=[]),
+    "a figure is text": lambda run: run["metrics"].update(flow="fast"),
+    "no such exit": lambda run: run.update(exit_index=[99] * 7),
+    "a negative exit": lambda run: run.update(exit_index=[-2] * 7),
+    "times are text": lambda run: run.update(exit_time=["x"] * 7),
+    "times are nested": lambda run: run.update(exit_time=[[1.0, 2.0]] * 7),
+    "one time too few": lambda run: run.update(exit_time=run["exit_time"][:-1]),
+    "other people": lambda run: run.update({key: value[:-1] for key, value in run.items() if isinstance(value, list)}),
+    "another seed": lambda run: run.update(seed=9),
+    "no end": lambda run: run.update(end=None),
+}
+
+
+@looped("name", DAMAGE)
+def test_a_damaged_run_is_as_good_as_none(name, place, episodes, tmp_path):
+    folder = ResultsFolder(tmp_path / name, config(place, runs=10**9), place)
+    folder.keep_runs(episodes)
+    (path,) = (tmp_path / name / "runs").glob("3.*")
+    run = json.loads(path.read_text())
+    DAMAGE[name](run)
+    path.write_text(json.dumps(run))
+    assert same(folder.finished(), [episodes[0], episodes[2]])
+    path.write_text("[1, 2]")
+    assert same(folder.finished(), [episodes[0], episodes[2]])
+
+
+CROWDED = {
+    "a member is missing": {"density": None},
+    "a member too many": {"evil": np.zeros(3)},
+    "another shape": {"density": np.zeros((2, 2), np.float32)},
+    "a text": {"impact": "hard"},
+}
+
+
+@looped("name", CROWDED)
+def test_what_was_collected_and_is_damaged_is_as_good_as_none(name, place, tmp_path):
+    (run,) = run_episodes(place, 1, scheme="dem", seed=2, recorder=CrowdingRecorder(place.geometry))
+    whole = [run._replace(record={"crowding": run.record})]
+    folder = ResultsFolder(tmp_path / name, config(place), place)
+    folder.keep_runs(whole)
+    assert [one.impact for one in folder.crowding(whole)] == [run.record.impact]
+    with np.load(tmp_path / name / "crowding" / "2.npz") as file:
+        content = {key: file[key] for key in file.files}
+    facts = json.loads(str(content.pop("facts")))
+    changed = {**content, **{key: value for key, value in CROWDED[name].items() if key != "impact"}}
+    facts.update({key: value for key, value in CROWDED[name].items() if key == "impact"})
+    arrays = {key: value for key, value in changed.items() if value is not None}
+    np.savez_compressed(tmp_path / name / "crowding" / "2.npz", facts=np.array(json.dumps(facts)), **arrays)
+    assert folder.crowding(whole) == []
 
 
 def test_a_folder_of_something_else_is_refused_and_left_alone(place, episodes, tmp_path):
-    folder = ResultsFolder(tmp_path, config(place))
+    folder = ResultsFolder(tmp_path, config(place), place)
     folder.keep_runs(episodes)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*.json")}
     other = replace(place, time_limit=30.0)
@@ -149,14 +206,14 @@ def test_a_folder_of_something_else_is_refused_and_left_alone(place, episodes, t
         (config(other), "time_limit is 20.0 there and 30.0 here"),
     ):
         with pytest.raises(ValueError, match=f"holds results of another command: .*{words}; name another folder"):
-            ResultsFolder(tmp_path, changed)
+            ResultsFolder(tmp_path, changed, place)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*.json")} == before
 
 
 def test_tables_without_what_made_them_are_not_written_over(place, episodes, tmp_path):
     write_tables(tmp_path, place, episodes)
     with pytest.raises(ValueError, match=r"holds runs\.csv, which this command did not write; name another folder"):
-        ResultsFolder(tmp_path, config(place))
+        ResultsFolder(tmp_path, config(place), place)
 
 
 def test_configs_differ_in_what_decides_results_alone(place):

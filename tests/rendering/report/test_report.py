@@ -203,6 +203,27 @@ def test_a_report_has_intervals_without_scipy(folders: Path, tmp_path: Path, mon
     assert None not in one.figures["evacuation_time"]["ci95"]
 
 
+CHANGES = {  # of a config
+    "'arguments' is []": {"arguments": []},
+    "'seed' is 'x'": {"seed": "x"},
+    "'scheme' is 'nsm2'": {"scheme": "nsm2"},
+    "'runs' is 1.5": {"runs": 1.5},
+    "'manner' is missing": {"manner": ...},
+    "'versions' is missing": {"versions": ...},
+}
+
+
+@looped("words", CHANGES)
+def test_a_damaged_config_is_answered_in_a_sentence(words: str, folders: Path, tmp_path: Path) -> None:
+    copy = tmp_path / words
+    shutil.copytree(folders / "room", copy)
+    config = {**json.loads((copy / "config.json").read_text("utf-8")), **CHANGES[words]}
+    text = json.dumps({name: value for name, value in config.items() if value is not ...})
+    (copy / "config.json").write_text(text, "utf-8")
+    code, _, said = command("report", copy, "-o", tmp_path / "page.html")
+    assert code == 2 and words in said and len(said.strip().splitlines()) == 1, said
+
+
 def test_worst_places_are_peaks_and_not_the_slopes_beside_them(folders: Path) -> None:
     (nearest,) = load_runs([folders / "nearest"], place_of)
     geometry = nearest.scenario.geometry
