@@ -177,10 +177,17 @@ def read_submission(path: Path) -> dict[str, Any]:
     ------
     ValueError
         If it cannot be read, is of an unknown task, of another version or variation of it or of other draws, or if its digest
-        is not that of the network that it holds or of the shipped policy that it names.
+        is not that of the network that it holds or of the shipped policy that it names; or if the file of `REFERENCES` is not
+        that of the task.
     """
     references = path.parent.with_suffix(".json")
     content, beside = _read(path), _read(references)
+    task, digest = TASKS[beside["task"]["name"]], hashlib.sha256(references.read_bytes()).hexdigest()[:16]
+    if task.references not in ("", digest):
+        raise ValueError(
+            f"{references} is not the file of rules of {task.name} version {task.version}: its digest is {digest}, not "
+            f"{task.references}; take that of the repository"
+        )
     try:
         return _judged(path, content, {one["variation"]: one["of"] for one in beside["trials"]})
     except (KeyError, TypeError, IndexError, AttributeError, ValueError) as error:

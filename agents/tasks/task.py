@@ -57,6 +57,7 @@ class Task:
     version : goes up with every change of the task.
     frozen : digest of this version.
     probe : what it does in this version, see `crowd_env.agents.tasks.probe`.
+    references : SHA-256 of the file of rules that submissions are held against, its first 16 digits; "" = any file.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Task:
     learned_share: float | None = None
     selfish: bool = False
     version: int = 1
+    references: str = ""
 
     @property
     def seeds(self) -> range:

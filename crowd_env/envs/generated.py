@@ -16,6 +16,7 @@ from crowd_env.physics.settings import Physics
 from crowd_env.scenarios.generated import Conditions, conditions_of, draw_place
 from crowd_env.scenarios.scenario import Scenario
 
+_OPTIONS = ("routing", "action", "observation", "reward", "decision_dt")  # of `CrowdEnv`
 TRIES = 1000  # places drawn until one has few enough people
 
 
@@ -108,6 +109,9 @@ class GeneratedCrowds:
         self.env_of_person = np.repeat(np.arange(self.num_envs), self.slots)
         self.finished = np.ones(self.num_envs, dtype=np.bool_)  # until the first reset
         self._beside, self._share = tuple(beside), number("share", share, Range(0.0, 1.0))
+        for name in options:
+            if name not in _OPTIONS:
+                raise TypeError(f"GeneratedCrowds has no argument {name!r}; of CrowdEnv it takes {', '.join(_OPTIONS)}")
         self._spare: dict[int, list[_Turn]] = {}  # of places of one's own whose turn is over
         self._rng = np.random.default_rng()
         self._ahead: deque[_Turn] = deque()
@@ -115,6 +119,10 @@ class GeneratedCrowds:
         self._parts: list[_Part] = []
         self._first: CrowdEnv | None = None
         self._first = first = self._built([self._draw(np.random.default_rng(0))])[0].crowd
+        if first.action_kind.routes is not None or first.layout.tells_of_routes:
+            raise ValueError(
+                "generated places have different numbers of exits; no action or observation may count them"
+            )
         self.layout, self.action_kind, self.reward_weights = first.layout, first.action_kind, first.reward_weights
         self.single_observation_space = first.single_observation_space
         self.single_action_space = first.single_action_space
@@ -164,6 +172,8 @@ class GeneratedCrowds:
 
     def step(self, action: np.ndarray | None = None) -> Step:
         """Advance every place by one decision step; see `CrowdEnv.step`."""
+        if not self._turns:
+            raise ValueError("call reset before the first step")
         observation = np.zeros((self.num_people, self.layout.size), dtype=np.float32)
         reward, flags = np.zeros(self.num_people), np.zeros((2, self.num_people), dtype=np.bool_)
         finished, metrics = np.zeros(self.num_envs, dtype=np.bool_), dict[int, EpisodeMetrics]()

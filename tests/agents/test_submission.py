@@ -1,6 +1,7 @@
 """Submissions: what a file holds, and that nothing that is of another task or that contradicts itself gets into a table."""
 
 import base64
+import hashlib
 import json
 import re
 import shutil
@@ -9,6 +10,7 @@ from dataclasses import replace
 import pytest
 from cases import looped
 from evaluations import random_policy
+from repository import ROOT
 from typer.testing import CliRunner
 
 from crowd_env.agents import PRETRAINED
@@ -266,6 +268,32 @@ def test_both_rules_have_to_stand_beside_a_policy(files, tmp_path, name, variati
     write_content(tmp_path / "small.json", rules)
     with pytest.raises(
         ValueError, match=f"there are no runs of {name} in {('task', 'twice')[variation]}; submit again"
+    ):
+        read_submission(path)
+
+
+def test_files_of_the_rules_are_those_that_tasks_name():
+    for name, task in TASKS.items():
+        path = ROOT / f"docs/tasks/submissions/{name}.json"
+        if path.exists():
+            digest = hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+            assert task.references == digest, f"tasks.toml, {name}: references = {digest!r}"
+        else:
+            assert not task.references or name == "small"
+
+
+def test_a_file_of_rules_that_was_changed_is_refused(files, tmp_path, monkeypatch):
+    path = changed(files, tmp_path, lambda content: None)
+    rules = tmp_path / "small.json"
+    digest = hashlib.sha256(rules.read_bytes()).hexdigest()[:16]
+    monkeypatch.setitem(TASKS, "small", replace(SMALL, references=digest))
+    read_submission(path)
+    content = json.loads(rules.read_text())
+    run = content["trials"][0]["of"]["rule"]["runs"]
+    run[0] = run[0].replace(",,,", ",,1,", 1) if ",,," in run[0] else run[0] + " "
+    write_content(rules, content)
+    with pytest.raises(
+        ValueError, match=rf"is not the file of rules of small version 1: its digest is \w+, not {digest};"
     ):
         read_submission(path)
 

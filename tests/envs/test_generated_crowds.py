@@ -170,3 +170,20 @@ def test_a_rule_is_cloned_in_them(monkeypatch):
     monkeypatch.setattr(cloning, "DECISIONS", 30)
     model = make_ppo(crowds(), PPOSettings(n_steps=8, batch_size=64, hidden=8), 0)
     assert np.isfinite(clone(model, Evolved(), 0))
+
+
+@pytest.mark.parametrize("name", ["autoreset", "physics", "people_", "time_limit"])
+def test_what_the_places_decide_is_no_argument(name):
+    with pytest.raises(TypeError, match=rf"^GeneratedCrowds has no argument '{name}'; of CrowdEnv it takes routing"):
+        GeneratedCrowds(1, people=12, **{name: True})
+
+
+@pytest.mark.parametrize("options", [{"action": "speeds-exits"}, {"observation": {"terms": ["routes"]}}])
+def test_exits_are_counted_by_no_action_and_no_term(options):
+    with pytest.raises(ValueError, match=r"^generated places have different numbers of exits"):
+        crowds(1, **options)
+
+
+def test_a_step_needs_a_reset_before_it():
+    with pytest.raises(ValueError, match=r"^call reset before the first step$"):
+        crowds(1).step(None)
