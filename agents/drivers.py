@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from typing_extensions import Unpack
 
 from crowd_env import CrowdEnv, Physics, Scenario, Step, Walking
+from crowd_env.core.checks import NOT_NEGATIVE, Range, number, refuse
 from crowd_env.envs.observation.observer import Observer
 from crowd_env.envs.rollout import Driver, run_episodes
 from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
@@ -233,6 +234,12 @@ class DrivenCrowd:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", self.name or self.policy.name)
+        if self.learned_share is not None:
+            number("learned_share", self.learned_share, Range(0.0, 1.0, above=True))
+        if not isinstance(self.hindrance, Hindrance):
+            refuse("hindrance", self.hindrance, "a Hindrance, such as Hindrance(noise=0.1)")
+        for name in ("noise", "delay"):
+            number(f"hindrance: {name}", getattr(self.hindrance, name), NOT_NEGATIVE)
 
     @property
     def physics(self) -> Physics:

@@ -107,7 +107,7 @@ def setting_of(options: CrowdOptions) -> Setting:
     changes = split_changes(options.set)
     law = make_scheme(own_or_name("--scheme", options.scheme))
     owners = {
-        "the crowd": ("outline", *_DRAWN),
+        "the crowd": ("outline", "balance", *_DRAWN),
         f"the scheme {options.scheme}": ("dt", "max_drive", *(one.name for one in fields(law) if one.init)),
         "the routing": ("signs",),
     }
@@ -148,6 +148,7 @@ def read_place(options: CrowdOptions) -> Scenario:
     else:
         population = make_scenario(options.scenario).population.changed(**people) if people else None
         place = make_scenario(options.scenario, **timing, **({"population": population} if population else {}))
+    place = replace(place, balance=changes.get("balance", place.balance))
     return with_manner(place, walking_of(options.walking), changes.get("outline"))
 
 

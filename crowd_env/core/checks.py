@@ -56,6 +56,11 @@ class Range(NamedTuple):
         size = value if isinstance(value, int) else size  # a float may lose digits of it
         return (self.low < size if self.above else self.low <= size) and size <= self.high
 
+    def __get_pydantic_json_schema__(self, core: Any, schema_of: Any) -> dict[str, Any]:
+        """Return the JSON Schema of an annotated number."""
+        bounds = {"exclusiveMinimum" if self.above else "minimum": self.low, "maximum": self.high}
+        return {**schema_of(core), **{name: bound for name, bound in bounds.items() if math.isfinite(bound)}}
+
     def because(self, why: str) -> "Range":
         """Return the same numbers with a reason, which ends the message."""
         return self._replace(why=why)
@@ -392,6 +397,7 @@ def _sentence(what: str, kind: Any, refused: Any) -> str:
         return f"{where}{colon}unknown {name} {shown(value)}; known: {names}"
     if "class" in context:
         must = " or ".join(dict.fromkeys(f"a {one['ctx']['class']}" for one in errors))
+        must += ", and not a list of them" * isinstance(value, list)
     else:
         of = get_args(kind)[0]
         example = f": ({value!r},)" if of is str and isinstance(value, str) else ""

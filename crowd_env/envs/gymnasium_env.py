@@ -63,6 +63,7 @@ class CrowdBatch:
         info: dict[str, Any] = {
             name: as_grid(values, rooms) for name, values in step.info.items() if name.startswith("reward/")
         }
+        info |= {"reward": as_grid(step.reward, rooms)}
         info |= {"active": as_grid(active, rooms), "diagnostics": step.info["diagnostics"]._asdict()}
         return BatchStep(
             as_grid(step.observation, rooms),
@@ -82,9 +83,10 @@ class CrowdGymEnv(SingleEnv):
     people.  Without an action (None) all pedestrians are scripted.
     Terminated when all are out, truncated at the time limit.
 
-    The info of a step holds the terms of the reward, unweighted, as ``reward/<name>`` (N,); ``active`` (N,), true for people
-    inside; ``diagnostics``, a dictionary of overlaps and of the solver's residual and iterations; and in the last step of an
-    episode ``metrics``, the fields of `EpisodeMetrics` as a dictionary.  The info of a reset holds ``active``.
+    The info of a step holds the reward of each as ``reward`` (N,) and its terms, unweighted, as ``reward/<name>`` (N,);
+    ``active`` (N,), true for people inside; ``diagnostics``, a dictionary of overlaps and of the solver's residual and
+    iterations; and in the last step of an episode ``metrics``, the fields of `EpisodeMetrics` as a dictionary.  The info of a
+    reset holds ``active``.
 
     Parameters
     ----------

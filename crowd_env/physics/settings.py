@@ -5,6 +5,7 @@ Each part is a frozen dataclass.  A function that takes one also takes its first
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from difflib import get_close_matches
 from keyword import iskeyword
 from typing import Any, Literal, Self, TypeAlias
 
@@ -20,6 +21,7 @@ from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.physics.allocation import shapes_of
 
 _THREADS = Range(1, 1024)
+_CLOSE = 0.8  # of two names, so that a table with a misspelled field of a part is none of its first field
 _NEEDS = ("drives", "turns_bodies")  # facts of a scheme that a behavior may need
 _OR_NEEDS = " or ".join(map(repr, _NEEDS))
 
@@ -39,7 +41,7 @@ class Part:
         if isinstance(given, cls):
             return given
         names = [field.name for field in fields(cls)]  # type: ignore[arg-type]  # a dataclass
-        if isinstance(given, Mapping) and any(name in given for name in names):
+        if isinstance(given, Mapping) and any(get_close_matches(str(key), names, cutoff=_CLOSE) for key in given):
             return from_table(cls.__name__.lower(), cls, given)
         return cls(given)  # type: ignore[call-arg]  # a dataclass
 
@@ -100,8 +102,8 @@ class Walking(Part):
     manner : a name in ``MANNERS``, a `Headway`, or a table of its parameters; by default that of the scenario.
     acts_on : "everyone": pedestrians with an action too, which is then the desired motion on a free way.  "scripted": only
         pedestrians without an action; the others walk exactly by their action.
-    pulls : groups and attractions that pull people off their way, of all places or of each; by default as in the
-        scenario.
+    pulls : groups and attractions that pull people off their way, of all places or of each, as `Pulls` or tables of its
+        fields; by default as in the scenario.
     others : behaviors that are not in ``BEHAVIORS``: objects of user classes derived from `Behavior`.
 
     Raises
@@ -112,12 +114,16 @@ class Walking(Part):
 
     manner: Manner | None = None
     acts_on: Literal["everyone", "scripted"] = "everyone"
-    pulls: Pulls | Sequence[Pulls] | None = None
+    pulls: Pulls | Mapping[str, Any] | Sequence[Pulls | Mapping[str, Any]] | None = None
     others: tuple[Behavior, ...] = ()
 
     def __post_init__(self) -> None:
         Headway.of(self.manner)
         check_fields("walking", self)
+        if isinstance(self.pulls, Mapping):
+            object.__setattr__(self, "pulls", Pulls.of(self.pulls))
+        elif isinstance(self.pulls, list | tuple):
+            object.__setattr__(self, "pulls", [Pulls.of(one) for one in self.pulls])
         check_others(self.others)
 
 

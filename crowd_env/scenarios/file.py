@@ -27,7 +27,7 @@ SUFFIXES = (".toml", ".json")
 KEYS = ("$schema", *(field.name for field in fields(Scenario)), "cohorts")
 
 # Table of a file -> its older keys and what they are today.
-_OLDER = {"": {"groups": "cohorts"}, "population": {"companions": "group_size"}, "pulls": {"companions": "groups"}}
+OLDER = {"": {"groups": "cohorts"}, "population": {"companions": "group_size"}, "pulls": {"companions": "groups"}}
 
 Line: TypeAlias = list[tuple[float, float]]
 
@@ -113,7 +113,7 @@ def _read(path: Path) -> Plain:
 
 def _today(name: str, content: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return a table of a file with the keys of today in place of older ones."""
-    older = _OLDER[name]
+    older = OLDER[name]
     for key, today in older.items():
         if key in content and today in content:
             raise ValueError(f"{key!r} is the older word for {today!r}; give one of them")

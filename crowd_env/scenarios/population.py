@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import shapely
@@ -65,7 +65,7 @@ class Population:
         If a field is of a wrong type or out of range, or two contradict each other.
     """
 
-    people: int
+    people: Annotated[int, COUNT]
     """number of people."""
     radius: Distribution = field(default_factory=lambda: Uniform(0.15, 0.19))
     """m, the radius of a body; uniform from 0.15 to 0.19 by default."""
@@ -112,6 +112,11 @@ class Population:
             most = self.desired_speed.high
             raise ValueError(
                 f"population: desired_speed must be at most {MAX_SPEED} m/s, but can be as high as {most:g}"
+            )
+        if self.group_size is not None and round(self.group_size.low) > self.people > 1:
+            least = self.group_size.low
+            raise ValueError(
+                f"population: group_size must be at most the {self.people} people, but is at least {least:g}"
             )
         if self.starts is not None:
             object.__setattr__(self, "starts", as_positions(self.starts, self.people))

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from crowd_env.core.behaviors.behavior import Behavior
 from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.behaviors.outline import BodyShape, Outline, room_of
 from crowd_env.core.behaviors.pulls import Pulls
-from crowd_env.core.checks import POSITIVE, Range, check_fields, flag, refuse, shown
+from crowd_env.core.checks import Positive, Range, check_fields, flag, refuse, shown
 from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.fields.domain import require_grid
 from crowd_env.routing.fields.field import NavigationField, OneWay
@@ -84,7 +84,7 @@ class Scenario:
     """the plan: walls, exits, regions and doors."""
     population: People
     """the people, of one kind or in cohorts; in a file also what all cohorts have in common."""
-    time_limit: float
+    time_limit: Positive
     """s, when an evacuation ends at the latest; in a file by default enough to walk out."""
     title: str = ""
     """one line that says what the scenario is."""
@@ -92,7 +92,7 @@ class Scenario:
     """source of the numbers."""
     target: Target = "path"
     """what people walk to: the shortest path, or a point of the nearest exit."""
-    blocked_after: float = np.inf
+    blocked_after: Annotated[float, _PERHAPS_NEVER] = np.inf
     """s without anyone leaving after which exits count as blocked."""
     routes: tuple[Route, ...] = ()
     """routes beside those to every exit, which have its name."""
@@ -114,7 +114,7 @@ class Scenario:
     """how people choose their way: a strategy, or the name of a route or exit."""
     pulls: Pulls = field(default_factory=Pulls)
     balance: Balancing | None = None
-    max_drive: float = 300.0
+    max_drive: Annotated[float, _PERHAPS_NEVER] = 300.0
 
     def __post_init__(self) -> None:
         if self.population is None:
@@ -122,8 +122,7 @@ class Scenario:
         object.__setattr__(self, "population", as_people(self.population))
         for name, kind in BEHAVIORS.items():
             object.__setattr__(self, name, kind.stored(getattr(self, name)))
-        never = {"blocked_after": _PERHAPS_NEVER, "max_drive": _PERHAPS_NEVER}
-        check_fields(f"scenario {shown(self.name)}", self, time_limit=POSITIVE, **never)
+        check_fields(f"scenario {shown(self.name)}", self)
         if len(self.geometry.exits) == 0:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
         require_grid(self.geometry, self.population.radius.low)

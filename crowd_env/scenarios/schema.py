@@ -15,7 +15,7 @@ from crowd_env.core.behaviors import BEHAVIORS
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.cohorts import Cohorts
 from crowd_env.scenarios.distributions import LAWS, Distribution
-from crowd_env.scenarios.file import Line, Plan
+from crowd_env.scenarios.file import OLDER, Line, Plan
 from crowd_env.scenarios.scenario import Scenario
 
 _Law = LAWS["uniform"] | LAWS["normal"] | LAWS["lognormal"]
@@ -83,6 +83,15 @@ def json_schema() -> dict[str, Any]:
             "description": "cohorts of people of different kinds",
         },
     }
+    properties = {
+        "": own,
+        "population": definitions["Population"]["properties"],
+        "pulls": definitions["Pulls"]["properties"],
+    }
+    for name, older in OLDER.items():
+        for key, today in older.items():
+            note = {"description": f"older word for {today}", "deprecated": True}
+            properties[name][key] = {**properties[name][today], **note}
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         **scenario,

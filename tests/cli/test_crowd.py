@@ -65,6 +65,7 @@ def test_a_file_says_how_people_walk_unless_the_command_does(place):
 def test_what_is_set_reaches_the_people_the_physics_and_the_routing():
     changes = ["speed=0.5", "radius=0.2,0.22", "dt=0.005", "max_drive=300", "max_iterations=40", "signs=no"]
     place, physics, routing, _ = setting_of(CrowdOptions(scenario="floor-v0", set=changes, routing="nearest"))
+    assert setting_of(CrowdOptions(set=["balance=stepping"])).place.balance == "stepping"
     people = place.population
     assert (people.desired_speed.low, people.desired_speed.high) == (0.5, 0.5)
     assert (people.radius.low, people.radius.high) == (0.2, 0.22)
@@ -103,7 +104,7 @@ def test_warmup_compiles_the_crowd_that_is_asked_for(monkeypatch):
         ("--walking slow", f"unknown manner 'slow'; known: {', '.join(MANNERS)}"),
         ("--set outline=square", f"unknown outline 'square'; known: {', '.join(OUTLINES)}"),
         ("--scheme dem --set outline=torso", "dem does not turn bodies, so it cannot have the outline 'torso'"),
-        ("--set spede=2", "--set spede: nothing has this name; the crowd has outline, speed, "),
+        ("--set spede=2", "--set spede: nothing has this name; the crowd has outline, balance, speed, "),
         ("--set speed", "--set speed: this must be NAME=VALUE, such as speed=1.5"),
         ("--set speed=1 --set speed=2", "--set speed=2: speed is set twice"),
         ("--scheme nsm2 --set tolerance=much", "tolerance is 'much'"),

@@ -35,6 +35,7 @@ class Began(NamedTuple):
 
     time: Annotated[Floats, "P"]  # s
     walks: Annotated[Bools, "P"]
+    asked: Annotated[Floats, "P 2"]  # m/s
     latest: Annotated[Floats, "E"]  # s
 
 
@@ -43,7 +44,8 @@ def tire(i, time, vx, vy, batch):
     memory, lasts = batch.history.memory.fatigue, batch.behaviors.fatigue.lasts
     if not memory.walks[i]:
         memory.walks[i], memory.time[i] = True, time
-    memory.latest[batch.world.geometry_of_env[0]] = time  # one place, one environment
+    memory.asked[i, 0], memory.asked[i, 1] = vx, vy
+    memory.latest[np.searchsorted(batch.bodies.env_start, i, side="right") - 1] = time
     share = np.exp((memory.time[i] - time) / lasts)
     return share * vx, share * vy
 
@@ -114,6 +116,19 @@ def test_a_recording_holds_it(tmp_path, suffix):
         assert found.facts["fatigue"] == {"lasts": LASTS}
 
 
+def test_a_kernel_knows_the_environment_of_a_pedestrian():
+    place = Scenario("corridor", corridor(), Population(3, radius=0.2, desired_speed=SPEED), time_limit=9.0)
+    env = CrowdEnv(place, num_envs=3, physics="nsm2", walking=Walking(others=(Fatigue(),)))
+    env.reset(seed=1)
+    env.step(None)
+    env.reset(mask=np.array([False, True, False]))
+    env.step(None)
+    memory, time = env.simulation.history.memory.fatigue, env.simulation.state.time
+    np.testing.assert_allclose(time, [0.2, 0.1, 0.2])
+    np.testing.assert_allclose(memory.latest, time, atol=0.02)
+    assert (np.hypot(*memory.asked.T) > 0.1 * SPEED).all()
+
+
 class NoShape(NamedTuple):
     time: Floats
 
@@ -140,7 +155,7 @@ WRONG = {
     "a need without words": ({"NAME": "limp", "NEEDS": "drives"}, "with a text in LACKS"),
     "not in memory": (
         {"NAME": "limp", "RECORDED": ("tim",)},
-        "RECORDED names 'tim', which is not in its memory: time, walks, latest",
+        "RECORDED names 'tim', which is not in its memory: time, walks, asked, latest",
     ),
     "feet": ({"NAME": "limp", "RECORDED": ("feet",)}, "RECORDED names 'feet', which is"),
 }

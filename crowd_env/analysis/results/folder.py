@@ -113,7 +113,7 @@ def decode(run: int, content: dict[str, Any] | None) -> Episode | None:
     try:
         told: dict[str, Any] = {name: np.array((content or {})[name], dtype=_ARRAYS[name]) for name in _ARRAYS}
         told |= {name: (content or {})[name] for name in _NUMBERS}
-        metrics = {name: float("nan") if one is None else one for name, one in (content or {})["metrics"].items()}
+        metrics: Any = {name: float("nan") if one is None else one for name, one in (content or {})["metrics"].items()}
         found = Episode(run, metrics=EpisodeMetrics(**metrics), **told)
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
         return None

@@ -29,6 +29,7 @@ from crowd_env.core.arrays.state import Bodies, Floats, Ints, row_starts
 from crowd_env.core.behaviors.behavior import Behavior
 from crowd_env.core.checks import NotNegative, Positive, check_fields, refuse
 
+MOST = 1000  # attractions of a place
 ALONE = -1  # group number of a pedestrian that walks alone
 
 
@@ -101,6 +102,8 @@ class Pulls(Behavior):
 
     def __post_init__(self) -> None:
         check_fields("pulls", self)
+        if len(self.attractions) > MOST:
+            raise ValueError(f"pulls: there are {len(self.attractions)} attractions; at most {MOST} are allowed")
 
     def moved(self, points: Floats) -> "Pulls":
         """Return these pulls with the attractions at ``points`` (K, 2) [m]."""

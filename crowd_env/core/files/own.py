@@ -8,7 +8,7 @@ from typing import Any
 
 def names_own(text: str) -> bool:
     """Return whether a text names an object of the user's own rather than one of the package."""
-    return ".py:" in text
+    return ".py:" in text or text.endswith(".py")
 
 
 def own_or_name(option: str, text: str) -> Any:
@@ -26,9 +26,12 @@ def load_own(option: str, text: str) -> Any:
     Raises
     ------
     ValueError
-        If there is no such file, it cannot be imported, nothing in it has the name, or a class needs arguments.
+        If the text names a file alone, there is no such file, it cannot be imported, nothing in it has the name, or a class
+        needs arguments.
     """
     file, _, name = text.rpartition(":")
+    if name.endswith(".py"):
+        raise ValueError(f"{option} {text}: say what in the file is meant: {text}:NAME")
     path = Path(file).resolve()
     if not path.is_file():
         raise ValueError(f"{option} {text}: there is no file {file}")

@@ -1,6 +1,7 @@
 """Gymnasium: a gatekeeper of a footbridge that sways, ``crowd_env/footbridge-gate-v0``."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import gymnasium
@@ -18,10 +19,12 @@ from crowd_env.envs.footbridge.walkers import DECK, come_round, crowd
 from crowd_env.envs.restorable import EnvCheckpoint, Restorable
 from crowd_env.envs.settings import answers_unknown
 from crowd_env.envs.terms import Layout
+from crowd_env.physics.settings import AsPhysics, Physics
 
 # m/s2: accelerations to the side up to the first are comfortable, beyond the second they are not to be borne (HIVOSS
 # guideline, from memory; the table 7.2 of CSA S7, seen in a program, has the same two).
 COMFORT = 0.1, 0.8
+_PHYSICS = Physics("dem", dt=0.01)
 _APPROACH = 60.0  # m of floor before the deck, where pedestrians wait
 _GATE = 1.0  # m before the deck, where the gate stands
 _CALL = 0.1  # s between two exchanges of bodies and deck
@@ -65,7 +68,7 @@ class FootbridgeEnv(Restorable, gymnasium.Env):
     ----------
     people : number of pedestrians; arrivals at the far end rejoin the back of the queue.
     coupling : as `Footbridge` takes it.
-    scheme, dt : contact scheme, and its step [s], a part of 0.1 s.
+    physics : as `CrowdEnv` takes it; its step is a part of 0.1 s, and people drive with 300 N at most if it does not say so.
     interval : s between decisions, a multiple of 0.1 s.
     weight : 1/s, of discomfort: with 0.02 a crossing of 50 s at the limit of the intolerable is worth nothing.
     time_limit : s.
@@ -87,8 +90,7 @@ class FootbridgeEnv(Restorable, gymnasium.Env):
         people: int = 700,
         *,
         coupling: str | Synchrony | Pendulum | None = "synchrony",
-        scheme: str = "dem",
-        dt: float = 0.01,
+        physics: AsPhysics = _PHYSICS,
         interval: float = 1.0,
         weight: float = 0.02,
         time_limit: float = 400.0,
@@ -96,9 +98,10 @@ class FootbridgeEnv(Restorable, gymnasium.Env):
     ) -> None:
         if render_mode is not None:
             raise ValueError(f"unknown render_mode {render_mode!r}; known: None: a footbridge is not drawn")
-        self.people, self.coupling, self.scheme = whole("people", people, COUNT), coupling_of(coupling), scheme
+        self.people, self.coupling, physics = whole("people", people, COUNT), coupling_of(coupling), Physics.of(physics)
         self.bridge: Any = None
-        self.dt, self.layout = number("dt", dt, POSITIVE, "s"), DeckLayout()
+        self.dt, self.layout = physics.dt or physics.law.info.default_dt, DeckLayout()
+        self.physics = replace(physics, dt=self.dt)
         self.weight = number("weight", weight, NOT_NEGATIVE, "1/s")
         self.time_limit = number("time_limit", time_limit, POSITIVE, "s")
         self._substeps = parts_of("a call", _CALL, "physics steps of dt", self.dt)
@@ -111,7 +114,7 @@ class FootbridgeEnv(Restorable, gymnasium.Env):
         check_options(options)
         super().reset(seed=seed)
         draw = int(self.np_random.integers(2**31)) if seed is None else seed
-        simulation = crowd(self.people, self.scheme, self.dt, draw, before=_APPROACH, region=None)
+        simulation = crowd(self.people, self.physics, draw, before=_APPROACH, region=None)
         self.bridge = Footbridge(simulation, self.coupling, seed=draw)
         self._agree()
         return self._observe(opened=True), {"amplitude": 0.0}

@@ -1,5 +1,7 @@
 """A crowd that walks along the deck at the speed of its strides, and returns to the start at the end."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Floats, make_bodies, make_state
@@ -13,6 +15,7 @@ from crowd_env.physics.simulation.simulation import Simulation
 
 DECK, WIDTH = Deck(), 4.0  # m
 _FASTEST = 3.0  # standard deviations of the stride at which the draw is cut off
+_DRIVE = 300.0  # N
 _BEHIND = 6.0  # m of floor behind the deck
 
 
@@ -24,9 +27,7 @@ def draw_strides(rng: np.random.Generator, shape: tuple[int, ...]) -> Floats:
     return DECK.frequency + SPREAD * far
 
 
-def crowd(
-    people: int, scheme: str, dt: float, seed: int, *, before: float = 1.0, region: str | None = "deck"
-) -> Simulation:
+def crowd(people: int, physics: Physics, seed: int, *, before: float = 1.0, region: str | None = "deck") -> Simulation:
     """Return a population in a region, None = everywhere, that walks along the deck and keeps a distance.
 
     ``before`` [m] is the length of floor in front of the deck.
@@ -42,8 +43,9 @@ def crowd(
         relaxation_time=rng.uniform(0.1, 0.5, people),
     )
     start = make_state(sample_positions(place, bodies.radius, rng, region))
-    drive = None if scheme == "nsm1" else 300.0
-    return Simulation(place, bodies, start, physics=Physics(scheme, dt=dt, max_drive=drive), walking="hurried")
+    if physics.law.drives and physics.max_drive is None:
+        physics = replace(physics, max_drive=_DRIVE)
+    return Simulation(place, bodies, start, physics=physics, walking="hurried")
 
 
 def come_round(simulation: Simulation, end: float, back: float) -> Bools:

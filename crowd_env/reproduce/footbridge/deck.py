@@ -31,7 +31,7 @@ class Frame(NamedTuple):
 
 def reproduce(settings: FootbridgeSettings) -> Result:
     """Return the figure."""
-    simulation = crowd(settings.people, settings.scheme, settings.dt, settings.seed)
+    simulation = crowd(settings.people, settings.physics, settings.seed)
     frames: list[Frame] = []
 
     def look(bridge: Footbridge) -> None:

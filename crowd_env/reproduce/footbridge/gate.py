@@ -36,7 +36,7 @@ def keep(rule: Rule, env: FootbridgeEnv, seed: int) -> Floats:
 
 def reproduce(settings: FootbridgeSettings) -> Result:
     """Return what each rule earns."""
-    env = FootbridgeEnv(settings.people, scheme=settings.scheme, dt=settings.dt, time_limit=settings.duration)
+    env = FootbridgeEnv(settings.people, physics=settings.physics, time_limit=settings.duration)
     seeds = settings.seeds
     found = {name: np.array([keep(rule, env, seed) for seed in seeds]) for name, rule in RULES.items()}
     sections = []

@@ -58,7 +58,7 @@ def walking(settings: FootbridgeSettings) -> Sweep:
     """Return the sweep in which a crowd walks over the deck under the contact scheme."""
 
     def run(n: int, seed: int) -> Trace:
-        return walk(crowd(n, settings.scheme, settings.dt, seed), "synchrony", settings.duration, seed)
+        return walk(crowd(n, settings.physics, seed), "synchrony", settings.duration, seed)
 
     def late(n: int) -> Floats:
         return np.array([run(n, seed).late() for seed in settings.seeds]).T

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
@@ -66,8 +65,8 @@ class MaskedVecNormalize(Restorable, VecNormalize):
         active, learned = (self.venv.get_attr(name, 0)[0] for name in ("active", "learned"))
         rows = np.logical_and(active, learned)
         if self.training and self.norm_obs and rows.any():
-            assert isinstance(self.obs_rms, RunningMeanStd)
-            self.obs_rms.update(observation[rows])
+            statistics: Any = self.obs_rms  # no dictionary: observations are arrays
+            statistics.update(observation[rows])
 
     def _update_reward(self, reward: np.ndarray) -> None:
         assert isinstance(reward, SlotRewards) and reward.slots is not None, "a wrapper has replaced the rewards"
