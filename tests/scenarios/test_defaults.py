@@ -85,7 +85,7 @@ def test_the_drive_is_that_of_the_place_unless_the_physics_says_another():
     assert CrowdEnv(place, physics=Physics("dem", max_drive=150.0)).simulation.behaviors["max_drive"].force == 150.0
     assert CrowdEnv(place, physics="nsm1").simulation.behaviors["max_drive"] is None  # which drives nobody
     with pytest.raises(ValueError, match=r"one max_drive, not 300.0 in .*, inf in room-v0"):
-        CrowdEnv([place, make_scenario("room-v0")], walking="calm")
+        CrowdEnv([place, make_scenario("room-v0")], num_envs=2, walking="calm")
 
 
 def test_competitive_people_on_a_plan_are_those_of_the_papers(tmp_path):
