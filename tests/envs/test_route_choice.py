@@ -296,7 +296,11 @@ WRONG = [
     ("no pair", lambda: ActionKind("one", ONE, no_pair, 0.0, routes=2), ("'one'", "(commands, choices)")),
     ("third way", lambda: acted(ActionKind("one", ONE, third, 0.0, routes=2)), ("'one'", "choice is 2", "below 2")),
     ("layout", lambda: hall(observation=ObservationLayout(("routes",), routes=3)), ("routes is 3", "has 2", "west, east")),
-    ("places", lambda: CrowdEnv(["two-exit-hall-v0", "room-v0"], num_envs=2, action="speeds-exits"), ("2 in", "1 in", "to choose among")),
+    (
+        "places",
+        lambda: CrowdEnv(["two-exit-hall-v0", "room-v0"], num_envs=2, action="speeds-exits"),
+        ("2 in", "1 in", "to choose among"),
+    ),
 ]  # fmt: skip
 
 
