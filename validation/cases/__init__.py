@@ -2,13 +2,14 @@
 
 from importlib import import_module
 
-from validation.cases import clogging, halls, ovals, panels, row, standing
+from validation.cases import clogging, corner, halls, ovals, panels, row, standing
 from validation.cases.case import FACTS, Case, Row, Setting
 
 # The cases of one module; any other case is the function `run` of the module of its name.
 _RUN = {
     "halls": halls.run_in(halls.HALLS, "halls"),
     "jam": ovals.jam,
+    "turn": corner.run_turn,
     "great-halls": halls.run_in(halls.GREAT_HALLS, "great-halls"),
 }
 _DRAW = {"gate": panels.gate, "corridor": panels.corridor, "ring": panels.ring, "clogging": clogging.draw}

@@ -1,4 +1,4 @@
-"""A corner: people turn left in a corridor of 2.4 m; the denser they come, the slower."""
+"""Corners: in a corridor of 2.4 m people walk the slower, the denser they come; a turn costs a crowd little, however wide."""
 
 from typing import NamedTuple
 
@@ -12,6 +12,8 @@ from validation.cases.crowds import Floats, Passages, draw_crowds
 from validation.cases.voronoi import looks_at, mean_figures, steady
 
 RANK, HALVED = -0.8, 0.5
+WIDTHS = (1.2, 1.6, 2.0, 2.4, 3.0, 4.0)  # m, of the turns
+LONGER, WIDER = 1.15, 1.05
 
 
 class Run(NamedTuple):
@@ -35,6 +37,7 @@ _FIELD = box(_LEG, 0.0, _FAR, _WIDTH)
 _FLOOR = shapely.union(box(0.0, 0.0, _FAR, _WIDTH), box(_LEG, 0.0, _FAR, _TOP))
 _FIRST, _LAST = 0.5, 0.85  # shares of the people between whose passages everything is steady
 _PATIENCE, _LIMIT = 20.0, 300.0  # s
+_TURN_LEG, _TURN_DENSITY = 12.0, 1.5  # m, from end to corner along the middle; 1/m2, of people in the first leg
 
 
 def corner(run: Run) -> Scenario:
@@ -94,3 +97,39 @@ def run(setting: Setting) -> list[Row]:
     pairs = ", ".join(f"{number(d)} /m2 {number(v)} m/s" for d, v in zip(density, speed, strict=True))
     figure = pairs + (f"; {stuck} of {len(RUNS) * setting.draws} stuck" if stuck else "")
     return [row("corner", setting, falls(density, speed) and not stuck, figure, runs=found)]
+
+
+def turn(width: float, angle: bool = True) -> Scenario:
+    """Return a corridor of two legs at a right ``angle``, or one behind the other; people fill the first leg."""
+    half, leg = 0.5 * width, _TURN_LEG
+    first, second = box(-leg, -half, 0.0, half), box(0.0, -half, leg, half)
+    end = [(leg, -half), (leg, half)]
+    if angle:
+        second = shapely.union(box(-half, -half, half, half), box(-half, 0.0, half, leg))
+        end = [(-half, leg), (half, leg)]
+    place = Geometry.from_polygon([first, second], exits={"out": end}, regions={"leg": first})
+    return Scenario(f"turn-{width:g}", place, adults(round(_TURN_DENSITY * leg * width), start_region="leg"), _LIMIT)
+
+
+def times(setting: Setting) -> Floats:
+    """Return when the last person is out [s] of a turn and of a straight corridor (2, widths), means over the draws."""
+    crowds = draw_crowds([turn(width, angle) for angle in (True, False) for width in WIDTHS], setting)
+    out = crowds.walk(_LIMIT).exit_time
+    return np.array(crowds.means([float(out[crowds.people(e)].max()) for e in range(crowds.count)])).reshape(2, -1)
+
+
+def costs_little(turned: Floats, straight: Floats) -> bool:
+    """Return whether turns of `WIDTHS` take hardly longer [s] than straight corridors, and wider ones than narrower ones.
+
+    Wider ones hold more people, and so slower ones: each is compared with the straight one of the same people.
+    """
+    cost = turned / straight
+    return bool((cost <= LONGER).all() and (cost <= WIDER * np.minimum.accumulate(cost)).all())
+
+
+def run_turn(setting: Setting) -> list[Row]:
+    """Return the row of the turns of all widths."""
+    turned, straight = times(setting)
+    pairs = zip(WIDTHS, turned, straight, strict=True)
+    figure = "turned (straight): " + ", ".join(f"{w:g} m {number(a, 1)} ({number(b, 1)}) s" for w, a, b in pairs)
+    return [row("turn", setting, costs_little(turned, straight), figure, turned=turned, straight=straight)]

@@ -123,7 +123,8 @@ def draw_crowds(scenarios: Sequence[Scenario], setting: Setting) -> Crowds:
         for each in scenarios
         for d in range(setting.draws)
     ]
-    fields = [each.route_set(setting.strategy) for each in scenarios]
+    strategies = [each.strategy_of_run(setting.strategy) for each in scenarios]
+    fields = [each.route_set(strategy) for each, strategy in zip(scenarios, strategies, strict=True)]
     which = np.repeat(np.arange(len(scenarios)), setting.draws)
     places = [each.geometry for each in scenarios]
     pulls = [each.pulls for each in scenarios]
@@ -131,10 +132,8 @@ def draw_crowds(scenarios: Sequence[Scenario], setting: Setting) -> Crowds:
     for e, (bodies, position) in enumerate(drawn):
         route_set = crowds.simulation.planner.route_set(e)
         assert route_set is not None  # every scenario has an exit
-        crowds.simulation.send(
-            e,
-            scenarios[e // setting.draws].choose(route_set, setting.strategy, position, bodies.radius, bodies.group),
-        )
+        k = e // setting.draws
+        crowds.simulation.send(e, scenarios[k].choose(route_set, strategies[k], position, bodies.radius, bodies.group))
     return crowds
 
 

@@ -4,11 +4,13 @@
 
 ``q`` is the flow of a floor full of people that empties evenly: it fills every opening over its whole width, and runs straight
 through a corridor.  It does not cross the lines on which shortest ways part, so people keep to the exit, and to the side of
-every obstacle, of the shortest way.  It is followed only where it is close to that way, so every step along it makes the way
-shorter.  Where the flow leads through a narrow opening people take the shortest way: that opening limits them.  The model is
-ours; recorded flow per meter does not fall with the width of an opening (Seyfried et al. 2009, doi 10.1287/trsc.1090.0263).
+every obstacle, of the shortest way.  It is followed where it leads within 60 degrees of that way, and less and less up to 90
+degrees, so every step makes the way shorter, and around a corner the outer people stay outside.  Right in front of a narrow
+opening, which limits them, and in file people take the shortest way.  The model is ours; recorded flow per meter does not fall
+with the width of an opening (Seyfried et al. 2009, doi 10.1287/trsc.1090.0263).
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -24,8 +26,12 @@ from crowd_env.routing.fields.lookup import BLEND
 _SPACING = 0.1  # m; more in large places, which need about this number of nodes:
 _NODES = 40_000
 _WIDE = 1.0  # m that the middle of a body has of an opening over which people spread
+_ABREAST = 0.7  # m, the same of a corridor in which they do not go in file; fitted
+_BEFORE = (
+    1.0  # m that people take the shortest way in front of what is narrower; further away it is one file around corners
+)
 _PARTING = 0.3  # ways part where the unit vectors of two nodes differ by more, along the line from one to the other
-_ALIKE = 0.5  # cosine between two directions that lead the same way
+_ALIKE = 0.5  # cosine between flow and shortest way from which on people follow the flow alone
 
 
 def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> NavigationField:
@@ -38,8 +44,10 @@ def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> Naviga
     stride = max(1, int(_SPACING / field.spacing + 1e-9), int(np.sqrt(field.free.sum() / _NODES)))
     spacing, nodes = stride * field.spacing, np.s_[::stride, ::stride]
     floor, time, way = field.free[nodes], field.travel_time[nodes], field.direction[nodes]
-    narrow = _narrow(floor, int(np.ceil(0.5 * wide / spacing - 1e-9)))
-    floor = floor & (regions_on_the_way(time, way, narrow.astype(np.int64)) == 0)
+    narrow, single = (_narrow(floor, int(np.ceil(0.5 * width / spacing - 1e-9))) for width in (wide, _ABREAST))
+    through = regions_on_the_way(time, way, narrow + 2 * single.astype(np.int64))
+    before, in_file = (_over_square(some, round(_BEFORE / spacing), np.any) for some in (narrow, single))
+    limited = (before & ~narrow & (through > 0)) | (in_file & (through >= 2))
     blocked = grid.blocked_lines(walls, floor.shape, field.origin, spacing)
     right = (blocked[:, :-1] & RIGHT == 0) & (way[:, 1:, 0] - way[:, :-1, 0] < _PARTING) & floor[:, :-1] & floor[:, 1:]
     up = (blocked[:-1] & UP == 0) & (way[1:, :, 1] - way[:-1, :, 1] < _PARTING) & floor[:-1] & floor[1:]
@@ -47,9 +55,13 @@ def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> Naviga
     floor = np.isin(part, part[ends])
     if not floor.any():
         return field
-    flow = _drain(ends, floor, right, up)
+    # What comes through narrow openings is part of the flow beyond them.
+    flow = np.where(limited[..., None], 0.0, _drain(ends, floor, right, up))
     direction = _between(flow, stride, field.travel_time.shape)
-    spreads = field.free & ((direction * field.direction).sum(axis=-1) > _ALIKE) & (field.travel_time > spacing)
+    alike = (direction * field.direction).sum(axis=-1)
+    spreads = field.free & (alike > 0.0) & (field.travel_time > spacing)
+    share = np.clip(alike / _ALIKE, 0.0, 1.0)[..., None]
+    direction = _unit(share * direction + (1.0 - share) * field.direction)
     corner = spreads.copy()
     corner[:-1] |= spreads[1:]
     corner[:, :-1] |= corner[:, 1:].copy()
@@ -62,12 +74,15 @@ def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> Naviga
 
 def _narrow(floor: Bools, half: int) -> Bools:
     """Return where on the ``floor`` a square of 2 ``half`` + 1 nodes has no room, by more than a node."""
-    wide = floor
-    for size, fit in ((half, np.all), (half + 1, np.any)):
-        for axis in (0, 1):
-            padding = [(size, size) if axis == k else (0, 0) for k in (0, 1)]
-            wide = fit(np.lib.stride_tricks.sliding_window_view(np.pad(wide, padding), 2 * size + 1, axis), axis=-1)
-    return np.asarray(floor & ~wide)
+    return floor & ~_over_square(_over_square(floor, half, np.all), half + 1, np.any)
+
+
+def _over_square(nodes: Bools, half: int, fit: Callable[..., Bools]) -> Bools:
+    """Return for every node whether all or any (``fit``) in the square of 2 ``half`` + 1 nodes around it are true."""
+    for axis in (0, 1):
+        padding = [(half, half) if axis == k else (0, 0) for k in (0, 1)]
+        nodes = fit(np.lib.stride_tricks.sliding_window_view(np.pad(nodes, padding), 2 * half + 1, axis), axis=-1)
+    return nodes
 
 
 def _drain(ends: Bools, floor: Bools, right: Bools, up: Bools) -> Floats:

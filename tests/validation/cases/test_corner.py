@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from cases import looped
 
 from validation.cases import Setting, corner
 
@@ -40,3 +41,18 @@ def test_a_queue_goes_around_the_corner_abreast():
     """Not in one file along the inner wall, which leaves most of the corner empty."""
     (found,) = corner.measure(Setting("dem", "hurried", draws=1), corner.RUNS[-1:])
     assert found["density"] > 2.0 and not found["stuck"]  # 1/m2; in one file 0.5
+
+
+def test_a_turn_costs_little_if_it_does_so_at_every_width():
+    straight = np.full(len(corner.WIDTHS), 25.0)
+    assert corner.costs_little(1.1 * straight, straight)
+    assert not corner.costs_little(np.where(straight == straight[0], 29.0, 25.0), straight)
+    assert not corner.costs_little(np.linspace(25.0, 28.0, len(straight)), straight)  # a wider one is slower
+    assert not corner.costs_little(straight * np.nan, straight)
+
+
+@looped("manner", ["hurried", "calm", "eager"], quick=2)
+def test_a_turn_costs_a_crowd_little(manner):
+    """By the way that people take by default; when the outer ones cut across, 15 to 55 %."""
+    turned, straight = corner.times(Setting("dem", manner, draws=6))
+    assert corner.costs_little(turned, straight), (turned / straight, turned)

@@ -33,7 +33,7 @@ def corridor(people: Population, length: float = 40.0, zones: tuple[SpeedZone, .
 
 def alone(setting: Setting, scenario: Scenario, first: float, last: float) -> tuple[Floats, Floats, Floats]:
     """Return what people who walk alone, one a draw, want [m/s], their speed between two lines, and when they are out [s]."""
-    crowds = draw_crowds([scenario], replace(setting, strategy="shortest"))  # there is one way
+    crowds = draw_crowds([scenario], setting)
     lines = [Passages(crowds, 0, at) for at in (first, last)]
     state = crowds.walk(scenario.time_limit, *lines)
     return crowds.simulation.bodies.desired_speed, (last - first) / (lines[1].time - lines[0].time), state.exit_time
