@@ -74,12 +74,10 @@ class CongestionField:
             through=None,
             free=None,
         )
-        width = np.full(shape, np.inf)  # a region is no bottleneck
+        seen, width = np.full(shape, -1), np.empty(0)  # a region is no bottleneck
         if exits is not None:
-            row = fine.direct[::stride, ::stride]
-            known = row >= 0
-            width[known] = np.maximum(np.hypot(*(exits[:, 1] - exits[:, 0]).T) - 2.0 * fine.radius, 0.0)[row[known]]
-        self._fronts = Fronts(self._first, self._free, self._speed, blocked, self.spacing, width)
+            seen, width = self._direct, np.maximum(np.hypot(*(exits[:, 1] - exits[:, 0]).T) - 2.0 * fine.radius, 0.0)
+        self._fronts = Fronts(self._first, self._free, self._speed, blocked, self.spacing, seen, width)
         self._shortest, self._fine, self._walls = fine.direction[::stride, ::stride], fine, walls
         self._narrow = np.zeros_like(self._inside) if fine.free is None else _narrow(fine.free, stride) & self._inside
         self._ahead = _walk(fine, stride, round(_AHEAD / fine.spacing)) if self._tight else None

@@ -29,7 +29,8 @@ class Fronts:
     speed : (rows, cols) relative to plain floor.
     blocked : (rows, cols) lines between nodes that walls cross, see `crowd_env.routing.fields.grid.blocked_lines`.
     spacing : m, between nodes.
-    width : (rows, cols) m, that the middle of a body has of the exit that is seen; inf where none is.
+    seen : (rows, cols) row of the exit that is seen; -1 where none is.
+    width : (exits,) m, that the middle of a body has of each exit.
 
     Attributes
     ----------
@@ -37,7 +38,14 @@ class Fronts:
     """
 
     def __init__(
-        self, time: Floats, free: Bools, speed: Floats, blocked: NDArray[np.uint8], spacing: float, width: Floats
+        self,
+        time: Floats,
+        free: Bools,
+        speed: Floats,
+        blocked: NDArray[np.uint8],
+        spacing: float,
+        seen: Ints,
+        width: Floats,
     ) -> None:
         self._depth = max(DEPTH, 2.5 * spacing)  # s at 1 m/s
         known = np.isfinite(time) & free  # others may lie on walls, with floor on both sides
@@ -52,10 +60,12 @@ class Fronts:
         share = np.bincount(front.ravel(), speed.ravel(), count) / size
         self._length = self._depth * np.maximum(share, 1e-6)  # m; slow ground takes longer, and lets fewer pass
         self._width = size * spacing**2 / self._length * share
-        seen = np.full(count, np.inf)
-        np.minimum.at(seen, front.ravel(), width.ravel())
+        # A front may lie along several lines, as around an exit that is an area: people leave by all of them.
+        by, row = np.unique(np.stack([front[seen >= 0], seen[seen >= 0]]), axis=1)
+        through = np.bincount(by, width[row], count)
         self._first = np.flatnonzero(band_of == 0)
-        self._width[self._first] = np.minimum(self._width, seen)[self._first]
+        leads_out = self._first[np.isin(self._first, by)]
+        self._width[leads_out] = np.minimum(self._width, through)[leads_out]
         self._width = np.maximum(self._width, 1e-6)
         pairs = np.concatenate(
             [np.stack([front[:, :-1][right], front[:, 1:][right]]), np.stack([front[:-1][up], front[1:][up]])], axis=1

@@ -58,6 +58,16 @@ def test_a_queue_is_one_door_wide():
     assert found == pytest.approx(seconds * 1.4 / congestion._fronts._depth)
 
 
+def test_around_an_exit_that_is_an_area_people_leave_by_all_of_its_lines():
+    room = Geometry.from_polygon(box(0, 0, 14, 14), exits={"zone": box(6, 6, 8, 8)})
+    ring = np.radians(np.arange(0, 360, 3))
+    around = 7.0 + 4.0 * np.column_stack([np.cos(ring), np.sin(ring)])
+    congestion = congestion_of(room)
+    seconds = len(around) / PEOPLE.flow(np.array([4 * (2.0 - 2 * RADIUS)]))[0]
+    found = queues(congestion, around, around).max() * congestion._fronts._depth / 1.4
+    assert 0.3 * seconds < found < 1.05 * seconds  # they stand in two or three bands
+
+
 @pytest.mark.parametrize("name", ["classroom-v0", "l-corridor-v0", pytest.param("floor-v0", marks=pytest.mark.more)])
 def test_without_people_the_shortest_way_is_the_fastest_everywhere(name):
     fronts = make_scenario(name).route_set("fastest").routes[1].congestion._fronts
