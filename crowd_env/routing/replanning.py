@@ -32,9 +32,6 @@ class PlannerState(NamedTuple):
     due: Floats  # (E,)  s
 
 
-EVERY = 1.0  # s    how often a fastest way is found again, counted from the start of each environment
-
-
 class RoutePlanner:
     """The travel-time fields of a batch.
 
@@ -119,10 +116,10 @@ class RoutePlanner:
             if not len(inside):
                 continue
             position, walking = state.position[inside], self._walking(bodies, inside)
-            for r, way in enumerate(place.routes):
-                if way.congestion is not None:
-                    self._write(e, r, way.congestion.march(position, walking))
-            self._clock.due[e] = state.time[e] + EVERY
+            fields = [(r, way.congestion) for r, way in enumerate(place.routes) if way.congestion is not None]
+            for r, congestion in fields:
+                self._write(e, r, congestion.march(position, walking))
+            self._clock.due[e] = state.time[e] + max(congestion.every for _, congestion in fields)
         self.seconds += time.process_time() - begin
 
     def _walking(self, bodies: Bodies, people: Ints) -> FundamentalDiagram:

@@ -24,6 +24,8 @@ from crowd_env.routing.fields.fronts import Fronts
 from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram, weidmann
 
 SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall must hold a node
+_EVERY = 1.0  # s, how often a fastest way is found again, counted from the start of each environment
+_NODES = 200_000  # that are marched again each second at most
 _ALIKE = 0.5  # cosine between two directions that lead the same way
 _WIDE = 1.6  # m, for the middle of a body, of openings over which density alone does not spread people; fitted
 _ABREAST = 0.7  # the same cosine, for people that spread: a larger turn leads around a crowd
@@ -42,6 +44,10 @@ class CongestionField:
     walls : (W, 2, 2) m, the standing ones.
     speed : speed (...) at points (..., 2) [m], relative to plain floor.
     exits : (X, 2, 2) m, rows as in the field; None if it leads to a region.
+
+    Attributes
+    ----------
+    every : s, how often to march again.
     """
 
     def __init__(
@@ -55,6 +61,7 @@ class CongestionField:
         self.origin = fine.origin
         walkable = ~np.isnan(fine.travel_time)
         self._inside = walkable[::stride, ::stride]
+        self.every = max(_EVERY, self._inside.size / _NODES)
         self._free = self._inside if fine.free is None else _any_near(fine.free, stride) & self._inside
         self._first = _least_near(np.where(walkable, fine.travel_time, np.inf), stride // 2, stride)
         shape = self._inside.shape
@@ -105,10 +112,14 @@ class CongestionField:
             count, floor = _box_mean(count, half), _box_mean(floor, half)
         return np.asarray(np.divide(count, floor * self.spacing**2, out=np.zeros_like(count), where=floor > 1e-6))
 
-    def _crowded(self, position: Floats, people: FundamentalDiagram) -> tuple[Floats, Bools]:
+    @cached_property
+    def _open(self) -> NavigationField:
+        """The field of people that keep a distance while nobody waits."""
+        return self._march(self._speed, np.zeros_like(self._inside), True)
+
+    def _crowded(self, position: Floats, people: FundamentalDiagram, queue: Floats) -> tuple[Floats, Bools]:
         """Return the speed (rows, cols) relative to plain floor, and where people keep to the shortest way."""
-        fronts, node = self._fronts, grid.nearest_nodes(position, self.origin, self.spacing, self._inside.shape)
-        queue, front = fronts.queue(node, people), fronts.front
+        fronts, front = self._fronts, self._fronts.front
         waiting = self._mean_around(queue[front])
         if not people.keeps_distance:
             return self._speed / waiting, fronts.keeps_on(queue)[front]
@@ -135,9 +146,16 @@ class CongestionField:
 
     def march(self, position: Floats | None = None, people: FundamentalDiagram | None = None) -> NavigationField:
         """Return the field for ``people`` at ``position`` (K, 2) [m], or for an empty place."""
-        speed, keeps_on = self._speed, np.zeros_like(self._inside)
-        if position is not None and people is not None and len(position):
-            speed, keeps_on = self._crowded(position, people)
+        if position is None or people is None or not len(position):
+            return self._march(self._speed, np.zeros_like(self._inside), people is not None and people.keeps_distance)
+        node = grid.nearest_nodes(position, self.origin, self.spacing, self._inside.shape)
+        queue = self._fronts.queue(node, people)
+        if people.keeps_distance and queue.max() <= 1.0:
+            return self._open
+        return self._march(*self._crowded(position, people, queue), people.keeps_distance)
+
+    def _march(self, speed: Floats, keeps_on: Bools, spreads: bool) -> NavigationField:
+        """Return the field at ``speed``, with the shortest way where ``keeps_on`` (rows, cols)."""
         seeds = self._free & (self._first < SOURCE * self.spacing)
         time = np.where(seeds, self._first / speed, np.nan)
         if (self._free & ~seeds).any():
@@ -149,13 +167,13 @@ class CongestionField:
         direction = descend(time, self.spacing)
         # In narrow places and where only small bodies get out, the fine field knows the way, if both lead the same way.
         shortest, cell, sure, least = self._shortest, self._template.cell, self._narrow, _ALIKE
-        if people is not None and people.keeps_distance:
+        if spreads:
             (shortest, cell, sure), least = self._spread, _ABREAST
         alike = sure & ((direction * shortest).sum(axis=-1) > least)
         if self._ahead is not None:  # slopes between nodes mislead: the march cuts corners that bodies touch
             alike |= sure & self._leads_on(time, speed, self._ahead)
         keeps = (keeps_on & known) | alike | (self._inside & ~self._free)
-        if people is not None and people.keeps_distance:
+        if spreads:
             keeps |= seeds  # beside an exit the marched times do not say which way it faces
         direction[keeps] = shortest[keeps]
         fill_from_nearest(time, direction, self._inside, known, self.spacing)

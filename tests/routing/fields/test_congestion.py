@@ -48,3 +48,18 @@ def test_a_queue_that_passes_quicker_than_the_crowd_walks_saves_no_time(abreast)
     middle = (left > 3.0) & (left < LENGTH - 3.0)
     slowness = np.polyfit(left[middle], time[middle], 1)[0]  # s/m at 1 m/s
     assert slowness == pytest.approx((1.0 / weidmann(density[middle])).mean(), rel=0.03)
+
+
+def test_while_nobody_waits_the_way_is_that_of_an_empty_place():
+    people, congestion = FundamentalDiagram(RADIUS, 1.3, keeps_distance=True), corridor()
+    alone, apart = (congestion.march(np.array(at), people) for at in ([[2.0, 1.5]], [[1.0, 1.0], [6.0, 2.0]]))
+    crowd = congestion.march(np.tile([[6.0, 1.5]], (40, 1)), people)
+    np.testing.assert_array_equal(alone.travel_time, apart.travel_time)
+    assert np.nanmax(crowd.travel_time - alone.travel_time) > 1.0
+
+
+def test_a_large_place_is_marched_less_often(monkeypatch):
+    assert corridor().every == 1.0
+    monkeypatch.setattr("crowd_env.routing.fields.congestion._NODES", 100)
+    congestion = corridor()
+    assert congestion.every == congestion.march().travel_time.size / 100 > 1.0
