@@ -100,7 +100,8 @@ class CongestionField:
         direction = spread(self._fine, self._walls, _WIDE).direction[::stride, ::stride]
         same = (direction == self._shortest).all(axis=-1)
         direct = np.where(same, self._template.direct, -1)
-        return direction, cell_kinds(self._template.travel_time, direct, self._blocked), self._narrow | ~same
+        sure = self._narrow | ~same | (self._fronts.outlets == 1)  # all ways share the one
+        return direction, cell_kinds(self._template.travel_time, direct, self._blocked), sure
 
     def density(self, position: Floats) -> Floats:
         """Return the density [1/m2] of people at ``position`` (K, 2) on the nodes (rows, cols), over about a meter."""

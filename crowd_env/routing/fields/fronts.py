@@ -35,6 +35,7 @@ class Fronts:
     Attributes
     ----------
     front : (rows, cols) number of the front that a node lies in, or is next to.
+    outlets : number of fronts beside the way out.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class Fronts:
         by, row = np.unique(np.stack([front[seen >= 0], seen[seen >= 0]]), axis=1)
         through = np.bincount(by, width[row], count)
         self._first = np.flatnonzero(band_of == 0)
+        self.outlets = len(self._first)
         leads_out = self._first[np.isin(self._first, by)]
         self._width[leads_out] = np.minimum(self._width, through)[leads_out]
         self._width = np.maximum(self._width, 1e-6)
