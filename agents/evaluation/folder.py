@@ -49,7 +49,7 @@ def settings_of(
 ) -> dict[str, object]:
     """Return the settings that all results of a folder share; the digest is of everything in a scenario that can matter."""
     held = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
-    for name in ("name", "title", "reference"):
+    for name in ("name", "title", "reference", *([] if scenario.apron else ["apron"])):
         del held[name]
     headway, outline = scenario.behavior(Headway), scenario.behavior(Outline)
     held |= {"manner": headway, "outline": outline}

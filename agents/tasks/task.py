@@ -137,7 +137,10 @@ class Task:
 
 def plain_place(place: Scenario) -> Plain:
     """Return everything in a scenario that decides what happens, as plain data; what is as in the papers goes unsaid."""
-    usual = {name: FULL_SPEED[name] for name in ("strategy", "max_drive")} | {"pulls": Pulls(), "balance": None}
+    usual = {name: FULL_SPEED[name] for name in ("strategy", "max_drive", "apron")} | {
+        "pulls": Pulls(),
+        "balance": None,
+    }
     unsaid = [*_WORDS, *(name for name, value in usual.items() if getattr(place, name) == value)]
     return {one.name: _plain(getattr(place, one.name)) for one in fields(place) if one.name not in unsaid}
 

@@ -16,7 +16,6 @@ from crowd_env.geometry.parsing import SLIVER, Area, border_edges, place, tangen
 _SAME = 1e-9  # m; a point nearer than this to a straight line is on it
 _SNAP = 0.01  # m; an exit may be drawn this far from the boundary ...
 _WALL = 0.3  # m; ... and is moved onto it from the other face of a wall
-_INWARDS = 1e-3  # m; an apron begins this far inside, so that no gap of rounding parts it from the area
 
 
 def open_boundary(area: Area, exits: Mapping[str, BaseGeometry]) -> tuple[Floats, Floats, tuple[str, ...]]:
@@ -203,17 +202,6 @@ def _cut(edges: Floats, openings: list[_Opening]) -> tuple[Floats, Floats, tuple
         np.array([segment for _, segment in exits]).reshape(-1, 2, 2),
         tuple(name for name, _ in exits),
     )
-
-
-def add_aprons(walkable: Area, exits: Floats, depth: float) -> Area:
-    """Return the area with a rectangle as wide as the exit and ``depth`` [m] deep outside of each of ``exits`` (X, 2, 2)."""
-    along, _ = tangents(exits)
-    outward = np.stack([along[:, 1], -along[:, 0]], axis=1)  # the area lies to the left
-    near, far = exits - _INWARDS * outward[:, None], exits + depth * outward[:, None]
-    aprons = shapely.polygons(np.concatenate([near, far[:, ::-1]], axis=1))
-    area = shapely.union_all([walkable, *aprons])
-    assert isinstance(area, Polygon | MultiPolygon)  # each apron touches the area along its exit
-    return area
 
 
 def solid_depth(walls: Floats, area: Area, most: float = 0.25) -> Floats:

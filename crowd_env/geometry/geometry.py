@@ -19,6 +19,7 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints, joined_starts
 from crowd_env.core.checks import NOT_NEGATIVE, table
 from crowd_env.core.checks import number as require_number
 from crowd_env.core.checks import text as require_text
+from crowd_env.geometry.aprons import add_aprons, lay_aprons
 from crowd_env.geometry.boundary import ends_together, open_boundary, solid_depth
 from crowd_env.geometry.doors import read_doors
 from crowd_env.geometry.jambs import NO_ARCS, Arcs, deepen_exits, round_jambs
@@ -63,6 +64,7 @@ class Boundary(NamedTuple):
     corner_wall: Ints  # (N,)    rows of `wall`
     corner_wall_end: Ints  # (N,)    the end of that wall which lies there: 0 = a, 1 = b
     exit: Floats  # (X, 2, 2)  m   ends a, b; walkable area to the left of a -> b
+    apron: Floats  # (X,)    m   depth of the apron behind each exit; 0 = people vanish at the line
     exit_start: Ints  # (G+1,)  first exit of each geometry
 
 
@@ -256,38 +258,48 @@ class Geometry:
 
     @cached_property
     def boundary(self) -> Boundary:
-        """The arrays that kernels read, for this geometry alone (G = 1)."""
-        straight = len(self.walls) - self.arcs.chords
-        ends = self.walls[:straight].reshape(-1, 2)
+        """The arrays that kernels read, for this geometry alone (G = 1), as it is drawn."""
+        return self.boundary_with(0.0)
+
+    def boundary_with(self, apron: float) -> Boundary:
+        """Return the `boundary` with aprons that end this far [m] behind the jambs of each exit; 0 = none."""
+        drawn = len(self.walls) - self.arcs.chords
+        sides, depths = lay_aprons(self.walkable, self.walls[:drawn], self.exits, apron)
+        ground = add_aprons(self.walkable, self.exits, depths) if depths.any() else self.walkable
+        walls, straight = np.insert(self.walls, drawn, sides, axis=0), drawn + len(sides)
+        two_sided = np.insert(self.two_sided, drawn, np.zeros(len(sides), dtype=np.bool_))
+        door_of_wall = np.insert(self.door_of_wall, drawn, np.full(len(sides), -1))
+        ends = walls[:straight].reshape(-1, 2)
         on_arc = self.arcs.ends[self.arcs.ends >= 0]
         sharp = np.delete(np.arange(len(ends)), on_arc)
         start, members = ends_together(ends[sharp])
         members = sharp[members]
         # A leaf shares its ends with no permanent wall.
-        doors = self.door_of_wall[members[start[:-1]] // 2]
+        doors = door_of_wall[members[start[:-1]] // 2]
         on_post = self.arcs.ends[:, 1] < 0
         members = np.concatenate([members, self.arcs.ends[~on_post].ravel()])
         starts = np.concatenate([start, start[-1] + np.cumsum(np.where(on_post, 0, 2))])
         corner = np.concatenate([ends[members[start[:-1]]], self.arcs.center])
-        tangent, length = tangents(self.walls)
+        tangent, length = tangents(walls)
         return Boundary(
-            wall=self.walls,
+            wall=walls,
             tangent=tangent,
             length=length,
-            depth=solid_depth(self.walls, self.walkable),
-            two_sided=self.two_sided,
-            wall_door=self.door_of_wall,
-            wall_start=np.array([0, len(self.walls)], dtype=np.int64),
+            depth=solid_depth(walls, ground),
+            two_sided=two_sided,
+            wall_door=door_of_wall,
+            wall_start=np.array([0, len(walls)], dtype=np.int64),
             chord_start=np.array([straight], dtype=np.int64),
             corner=corner,
             corner_radius=np.repeat([0.0, self.arcs.radius], [len(start) - 1, len(on_post)]),
-            corner_turn=_turns(starts, members, self.two_sided, tangent),
+            corner_turn=_turns(starts, members, two_sided, tangent),
             corner_door=np.concatenate([doors, np.full(len(on_post), -1, dtype=np.int64)]),
             corner_start=np.array([0, len(corner)], dtype=np.int64),
             corner_wall_start=starts,
             corner_wall=members // 2,
             corner_wall_end=members % 2,
             exit=self.exits,
+            apron=depths,
             exit_start=np.array([0, len(self.exits)], dtype=np.int64),
         )
 
@@ -398,9 +410,14 @@ def _nearest(tree: shapely.STRtree, points: Floats) -> Ints:
     return np.asarray(tree.nearest(shapely.points(points)), dtype=np.int64)
 
 
-def join_boundaries(geometries: Sequence[Geometry]) -> Boundary:
-    """Return the boundaries of ``geometries`` one behind the other, as one batch reads them."""
-    parts = [geometry.boundary for geometry in geometries]
+def join_boundaries(geometries: Sequence[Geometry], aprons: Sequence[float] = ()) -> Boundary:
+    """Return the boundaries of ``geometries`` one behind the other, as one batch reads them.
+
+    ``aprons`` are those of each geometry, see `Geometry.boundary_with`; by default there are none.
+    """
+    parts = [
+        place.boundary_with(each) for place, each in zip(geometries, aprons or [0.0] * len(geometries), strict=True)
+    ]
     columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in Boundary._fields}
     for rows in ("wall", "corner", "exit", "corner_wall"):
         columns[f"{rows}_start"] = joined_starts([getattr(part, f"{rows}_start") for part in parts])

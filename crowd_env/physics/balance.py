@@ -58,12 +58,12 @@ def add_forces_of_arms(e: int, batch: Batch, dt: float, params: Balance) -> None
     """
     near, force, stands = batch.workspace.neighbors, batch.history.force, batch.history.memory.balance.stands
     owner, partner, contact_distance, mass = near.owner, near.partner, near.contact_distance, batch.bodies.mass
-    position, velocity, active = batch.state.position, batch.state.velocity, batch.state.active
+    position, velocity, present = batch.state.position, batch.state.velocity, batch.state.present
     for entry in range(index(near.entry_start[e]), index(near.pair_end[e])):
         i, j = owner[entry], partner[entry]
         dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
         square, reach = dx * dx + dy * dy, contact_distance[entry] + params.arms
-        if square < reach * reach and active[i] and active[j] and stands[i] and stands[j]:
+        if square < reach * reach and present[i] and present[j] and stands[i] and stands[j]:
             approach = dx * (velocity[j, 0] - velocity[i, 0]) + dy * (velocity[j, 1] - velocity[i, 1])
             if approach > 0.0:
                 distance = np.sqrt(square)

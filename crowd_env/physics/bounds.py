@@ -105,14 +105,14 @@ def _hold_at_walls(e: int, batch: Batch) -> None:
     near, state, bodies = batch.workspace.neighbors, batch.state, batch.bodies
     entry_start, entry_end = near.pair_end[e], near.wall_end[e]
     boundary, g, owner, partner = batch.world.boundary, batch.world.geometry_of_env[e], near.owner, near.partner
-    position, velocity, active = state.position, state.velocity, state.active
+    position, velocity, present = state.position, state.velocity, state.present
     previous = batch.workspace.previous_position
     entry = entry_start
     while entry < entry_end:
         i, entry_stop = owner[entry], entry + 1
         while entry_stop < entry_end and owner[entry_stop] == i:
             entry_stop += 1
-        if active[i]:
+        if present[i]:
             x, y, nx, ny, mx, my = stop_at_walls(
                 boundary, g, partner, entry, entry_stop, previous[i, 0], previous[i, 1], position[i, 0], position[i, 1]
             )

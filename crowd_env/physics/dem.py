@@ -213,7 +213,7 @@ def _list_contacts(e: int, batch: Batch, dt: float, stiffness: float) -> None:
     and the forces are the same.
     """
     state, contacts, soa = batch.state, batch.history.contacts, batch.workspace.soa
-    interleave(batch.bodies.env_start[e], batch.bodies.env_start[e + 1], state.active, soa.x, soa.y, state.position)
+    interleave(batch.bodies.env_start[e], batch.bodies.env_start[e + 1], state.present, soa.x, soa.y, state.position)
     find_contacts(e, batch, 0.0)
     gap, impulse = contacts.gap, contacts.impulse
     contact_start, contact_stop = contact_range(e, batch)

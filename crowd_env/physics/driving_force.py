@@ -98,13 +98,24 @@ def _brace(e: int, batch: Batch, dt: float, balance: bool | None) -> None:
 
 @inner_kernel
 def asked_of(i: int, batch: Batch) -> tuple[float, float]:
-    """Return the command of pedestrian ``i``, turned with the direction of the route if it is relative."""
+    """Return the command of pedestrian ``i``, turned with the direction of the route if it is relative.
+
+    One that is out walks straight on, whatever the command.
+    """
     command, direction = batch.control.command, batch.history.direction
+    if not batch.state.active[i]:
+        return direction[i, 0], direction[i, 1]
     cx, cy = command[i, 0], command[i, 1]
     if batch.control.relative[i]:
         ex, ey = direction[i, 0], direction[i, 1]
         cx, cy = cx * ex - cy * ey, cx * ey + cy * ex
     return cx, cy
+
+
+@inner_kernel
+def has_set_out(i: int, time: float, batch: Batch) -> bool:
+    """Whether pedestrian ``i`` walks: it has responded, or was pushed out before."""
+    return time >= batch.bodies.response_time[i] or not batch.state.active[i]
 
 
 @inner_kernel
@@ -122,10 +133,10 @@ def desired_velocity(i: int, time: float, batch: Batch, acting: Influences) -> t
 @inner_kernel
 def _wanted_velocity(i: int, time: float, batch: Batch, walking: bool | None) -> tuple[float, float]:
     if walking is not None:
-        if time >= batch.bodies.response_time[i]:
+        if has_set_out(i, time, batch):
             return batch.history.walking_velocity[i, 0], batch.history.walking_velocity[i, 1]
         return 0.0, 0.0
-    speed = batch.history.local_speed[i] if time >= batch.bodies.response_time[i] else 0.0
+    speed = batch.history.local_speed[i] if has_set_out(i, time, batch) else 0.0
     cx, cy = asked_of(i, batch)
     return speed * cx, speed * cy
 

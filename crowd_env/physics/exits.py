@@ -1,29 +1,40 @@
-"""Exits: a pedestrian is out from the moment when the center crosses an exit line outwards."""
+"""Exits: a pedestrian is out from the moment when the center crosses an exit line outwards.
+
+Behind the line lies its apron (`crowd_env.geometry.aprons`).  A pedestrian that is out walks straight on there, a body in the
+way of the next, and is gone at its end.  Where the apron has no depth, as in the papers, the pedestrian vanishes at the line.
+"""
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.kernels.jit import index, inner_kernel
-from crowd_env.physics.step import list_active
+from crowd_env.physics.step import list_present
 from crowd_env.physics.workspace import Batch
+
+_ACROSS = 0.7  # cosine between outward normals: people do not meet behind exits that lead more alike
 
 
 @inner_kernel
 def leave(e: int, rank_stop: int, batch: Batch, dt: float) -> int:
-    """Take out all people with a center that crossed an exit line outwards during this step.
+    """Mark all people with a center that crossed an exit line outwards during this step; take out those beyond an apron.
 
-    `Workspace.inside` lists the active people up to ``rank_stop``; returns the new end of the list.
+    `Workspace.inside` lists the bodies up to ``rank_stop``; returns the new end of the list.
     """
-    boundary, g, left = batch.world.boundary, batch.world.geometry_of_env[e], False
+    boundary, g, gone = batch.world.boundary, batch.world.geometry_of_env[e], False
     inside, previous, position = batch.workspace.inside, batch.workspace.previous_position, batch.state.position
     exit_line, first, stop = boundary.exit, boundary.exit_start[g], boundary.exit_start[g + 1]
+    rank_start, active = batch.bodies.env_start[e], batch.state.active
+    for rank in range(index(rank_start), index(rank_stop)):
+        i = inside[rank]
+        if not active[i]:
+            gone |= end_of_apron(e, i, batch, position[i, 0], position[i, 1])
     for k in range(first, stop):
-        for rank in range(index(batch.bodies.env_start[e]), index(rank_stop)):
+        for rank in range(index(rank_start), index(rank_stop)):
             i = inside[rank]
             x0, y0, x1, y1 = previous[i, 0], previous[i, 1], position[i, 0], position[i, 1]
             if _crossing(exit_line, k, x0, y0, x1, y1) <= 1.0:  # rare: the other arrays are read only then
-                left |= mark_crossing(e, i, k - first, batch, dt, x0, y0, x1, y1)
-    return list_active(e, batch) if left else rank_stop
+                gone |= mark_crossing(e, i, k - first, batch, dt, x0, y0, x1, y1)
+    return list_present(e, batch) if gone else rank_stop
 
 
 @inner_kernel
@@ -32,20 +43,58 @@ def mark_crossing(
 ) -> bool:
     """Mark pedestrian ``i`` as out if the path from 0 to 1 of this step crosses an exit outwards.
 
-    Of several exits crossed in one step the first counts.  Returns whether the pedestrian was inside until now.
+    Of several exits crossed in one step the first counts.  Returns whether the body was there until now and is gone.
     """
     state, boundary, time = batch.state, batch.world.boundary, batch.state.time[e]
     k = boundary.exit_start[batch.world.geometry_of_env[e]] + exit_number
     part = _crossing(boundary.exit, k, x0, y0, x1, y1)
     if not part <= 1.0:
         return False
-    moment, was_inside = time + part * dt, state.active[i]
-    if not (was_inside or (state.exit_time[i] > moment and state.exit_time[i] > time)):
+    moment, was_present = time + part * dt, state.present[i]
+    if not (state.active[i] or (state.exit_time[i] > moment and state.exit_time[i] > time)):
         return False
     state.active[i] = False
     state.exit_time[i] = moment
     state.exit_index[i] = exit_number
-    return was_inside
+    state.present[i] = boundary.apron[k] > 0.0
+    direction = batch.history.direction
+    direction[i, 0], direction[i, 1] = _outwards(boundary.exit, k)
+    return was_present and not state.present[i]
+
+
+@inner_kernel
+def end_of_apron(e: int, i: int, batch: Batch, x: float, y: float) -> bool:
+    """Take out the body of ``i``, which is out, at the end of its apron; returns whether it is gone.
+
+    That is the depth of the apron, or where it would meet those that come out of another exit, towards it or across: nobody
+    gives way there.
+    """
+    boundary, g = batch.world.boundary, batch.world.geometry_of_env[e]
+    first, stop, line = boundary.exit_start[g], boundary.exit_start[g + 1], boundary.exit
+    own = first + batch.state.exit_index[i]
+    nx, ny = _outwards(line, own)
+    beyond = (x - line[own, 0, 0]) * nx + (y - line[own, 0, 1]) * ny
+    gone, reach = beyond >= boundary.apron[own], beyond + 2.0 * batch.bodies.radius[i]
+    for k in range(first, stop):
+        if boundary.apron[k] > 0.0 and k != own:
+            mx, my = _outwards(line, k)
+            dx, dy = x - line[k, 0, 0], y - line[k, 0, 1]
+            length = np.hypot(line[k, 1, 0] - line[k, 0, 0], line[k, 1, 1] - line[k, 0, 1])
+            aside = dx * -my + dy * mx  # along the line
+            aside = max(max(-aside, aside - length), 0.0)
+            out = dx * mx + dy * my
+            meets = out * out + aside * aside < reach * reach
+            gone |= (beyond > 0.0) & (out > 0.0) & meets & (nx * mx + ny * my < _ACROSS)
+    batch.state.present[i] = not gone
+    return gone
+
+
+@inner_kernel
+def _outwards(exit_line: Floats, k: int) -> tuple[float, float]:
+    """Return the outward normal of exit ``k``."""
+    tx, ty = exit_line[k, 1, 0] - exit_line[k, 0, 0], exit_line[k, 1, 1] - exit_line[k, 0, 1]
+    length = np.sqrt(tx * tx + ty * ty)
+    return ty / length, -tx / length
 
 
 @inner_kernel

@@ -89,14 +89,14 @@ def _write_pairs(candidate_start: int, candidate_stop: int, batch: Batch, margin
     """Write the contacts among these pair candidates from contact ``c`` on; returns one past the last contact."""
     near, contacts, state = batch.workspace.neighbors, batch.history.contacts, batch.state
     owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
-    active, position, candidates = state.active, state.position, batch.workspace.narrow_phase.candidates
+    present, position, candidates = state.present, state.position, batch.workspace.narrow_phase.candidates
     contact_i, contact_j, contact_gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
     for h in range(index(candidate_start), index(candidate_stop)):
         entry = candidates[h]
         i, j = owner[entry], partner[entry]
         dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
         gap, nx, ny = disc_on_point(dx, dy, contact_distance[entry])
-        if active[i] and active[j] and gap < margin:
+        if present[i] and present[j] and gap < margin:
             contact_i[c], contact_j[c], contact_gap[c] = i, j, gap
             normal[c, 0], normal[c, 1] = nx, ny
             c += 1
@@ -108,12 +108,12 @@ def _write_all(e: int, pairs: tuple[int, int], walls: tuple[int, int], batch: Ba
     """Write the contacts among these pair and wall candidates; returns one past the last contact."""
     near, contacts, state = batch.workspace.neighbors, batch.history.contacts, batch.state
     boundary, g, radius = batch.world.boundary, batch.world.geometry_of_env[e], batch.bodies.radius
-    owner, partner, active, position = near.owner, near.partner, state.active, state.position
+    owner, partner, present, position = near.owner, near.partner, state.present, state.position
     contact_i, contact_j, contact_gap, normal = contacts.i, contacts.j, contacts.gap, contacts.normal
     candidates, c, h = batch.workspace.narrow_phase.candidates, pairs[0], pairs[0]
     for entry in candidates[walls[0] : walls[1]]:
         i, feature = owner[entry], np.int64(partner[entry])
-        if not active[i]:
+        if not present[i]:
             continue
         gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius[i], boundary, g, feature, margin)
         if gap < margin:

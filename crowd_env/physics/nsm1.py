@@ -134,7 +134,12 @@ def _is_missed(e: int, batch: Batch, margin: float, dt: float) -> bool:
     """Whether a pair, or a body and a wall, overlaps after this step after a gap of ``margin`` or more before it."""
     near, boundary, g = batch.workspace.neighbors, batch.world.boundary, batch.world.geometry_of_env[e]
     owner, partner, contact_distance = near.owner, near.partner, near.contact_distance
-    active, x, v, radius = batch.state.active, batch.state.position, batch.workspace.trial_velocity, batch.bodies.radius
+    present, x, v, radius = (
+        batch.state.present,
+        batch.state.position,
+        batch.workspace.trial_velocity,
+        batch.bodies.radius,
+    )
     missed = 0
     for entry in range(index(near.entry_start[e]), index(near.pair_end[e])):
         i, j = owner[entry], partner[entry]
@@ -142,12 +147,12 @@ def _is_missed(e: int, batch: Batch, margin: float, dt: float) -> bool:
         ahead_x, ahead_y = dx + dt * (v[i, 0] - v[j, 0]), dy + dt * (v[i, 1] - v[j, 1])
         was_apart = dx * dx + dy * dy >= (touching + margin) * (touching + margin)
         overlaps = ahead_x * ahead_x + ahead_y * ahead_y < touching * touching
-        missed += was_apart & overlaps & active[i] & active[j]
+        missed += was_apart & overlaps & present[i] & present[j]
     for entry in range(index(near.pair_end[e]), index(near.wall_end[e])):
         i, k = owner[entry], np.int64(partner[entry])
         gap, _, _ = gap_to_feature(x[i, 0], x[i, 1], radius[i], boundary, g, k)
         after, _, _ = gap_to_feature(x[i, 0] + dt * v[i, 0], x[i, 1] + dt * v[i, 1], radius[i], boundary, g, k)
-        missed += (gap >= margin) & (after < 0.0) & active[i]
+        missed += (gap >= margin) & (after < 0.0) & present[i]
     return missed > 0
 
 

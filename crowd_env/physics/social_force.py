@@ -168,11 +168,11 @@ def _add_forces_of_walls(e: int, batch: Batch, params: SocialParams, force: Floa
     """Add the social forces [N] of walls on the people of environment ``e`` to ``force`` (P, 2)."""
     near, boundary, g = batch.workspace.neighbors, batch.world.boundary, batch.world.geometry_of_env[e]
     owner, partner, radius, position = near.owner, near.partner, batch.bodies.radius, batch.state.position
-    active, heading, per_length = batch.state.active, batch.workspace.heading, 1.0 / params.length
+    present, heading, per_length = batch.state.present, batch.workspace.heading, 1.0 / params.length
     for wall in range(index(near.pair_end[e]), index(near.wall_end[e])):
         i, feature = owner[wall], np.int64(partner[wall])
         gap, nx, ny = gap_to_feature(position[i, 0], position[i, 1], radius[i], boundary, g, feature, params.cutoff)
-        if gap < params.cutoff and active[i]:
+        if gap < params.cutoff and present[i]:
             size = params.wall_strength * _exp(-gap * per_length)
             size *= 1.0 - (heading[i, 0] * nx + heading[i, 1] * ny)
             force[i, 0] += size * nx
@@ -194,7 +194,7 @@ def _find_pairs(e: int, batch: Batch, cutoff: float) -> Any:
 
     ``x`` and ``y`` hold the displacement [m] between the two centers, ``size`` their distance [m] at the cut-off.
     """
-    near, position, active = batch.workspace.neighbors, batch.state.position, batch.state.active
+    near, position, present = batch.workspace.neighbors, batch.state.position, batch.state.present
     owner, partner, contact_distance, pair = near.owner, near.partner, near.contact_distance, index(near.entry_start[e])
     pairs = batch.workspace.social_pairs
     entry_of, x, y, size = pairs.entry, pairs.x, pairs.y, pairs.size
@@ -203,7 +203,7 @@ def _find_pairs(e: int, batch: Batch, cutoff: float) -> Any:
         dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]
         reach = contact_distance[entry] + cutoff
         entry_of[pair], x[pair], y[pair], size[pair] = entry, dx, dy, reach
-        pair += index((dx * dx + dy * dy < reach * reach) & active[i] & active[j])
+        pair += index((dx * dx + dy * dy < reach * reach) & present[i] & present[j])
     return pair
 
 

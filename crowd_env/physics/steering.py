@@ -152,13 +152,14 @@ def _list_looking(rank_start: int, rank_stop: int, batch: Batch, everyone: bool,
     """List the slots that look up the direction in `Workspace.looking`, without a branch; returns one past the last.
 
     These are all slots if ``everyone``, since a command may become relative before the next look-up, else the slots with a
-    relative command.  A pedestrian in a uniform field is listed at its ``turn`` only.
+    relative command.  A pedestrian in a uniform field is listed at its ``turn`` only; one that is out looks no more.
     """
     inside, looking, relative = batch.workspace.inside, batch.workspace.looking, batch.control.relative
+    active = batch.state.active
     is_uniform, lookup_turn, k = batch.history.is_uniform, batch.history.lookup_turn, index(rank_start)
     for rank in range(index(rank_start), index(rank_stop)):
         i = inside[rank]
-        follows = relative[i] | everyone
+        follows = (relative[i] | everyone) & active[i]
         is_uniform[i] &= follows
         looking[k] = i
         k += index(follows & ((turn < 0) | (lookup_turn[i] == turn) | (not is_uniform[i])))

@@ -13,27 +13,31 @@ from crowd_env.physics.workspace import Batch
 
 
 @inner_kernel
-def list_active(e: int, batch: Batch) -> int:
-    """List the active slots of environment ``e`` in `Workspace.inside`; returns one past the last rank.
+def list_present(e: int, batch: Batch) -> int:
+    """List the slots of environment ``e`` with a body in `Workspace.inside`; returns one past the last rank.
+
+    A body is that of a pedestrian inside, or on an apron: callers write into ``active`` alone.
 
     On average half of the slots of a room are empty, in no order: a loop over all of them that tests each loses more time by
     mispredicted branches than by its work.
     """
     slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-    active, inside, rank = batch.state.active, batch.workspace.inside, index(slot_start)
+    active, present, exit_time = batch.state.active, batch.state.present, batch.state.exit_time
+    inside, rank = batch.workspace.inside, index(slot_start)
     for i in range(index(slot_start), index(slot_stop)):
+        present[i] = active[i] | (present[i] & (exit_time[i] == exit_time[i]))
         inside[rank] = i
-        rank += index(active[i])
+        rank += index(present[i])
     return int(np.int64(rank))  # int alone would keep it unsigned
 
 
 @inner_kernel
 def begin_call(e: int, batch: Batch, acting: Influences) -> tuple[int, float, float]:
-    """List the people inside environment ``e`` and update routes, at the start of a call.
+    """List the bodies of environment ``e`` and update routes, at the start of a call.
 
     Returns one past the last rank, the speed limit [m/s] and the least radius [m].
     """
-    rank_stop = list_active(e, batch)
+    rank_stop = list_present(e, batch)
     reset_routes(e, batch, acting.regions)
     return rank_stop, speed_limit(batch), least_radius(e, rank_stop, batch)
 

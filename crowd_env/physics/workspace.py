@@ -171,7 +171,7 @@ class Workspace(NamedTuple):
     partition: Partition
     social_pairs: SocialPairs
     walkers: Walkers
-    inside: Annotated[Indices, "P"]  # slots inside, environment e from env_start[e] on: see `step.list_active`
+    inside: Annotated[Indices, "P"]  # slots with a body, environment e from env_start[e] on: see `step.list_present`
     looking: Annotated[Indices, "P"]  # slots that look up the direction, at their rank in `inside` or before
     desired_velocity: Annotated[Floats, "P 2", "desired_velocity"]  # m/s
     # Desired direction times the anisotropy of the social force (2); the desired velocity it comes from (2).

@@ -8,7 +8,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import Plain
-from crowd_env.geometry.boundary import add_aprons
+from crowd_env.geometry.aprons import add_aprons
 from crowd_env.recording.content import OF_PEOPLE, Frames
 from crowd_env.recording.exits import APRON
 

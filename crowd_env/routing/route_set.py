@@ -61,6 +61,7 @@ class RoutePlan:
     comfort : costs of the most comfortable route.
     closed_at_start, events : doors that are closed at first, and events that open or close doors.
     one_way : doors that people mean to pass one way only.
+    apron : m behind the jambs of an exit up to which people are bodies.
 
     Raises
     ------
@@ -81,6 +82,7 @@ class RoutePlan:
     closed_at_start: Sequence[str] = ()
     events: Sequence[DoorEvent] = ()
     one_way: Sequence[OneWay] = ()
+    apron: float = 0.0
 
     def __post_init__(self) -> None:
         _check_routes(self)
@@ -184,7 +186,8 @@ class RouteSet:
     @cached_property
     def spread(self) -> "RouteSet":
         """The routes of people that keep a distance: over the whole width of openings, as the doors stand."""
-        made = (r if r.walls is None else r._replace(field=spread(r.field, r.walls)) for r in self.routes)
+        apron = self.plan.apron
+        made = (r if r.walls is None else r._replace(field=spread(r.field, r.walls, apron=apron)) for r in self.routes)
         return replace(self, routes=tuple(made))
 
     def when(self, closed: frozenset[str]) -> "RouteSet":

@@ -13,7 +13,9 @@ from crowd_env.core.behaviors.behavior import Behavior
 from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.behaviors.outline import BodyShape, Outline, room_of
 from crowd_env.core.behaviors.pulls import Pulls
-from crowd_env.core.checks import Positive, Range, check_fields, flag, refuse, shown
+from crowd_env.core.checks import NotNegative, Positive, Range, check_fields, flag, refuse, shown
+from crowd_env.core.files.fingerprint import UNSAID
+from crowd_env.geometry.aprons import APRON
 from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.fields.domain import require_grid
 from crowd_env.routing.fields.field import NavigationField, OneWay
@@ -40,8 +42,8 @@ _LARGE = 40_000.0  # m2, of the box around a place
 _SLOW = 0.1  # m/s, lower bound of the desired speed in this time limit
 _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
 
-# How people walk in the papers: `Scenario(..., **FULL_SPEED)`.
-FULL_SPEED: Mapping[str, Any] = {"manner": None, "strategy": "shortest", "max_drive": np.inf}
+# How people walk in the papers, and vanish at the exit line: `Scenario(..., **FULL_SPEED)`.
+FULL_SPEED: Mapping[str, Any] = {"manner": None, "strategy": "shortest", "max_drive": np.inf, "apron": 0.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +56,8 @@ class Scenario:
 
     ``manner`` defines how people walk before they touch, unless the run overrides it: a name in ``MANNERS``, a Headway, or a
     table of its parameters; None = at full speed, even towards people in front.  By default people keep a distance, and
-    their driving force is at most a person's; ``**FULL_SPEED`` gives the people of the papers, without either.
+    their driving force is at most a person's, and a pedestrian that is out is a body up to 2 m behind the jambs, the
+    ``apron``; ``**FULL_SPEED`` gives the people of the papers, without any of these.
 
     ``strategy`` is how people choose their way, unless the run overrides it.  It defaults to the fastest in a place with
     several exits and without routes, rules, one-way doors or a straight ``target``, else to the shortest.  A place of more
@@ -115,6 +118,8 @@ class Scenario:
     pulls: Pulls = field(default_factory=Pulls)
     balance: Balancing | None = None
     max_drive: Annotated[float, _PERHAPS_NEVER] = 300.0
+    apron: NotNegative = field(default=APRON, metadata={UNSAID: 0.0})
+    """m behind the jambs of an exit up to which people go on being bodies; 0 = they vanish at the line."""
 
     def __post_init__(self) -> None:
         if self.population is None:
@@ -265,6 +270,7 @@ class Scenario:
             closed_at_start=self.closed_doors,
             events=self.door_events,
             one_way=self.one_way,
+            apron=self.apron,
             walking_speed=0.5 * (self.population.desired_speed.low + self.population.desired_speed.high) or 1.0,
         ).build()
 

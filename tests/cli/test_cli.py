@@ -10,7 +10,7 @@ from commands import call, figures
 from repository import ROOT
 from typer.testing import CliRunner
 
-from crowd_env import SCENARIOS, SCHEMES
+from crowd_env import MANNERS, SCENARIOS, SCHEMES
 from crowd_env.agents import POLICIES, PRETRAINED
 from crowd_env.analysis.figures import doubts, report
 from crowd_env.cli.main import app
@@ -91,9 +91,23 @@ def test_run_says_when_its_figures_are_doubtful():
     assert "the contact solver ended above its tolerance in" in " ".join(gives_up.split())
     fast = {"exits": {"door": {"flow_per_meter": {"mean": 3.1}}}, "unfinished": 0, "runs": 2, "interrupted_of": 5}
     assert doubts(fast) == (
-        "3.1 people per second and meter pass exit door, more than the 2.8 that experiments found; "
+        "3.1 people per second and meter pass exit door; crowds in experiments reach 2.8 at most; "
         "only 2 of 5 runs were finished"
     )
+
+
+@pytest.mark.parametrize("manner", MANNERS)
+def test_a_flow_is_compared_with_that_of_such_people(manner):
+    """Walking people pass 1.9 /(s m) (Seyfried et al. 2009), no crowd more than 2.8; the papers' crowd is faster than any."""
+
+    def said(flow):
+        exits = {"door": {"flow_per_meter": {"mean": flow}}}
+        return doubts({"exits": exits, "unfinished": 0, "runs": 1, "manner": manner})
+
+    walks = MANNERS[manner] is not None and MANNERS[manner].time_gap >= 0.3
+    assert said(1.9) == "" and ("reach 1.9" in said(2.1)) == walks
+    assert ("reach 1.9" if walks else "reach 2.8 at most") in said(3.0)
+    assert "of the papers" not in said(3.2) and ("of the papers" in said(3.5)) == (manner == "competitive")
 
 
 def test_run_prints_a_table():

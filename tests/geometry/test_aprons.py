@@ -5,7 +5,7 @@ import shapely
 from shapely.geometry import Point, box
 
 from crowd_env import Geometry
-from crowd_env.geometry.boundary import add_aprons
+from crowd_env.geometry.aprons import add_aprons
 
 
 def test_every_exit_has_ground_outside_as_wide_as_it_is():

@@ -1,6 +1,6 @@
 """Who walks if nobody says it: adults who keep a distance, but for the places of the papers."""
 
-from dataclasses import replace
+from dataclasses import make_dataclass, replace
 
 import numpy as np
 import pytest
@@ -20,8 +20,10 @@ from crowd_env import (
     make_scenario,
 )
 from crowd_env.cli.place import CrowdOptions, read_place
+from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.envs.rollout import run_episodes
 
+OF_SCENARIO = "crowd_env.scenarios.scenario"
 HALL = Geometry.from_polygon(box(0, 0, 8, 8), exits={"door": [(8, 3.5), (8, 4.5)]})
 TWO = Geometry.from_polygon(box(0, 0, 8, 8), exits={"east": [(8, 3), (8, 5)], "west": [(0, 3), (0, 5)]})
 
@@ -52,6 +54,7 @@ def test_own_places_keep_a_distance_and_shipped_ones_are_as_in_the_papers(tmp_pa
             and env.simulation.behaviors["max_drive"].force == 300.0
         )
         assert place.population.radius.high == 0.19
+        assert env.simulation.world.boundary.apron.tolist() == [2.0]  # m, on which people go on being bodies
     for name in SCENARIOS:
         place = make_scenario(name)
         walked = dict(FULL_SPEED) | ({"strategy": None} if name == "generated-v0" else {})  # it has several exits
@@ -88,6 +91,28 @@ def test_the_drive_is_that_of_the_place_unless_the_physics_says_another():
         CrowdEnv([place, make_scenario("room-v0")], num_envs=2, walking="calm")
 
 
+def test_a_file_says_where_people_vanish(tmp_path):
+    place = '{"geometry": {"walkable": {"box": [0, 0, 8, 8]}, "exits": {"door": [[8, 3], [8, 5]]}}, "apron": %s}'
+    found = []
+    for apron in ("0", "0.5", "-1"):
+        (tmp_path / "hall.json").write_text(place.replace('"apron"', '"population": {"people": 5}, "apron"') % apron)
+        try:
+            found.append(CrowdEnv(str(tmp_path / "hall.json")).simulation.world.boundary.apron.tolist())
+        except ValueError as error:
+            found.append(str(error))
+    assert found[:2] == [[0.0], [0.5]] and "apron is -1" in found[2]
+
+
+def test_the_fingerprint_of_a_place_in_which_people_vanish_is_that_of_before_there_were_aprons():
+    """Folders of runs hold it."""
+    place = make_scenario("room-v0")
+    older = {name: getattr(place, name) for name in place.__dataclass_fields__ if name != "apron"}
+    assert fingerprint(place) == fingerprint(
+        make_dataclass("Scenario", older, namespace={"__module__": OF_SCENARIO})(**older)
+    )
+    assert fingerprint(place) != fingerprint(replace(place, apron=2.0)) != fingerprint(replace(place, apron=1.0))
+
+
 def test_competitive_people_on_a_plan_are_those_of_the_papers(tmp_path):
     (tmp_path / "hall.wkt").write_text("POLYGON ((0 0, 8 0, 8 8, 0 8, 0 0))")
     options = CrowdOptions(scenario=str(tmp_path / "hall.wkt"), exit=["8,3,8,5"], walking="competitive")
@@ -98,11 +123,14 @@ def test_competitive_people_on_a_plan_are_those_of_the_papers(tmp_path):
 
 
 @pytest.mark.more
-@looped("width", [1.0, 3.0])
-def test_by_default_no_door_passes_more_people_than_were_ever_seen(width):
-    # There is floor behind the door: at an exit in the wall itself, where people are gone at once, 3.3 /(s m) pass.
-    floor = [box(0, 0, 12, 12), box(11.9, 6 - width / 2, 12.3, 6 + width / 2), box(12.2, 0, 15.2, 12)]
-    hall = Geometry.from_polygon(floor, exits={"out": [(15.2, 0), (15.2, 12)]}, regions={"in": box(0, 0, 12, 12)})
+@looped("width, behind", [(1.0, True), (3.0, True), (1.0, False), (3.0, False)])
+def test_by_default_no_door_passes_more_people_than_were_ever_seen(width, behind):
+    # With floor behind the door, and with the exit line in the wall.
+    floor, exits = [box(0, 0, 12, 12)], {"out": [(12, 6 - width / 2), (12, 6 + width / 2)]}
+    if behind:
+        floor += [box(11.9, 6 - width / 2, 12.3, 6 + width / 2), box(12.2, 0, 15.2, 12)]
+        exits = {"out": [(15.2, 0), (15.2, 12)]}
+    hall = Geometry.from_polygon(floor, exits=exits, regions={"in": box(0, 0, 12, 12)})
     for run in run_episodes(Scenario("hall", hall, Population(200, start_region="in"), 200.0), 3):
         assert run.metrics.unfinished == 0
         assert 1.0 < run.metrics.flow / width < 2.8  # 1/(s m)

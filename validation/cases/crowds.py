@@ -127,8 +127,9 @@ def draw_crowds(scenarios: Sequence[Scenario], setting: Setting) -> Crowds:
     fields = [each.route_set(strategy) for each, strategy in zip(scenarios, strategies, strict=True)]
     which = np.repeat(np.arange(len(scenarios)), setting.draws)
     places = [each.geometry for each in scenarios]
-    pulls = [each.pulls for each in scenarios]
-    crowds = crowds_at(places, drawn, setting, setting.draws, fields=fields, geometry_of_env=which, pulls=pulls)
+    pulls, aprons = [each.pulls for each in scenarios], [each.apron for each in scenarios]
+    options: dict[str, Any] = {"fields": fields, "geometry_of_env": which, "pulls": pulls, "apron": aprons}
+    crowds = crowds_at(places, drawn, setting, setting.draws, **options)
     for e, (bodies, position) in enumerate(drawn):
         route_set = crowds.simulation.planner.route_set(e)
         assert route_set is not None  # every scenario has an exit

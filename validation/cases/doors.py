@@ -1,4 +1,4 @@
-"""Doors: how many people a second pass one, for widths from 0.5 to 5 m."""
+"""Doors: how many people a second pass one of 0.5 to 5 m, with floor behind it, and with the exit line in the wall."""
 
 from typing import Any
 
@@ -20,26 +20,29 @@ _PATIENCE = 20.0  # s without a passage: stuck
 _LIMIT = 400.0  # s
 
 
-def door(width: float, people: int | None = None) -> Scenario:
-    """Return people in front of a neck of ``width`` [m] in a wall, behind which 3 m are free up to the exit line."""
+def door(width: float, people: int | None = None, in_wall: bool = False) -> Scenario:
+    """Return people in front of a neck of ``width`` [m] in a wall, behind which 3 m are free up to the exit line.
+
+    Or that line is the opening ``in_wall`` itself.
+    """
     people = round(_PER_METER * width) if people is None else people
     back = -0.5 - people / (_DENSITY * 2.0 * _HALF)
-    end = _NECK + _BEYOND
-    floor = [
-        box(back, -_HALF, 0.0, _HALF),
-        box(-0.1, -0.5 * width, _NECK + 0.1, 0.5 * width),
-        box(_NECK, -_HALF, end, _HALF),
-    ]
+    end, half = (0.0, 0.5 * width) if in_wall else (_NECK + _BEYOND, _HALF)
+    floor = [box(back, -_HALF, 0.0, _HALF)]
+    if not in_wall:
+        floor += [box(-0.1, -0.5 * width, _NECK + 0.1, 0.5 * width), box(_NECK, -_HALF, end, _HALF)]
     place = Geometry.from_polygon(
-        floor, exits={"out": [(end, -_HALF), (end, _HALF)]}, regions={"reservoir": box(back, -_HALF, -0.5, _HALF)}
+        floor, exits={"out": [(end, -half), (end, half)]}, regions={"reservoir": box(back, -_HALF, -0.5, _HALF)}
     )
     return Scenario(f"door-{width:g}", place, adults(people, start_region="reservoir"), _LIMIT)
 
 
-def specific_flows(setting: Setting, widths: tuple[float, ...] = WIDTHS) -> dict[str, dict[str, Any]]:
+def specific_flows(
+    setting: Setting, widths: tuple[float, ...] = WIDTHS, in_wall: bool = False
+) -> dict[str, dict[str, Any]]:
     """Return, for each width, the mean flow per metre [1/(m s)] of the runs that were not stuck, all of them, and the stuck."""
-    crowds = draw_crowds([door(width) for width in widths], setting)
-    passages = Passages(crowds, 0, _NECK)
+    crowds = draw_crowds([door(width, in_wall=in_wall) for width in widths], setting)
+    passages = Passages(crowds, 0, 0.0 if in_wall else _NECK)
     stuck = passages.watch(_LIMIT, _PATIENCE)
     found = {}
     for k, width in enumerate(widths):
@@ -52,11 +55,15 @@ def specific_flows(setting: Setting, widths: tuple[float, ...] = WIDTHS) -> dict
 
 def run(setting: Setting) -> list[Row]:
     """Return the row of all widths."""
-    found = specific_flows(setting)
-    judged = [found[f"{width:g}"] for width in JUDGED]
+    found, in_wall = specific_flows(setting), specific_flows(setting, JUDGED, in_wall=True)
+    judged = [*(found[f"{width:g}"] for width in JUDGED), *in_wall.values()]
     passed = all(LOW <= one["flow"] <= HIGH and not one["stuck"] for one in judged)
-    figure = ", ".join(
+    figure = f"{_told(found, setting)}; with the exit line in the wall {_told(in_wall, setting)} /(m s)"
+    return [row("doors", setting, passed, figure, widths=found, in_wall=in_wall)]
+
+
+def _told(found: dict[str, dict[str, Any]], setting: Setting) -> str:
+    return ", ".join(
         f"{width} m {number(one['flow'])}" + (f" ({one['stuck']} of {setting.draws} stuck)" if one["stuck"] else "")
         for width, one in found.items()
     )
-    return [row("doors", setting, passed, f"{figure} /(m s)", widths=found)]

@@ -47,6 +47,7 @@ class CrowdState(NamedTuple):
     angle: Floats  #: (P,) rad, 0 = facing +x
     spin: Floats  #: (P,) rad/s
     active: Bools  #: (P,) still inside
+    present: Bools  #: (P,) a body: inside, or on the apron behind the exit that was crossed
     exit_time: Floats  #: (P,) s, when the center crossed an exit line, interpolated within the step; nan before
     exit_index: Ints  #: (P,) row of Geometry.exits that was crossed; -1 before
     route: Ints  #: (P,) way that one means to take: a number among those of the place
@@ -148,6 +149,7 @@ def make_state(position: Floats, velocity: Floats | None = None, *, environments
         angle=np.zeros(count),
         spin=np.zeros(count),
         active=np.ones(count, dtype=np.bool_),
+        present=np.ones(count, dtype=np.bool_),
         exit_time=np.full(count, np.nan),
         exit_index=np.full(count, -1, dtype=np.int64),
         route=np.zeros(count, dtype=np.int64),
@@ -197,8 +199,8 @@ def check_state(state: CrowdState, bodies: Bodies) -> None:
     """Raise ValueError unless all arrays fit these bodies and each other, and positions and velocities are finite."""
     count, environments = len(bodies.radius), len(bodies.env_start) - 1
     pair, one = (count, 2), (count,)
-    shapes = dict(zip(CrowdState._fields, (pair, pair, one, one, one, one, one, one, (environments,)), strict=True))
-    kinds = {"active": np.bool_, "exit_index": np.int64, "route": np.int64}
+    shapes = dict(zip(CrowdState._fields, (pair, pair, *[one] * 7, (environments,)), strict=True))
+    kinds = {"active": np.bool_, "present": np.bool_, "exit_index": np.int64, "route": np.int64}
     for name, shape in shapes.items():
         _check_array(f"state.{name}", getattr(state, name), kinds.get(name, np.float64), shape)
     for name in ("position", "velocity", "angle", "spin"):

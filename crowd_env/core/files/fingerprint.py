@@ -7,11 +7,14 @@ from typing import Any
 
 import numpy as np
 
+UNSAID = "unsaid"
+
 
 def fingerprint(*parts: Any) -> str:
     """Return a hash of data: numbers, texts, arrays, shapes, mappings, sequences, and objects made of these.
 
     An object counts by its class and its fields (of a dataclass; of others all attributes), never by where it lies in memory.
+    A field does not count while it has the value `UNSAID` in its metadata: it is younger than files that hold a hash.
     """
     digest = hashlib.sha256()
     for part in parts:
@@ -37,9 +40,15 @@ def _add(digest: Any, value: Any) -> None:
         for one in sorted(value, key=repr) if isinstance(value, set | frozenset) else value:
             _add(digest, one)
     else:
-        names = [field.name for field in dataclasses.fields(value)] if dataclasses.is_dataclass(value) else vars(value)
+        names = _counting(value) if dataclasses.is_dataclass(value) else vars(value)
         _spell(digest, f"object {type(value).__module__}.{type(value).__qualname__}", b"")
         _add(digest, {name: getattr(value, name) for name in names})
+
+
+def _counting(value: Any) -> list[str]:
+    """Return the names of the fields of a dataclass that count."""
+    every = [(field.name, field.metadata) for field in dataclasses.fields(value)]
+    return [name for name, noted in every if UNSAID not in noted or getattr(value, name) != noted[UNSAID]]
 
 
 def _spell(digest: Any, kind: str, content: bytes) -> None:

@@ -46,10 +46,10 @@ def move_out(i: int, soa: SoABuffers, near: NeighborList) -> None:
 
 
 @inner_kernel
-def interleave(slot_begin: int, slot_end: int, active: Bools, x: Floats, y: Floats, target: Floats) -> None:
-    """Copy two buffers of the people inside to an array (P, 2), for the code that all schemes share."""
+def interleave(slot_begin: int, slot_end: int, present: Bools, x: Floats, y: Floats, target: Floats) -> None:
+    """Copy two buffers of the bodies to an array (P, 2), for the code that all schemes share."""
     for i in range(index(slot_begin), index(slot_end)):
-        if active[i]:
+        if present[i]:
             target[i, 0], target[i, 1] = x[i], y[i]
 
 

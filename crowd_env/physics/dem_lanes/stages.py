@@ -16,10 +16,10 @@ from crowd_env.physics.dem_lanes.buffers import (
     limit_speed,
     move_out,
 )
-from crowd_env.physics.dem_lanes.gather import cut_neighbor_list, list_active_by_slab
+from crowd_env.physics.dem_lanes.gather import cut_neighbor_list, list_present_by_slab
 from crowd_env.physics.dem_lanes.partition import DEEPEST, FASTEST, OUTSIDE, OVERLAP, OVERLAPS, SLABS, TOO_FAR
 from crowd_env.physics.driving_force import Influences, add_forces_at_distance, desired_velocity
-from crowd_env.physics.exits import mark_crossing
+from crowd_env.physics.exits import end_of_apron, mark_crossing
 from crowd_env.physics.neighbors.update import OK, TOO_FAST, update_neighbors
 from crowd_env.physics.steering import begin_look_up, follow_rules, is_decision_due, is_look_up_due, update_steering
 from crowd_env.physics.walking.around import look_around
@@ -39,13 +39,13 @@ def detect(e: int, slabs: int, team: int, batch: Batch, n_substeps: int, cutoff:
 
     There is none after the last one of the call, in an empty place, or (with the reason in `status`) if the list does not fit.
     """
-    work, state, active = batch.workspace, batch.state, batch.state.active
+    work, state, present = batch.workspace, batch.state, batch.state.present
     if work.status[e] != OK or work.substep[e] >= n_substeps or work.partition.people_inside[e] == 0:
         return False
     soa, begin, end = work.soa, batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
     if work.partition.list_is_stale[e]:
-        interleave(begin, end, active, soa.x, soa.y, state.position)
-        interleave(begin, end, active, soa.vx, soa.vy, state.velocity)
+        interleave(begin, end, present, soa.x, soa.y, state.position)
+        interleave(begin, end, present, soa.vx, soa.vy, state.velocity)
         work.status[e] = update_neighbors(e, batch, cutoff, team)
         if work.status[e] != OK:
             return False
@@ -74,7 +74,7 @@ def _plan_look_up(e: int, batch: Batch, dt: float, regions: bool | None, walking
         partition.steering[e] = LOOK_UP
         if regions is not None:
             begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-            interleave(begin, end, state.active, batch.workspace.soa.x, batch.workspace.soa.y, state.position)
+            interleave(begin, end, state.present, batch.workspace.soa.x, batch.workspace.soa.y, state.position)
             follow_rules(e, batch)
     if walking is not None and is_decision_due(e, batch, dt):
         _prepare_decision(e, batch, dt)
@@ -86,8 +86,8 @@ def _prepare_decision(e: int, batch: Batch, dt: float) -> None:
     """Look up the directions of all people if they are due, and run `look_around`."""
     partition, soa, state = batch.workspace.partition, batch.workspace.soa, batch.state
     begin, end = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-    interleave(begin, end, state.active, soa.x, soa.y, state.position)
-    interleave(begin, end, state.active, soa.vx, soa.vy, state.velocity)
+    interleave(begin, end, state.present, soa.x, soa.y, state.position)
+    interleave(begin, end, state.present, soa.vx, soa.vy, state.velocity)
     if partition.steering[e] == LOOK_UP:
         update_steering(e, begin, begin + partition.people_inside[e], batch, dt, partition.turn[e])
     look_around(e, batch, batch.behaviors.manner)
@@ -104,11 +104,11 @@ def regular_forces(e: int, row: int, batch: Batch, dt: float, acting: Influences
     rank_start, rank_stop, inside = partition.rank_start[row], partition.rank_stop[row], batch.workspace.inside
     if partition.steering[e] > KEEP:
         if partition.steering[e] == LOOK_UP:
-            interleave(begin, end, state.active, soa.x, soa.y, state.position)
+            interleave(begin, end, state.present, soa.x, soa.y, state.position)
             update_steering(e, rank_start, rank_stop, batch, dt, partition.turn[e])
         if acting.balance is not None or acting.desire is not None:
-            interleave(begin, end, state.active, soa.x, soa.y, state.position)
-            interleave(begin, end, state.active, soa.vx, soa.vy, state.velocity)
+            interleave(begin, end, state.present, soa.x, soa.y, state.position)
+            interleave(begin, end, state.present, soa.vx, soa.vy, state.velocity)
         time, desired_vx, desired_vy = state.time[e], soa.desired_vx, soa.desired_vy
         for rank in range(index(rank_start), index(rank_stop)):
             i = inside[rank]
@@ -119,17 +119,17 @@ def regular_forces(e: int, row: int, batch: Batch, dt: float, acting: Influences
 
 @inner_kernel
 def _add_forces_at_distance(e: int, row: int, batch: Batch, dt: float, acting: Influences) -> None:
-    soa, partition, active = batch.workspace.soa, batch.workspace.partition, batch.state.active
+    soa, partition, present = batch.workspace.soa, batch.workspace.partition, batch.state.present
     begin, end, rank_stop = partition.slot_start[row], partition.slot_stop[row], partition.rank_stop[row]
     force, external = batch.history.force, batch.control.external_force
     regular_fx, regular_fy = soa.regular_fx, soa.regular_fy
-    interleave(begin, end, active, soa.x, soa.y, batch.state.position)
-    interleave(begin, end, active, soa.desired_vx, soa.desired_vy, batch.workspace.desired_velocity)
+    interleave(begin, end, present, soa.x, soa.y, batch.state.position)
+    interleave(begin, end, present, soa.desired_vx, soa.desired_vy, batch.workspace.desired_velocity)
     for i in range(index(begin), index(end)):
         force[i, 0], force[i, 1] = external[i, 0], external[i, 1]
     add_forces_at_distance(e, rank_stop, batch, dt, acting)
     for i in range(index(begin), index(end)):
-        if active[i]:
+        if present[i]:
             regular_fx[i], regular_fy[i] = force[i, 0], force[i, 1]
 
 
@@ -231,7 +231,7 @@ def merge_slabs(e: int, slabs: int, batch: Batch, dt: float) -> None:
 
 @inner_kernel
 def leave(e: int, slabs: int, batch: Batch, dt: float) -> None:
-    """Take out all people with a center that crossed an exit line outwards during this step."""
+    """Do as `exits.leave`: mark the people that crossed an exit line in this step, and take out those beyond an apron."""
     boundary, state, near, soa = batch.world.boundary, batch.state, batch.workspace.neighbors, batch.workspace.soa
     begin, end, g = batch.bodies.env_start[e], batch.bodies.env_start[e + 1], batch.world.geometry_of_env[e]
     left = 0
@@ -242,18 +242,23 @@ def leave(e: int, slabs: int, batch: Batch, dt: float) -> None:
     else:
         for entry in range(near.wall_end[e], near.exit_end[e]):
             left += _crosses(e, near.owner[entry], np.int64(near.partner[entry]), batch, dt)
+    inside, active = batch.workspace.inside, state.active
+    for rank in range(index(begin), index(begin) + index(batch.workspace.partition.people_inside[e])):
+        i = inside[rank]
+        if state.present[i] and not active[i]:
+            left += end_of_apron(e, i, batch, soa.x[i], soa.y[i])
     if left > 0:
         for i in range(index(begin), index(end)):
-            if not state.active[i] and soa.x[i] < FAR_AWAY:  # left in this step: keeps its place in the state
+            if not state.present[i] and soa.x[i] < FAR_AWAY:  # gone in this step: keeps its place in the state
                 state.position[i, 0], state.position[i, 1] = soa.x[i], soa.y[i]
                 state.velocity[i, 0], state.velocity[i, 1] = soa.vx[i], soa.vy[i]
                 move_out(i, soa, near)
-        list_active_by_slab(e, slabs, batch)
+        list_present_by_slab(e, slabs, batch)
 
 
 @inner_kernel
 def _crosses(e: int, i: int, exit_number: int, batch: Batch, dt: float) -> bool:
-    """Mark pedestrian ``i`` as out if the last step led through an exit; returns whether it was inside until then."""
+    """Mark pedestrian ``i`` as out if the last step led through an exit; returns whether its body is gone with it."""
     soa = batch.workspace.soa
     x, y = soa.x[i], soa.y[i]
     return mark_crossing(e, i, exit_number, batch, dt, x - dt * soa.vx[i], y - dt * soa.vy[i], x, y)

@@ -150,11 +150,11 @@ def find_distances(entry_start: int, entry_stop: int, bodies: Bodies, near: Neig
 @inner_kernel
 def _all_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList) -> int:
     """Write the near pairs of few people; returns one past the last entry, -1 if they do not fit."""
-    slot_stop, radius, active, position = bodies.env_start[e + 1], bodies.radius, state.active, state.position
+    slot_stop, radius, present, position = bodies.env_start[e + 1], bodies.radius, state.present, state.position
     owner, partner, allowed, reach = near.owner, near.partner, near.allowed, near.reach[e]
     entry, entry_stop = index(near.entry_start[e]), index(near.entry_start[e + 1])
     for i in range(index(bodies.env_start[e]), index(slot_stop)):
-        if not active[i]:
+        if not present[i]:
             continue
         if entry + index(slot_stop) - i > entry_stop:  # all of them fit: no test inside the loop
             return -1
@@ -162,7 +162,7 @@ def _all_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList) ->
         for j in range(i + index(1), index(slot_stop)):
             dx, dy, far = x - position[j, 0], y - position[j, 1], limit + (radius[j] + allowed[j])
             owner[entry], partner[entry] = i, j
-            entry += index((dx * dx + dy * dy < far * far) & active[j])
+            entry += index((dx * dx + dy * dy < far * far) & present[j])
     return int(np.int64(entry))
 
 
@@ -170,7 +170,7 @@ def _all_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList) ->
 def sort_for_pairs(e: int, bodies: Bodies, state: CrowdState, near: NeighborList, size: float) -> None:
     """Sort many people into cells, no smaller than two radii, the allowed displacements and the reach."""
     begin, position, radius, allowed = bodies.env_start[e], state.position, bodies.radius, near.allowed
-    head, columns, rows = sort_into_cells(e, begin, bodies.env_start[e + 1], state.active, position, near, size)
+    head, columns, rows = sort_into_cells(e, begin, bodies.env_start[e + 1], state.present, position, near, size)
     near.columns[e], near.rows[e], cell_item, cell_start = columns, rows, near.cell_item, near.cell_start
     x_of, y_of, room = near.origin_x, near.origin_y, near.room  # in the order of cells; the origins are written later
     for item in range(index(begin), index(begin) + index(cell_start[head + columns * rows])):
@@ -183,14 +183,14 @@ def pairs_by_cell(
     e: int, slots: tuple[int, int], entries: tuple[int, int], bodies: Bodies, state: CrowdState, near: NeighborList
 ) -> int:
     """Write the near pairs with an owner in ``slots`` into ``entries``; returns one past the last, -1 if they do not fit."""
-    slot_start, radius, active, position = bodies.env_start[e], bodies.radius, state.active, state.position
+    slot_start, radius, present, position = bodies.env_start[e], bodies.radius, state.present, state.position
     head, columns, rows = first_cell(e, slot_start), near.columns[e], near.rows[e]
     cell_of, cell_item, cell_start, allowed = near.cell_of, near.cell_item, near.cell_start, near.allowed
     x_of, y_of, room, reach = near.origin_x, near.origin_y, near.room, near.reach[e]
     owner, partner, one = near.owner, near.partner, index(1)
     entry, entry_stop = index(entries[0]), index(entries[1])
     for i in range(slots[0], slots[1]):
-        if not active[i]:
+        if not present[i]:
             continue
         x, y, limit, own_start = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach, entry
         column, row = cell_of[i] % columns, cell_of[i] // columns
@@ -229,7 +229,7 @@ def list_walls(
     Where walls turn left no body inside is beyond both: such a corner touches no body and is in no list.
     """
     slot_start, slot_stop, radius = bodies.env_start[e], bodies.env_start[e + 1], bodies.radius
-    active, position = state.active, state.position
+    present, position = state.present, state.position
     wall_first, wall_stop = boundary.wall_start[g], boundary.chord_start[g]
     wall, tangent, wall_door = boundary.wall, boundary.tangent, boundary.wall_door
     corner, corner_door, corner_start = boundary.corner, boundary.corner_door, boundary.corner_start
@@ -237,7 +237,7 @@ def list_walls(
     owner, partner, allowed = near.owner, near.partner, near.allowed
     entry, entry_stop = near.pair_end[e], near.entry_start[e + 1]
     for i in range(slot_start, slot_stop):
-        if not active[i]:
+        if not present[i]:
             continue
         x, y, limit = position[i, 0], position[i, 1], radius[i] + allowed[i] + reach
         for k in range(wall_first, wall_stop):

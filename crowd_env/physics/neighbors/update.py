@@ -44,13 +44,13 @@ def update_neighbors(e: int, batch: Batch, margin: float, team: int) -> int:
     Returns OK; FULL if the entries do not fit; or DIVERGED if a position is beyond `_FARTHEST` or nan.
     """
     near, radius, allowed = batch.workspace.neighbors, batch.bodies.radius, batch.workspace.neighbors.allowed
-    active, position, velocity = batch.state.active, batch.state.position, batch.state.velocity
+    present, position, velocity = batch.state.present, batch.state.position, batch.state.velocity
     slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
     near.age[e] += 1
-    if near.is_valid[e] and margin <= near.reach[e] and are_near(slot_start, slot_stop, active, position, near):
+    if near.is_valid[e] and margin <= near.reach[e] and are_near(slot_start, slot_stop, present, position, near):
         return OK
     for i in range(slot_start, slot_stop):
-        if active[i] and not (abs(position[i, 0]) < _FARTHEST and abs(position[i, 1]) < _FARTHEST):
+        if present[i] and not (abs(position[i, 0]) < _FARTHEST and abs(position[i, 1]) < _FARTHEST):
             return DIVERGED  # nan too
     if near.is_valid[e] and near.reach[e] >= margin:
         near.horizon[e] = _better_horizon(e, slot_start, slot_stop, radius, near, batch.state.time[e] - near.built[e])
@@ -61,7 +61,7 @@ def update_neighbors(e: int, batch: Batch, margin: float, team: int) -> int:
         speed = np.sqrt(velocity[i, 0] * velocity[i, 0] + velocity[i, 1] * velocity[i, 1])
         path = min(_LEAST_PATH + horizon * speed, _MOST_PATH)
         allowed[i] = path
-        if active[i]:
+        if present[i]:
             widest, largest = max(widest, path), max(largest, radius[i])
     near.reach[e] = reach = 1.1 * margin  # some schemes need a little more or less every step
     size = 2.0 * (largest + widest) + reach
@@ -75,7 +75,7 @@ def update_neighbors(e: int, batch: Batch, margin: float, team: int) -> int:
     origin_x, origin_y = near.origin_x, near.origin_y
     for i in range(slot_start, slot_stop):
         # A slot that is not listed is never near: making it active from outside forces a new list.
-        origin_x[i] = position[i, 0] if active[i] else np.inf
+        origin_x[i] = position[i, 0] if present[i] else np.inf
         origin_y[i] = position[i, 1]
     near.is_valid[e] = True
     return OK
@@ -116,12 +116,12 @@ def list_slabs(e: int, thread: int, team: int, batch: Batch) -> None:
 
 
 @inner_kernel
-def are_near(slot_start: int, slot_stop: int, active: Bools, position: Floats, near: NeighborList) -> bool:
-    """Whether all active people are within the allowed path; nan is not.  The loop is free of branches."""
+def are_near(slot_start: int, slot_stop: int, present: Bools, position: Floats, near: NeighborList) -> bool:
+    """Whether all bodies are within the allowed path; nan is not.  The loop is free of branches."""
     origin_x, origin_y, allowed, gone = near.origin_x, near.origin_y, near.allowed, 0
     for i in range(index(slot_start), index(slot_stop)):
         dx, dy = position[i, 0] - origin_x[i], position[i, 1] - origin_y[i]
-        gone += active[i] & (not dx * dx + dy * dy <= allowed[i] * allowed[i])
+        gone += present[i] & (not dx * dx + dy * dy <= allowed[i] * allowed[i])
     return gone == 0
 
 

@@ -72,7 +72,7 @@ def _find_contacts(e: int, spread: float, batch: Batch) -> bool:
 
     In that case the contacts of the last step are kept.
     """
-    near, contacts, active = batch.workspace.neighbors, batch.history.contacts, batch.state.active
+    near, contacts, present = batch.workspace.neighbors, batch.history.contacts, batch.state.present
     candidates, owner = batch.workspace.narrow_phase.candidates, near.owner
     first, pair_end, wall_end = near.entry_start[e], near.pair_end[e], near.wall_end[e]
     kept = keep_history(first, first + contacts.number[e], batch, True)
@@ -82,7 +82,7 @@ def _find_contacts(e: int, spread: float, batch: Batch) -> bool:
     c, h = first, first
     for w in range(pair_end, wall_stop):
         i = owner[candidates[w]]
-        if not active[i]:
+        if not present[i]:
             continue
         while h < pair_stop and owner[candidates[h]] <= i and c >= 0:  # walls come after the pairs of i
             c = _write_pair(e, candidates[h], batch, c)
@@ -105,9 +105,9 @@ def _find_contacts(e: int, spread: float, batch: Batch) -> bool:
 def _write_pair(e: int, entry: int, batch: Batch, c: int) -> int:
     """Write the contacts of two bodies from contact ``c`` on; returns one past the last, -1 if they do not fit."""
     near, contacts, discs = batch.workspace.neighbors, batch.history.contacts, batch.workspace.discs
-    active, position, radius = batch.state.active, batch.state.position, batch.bodies.radius
+    present, position, radius = batch.state.present, batch.state.position, batch.bodies.radius
     i, j = index(near.owner[entry]), index(near.partner[entry])
-    if not (active[i] and active[j]):
+    if not (present[i] and present[j]):
         return c
     reach, count = batch.behaviors.outline.reach * _ROUNDING, index(len(batch.behaviors.outline.radius))
     dx, dy = position[i, 0] - position[j, 0], position[i, 1] - position[j, 1]

@@ -119,7 +119,7 @@ def _share_out(
 def why_stopped(scheme: str, e: int, status: int, bodies: Bodies, state: CrowdState, dt: float) -> str:
     """Return a sentence that names the pedestrian of environment ``e`` that went too far in a step, where and when."""
     people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
-    paths = np.where(state.active[people], dt * np.hypot(*state.velocity[people].T), 0.0)
+    paths = np.where(state.present[people], dt * np.hypot(*state.velocity[people].T), 0.0)
     when = f"at t = {state.time[e]:g} s with dt = {dt:g} s"
     if status == DIVERGED or not np.isfinite(paths).all():
         return f"{scheme}: positions of environment {e} are no longer finite {when}; take a smaller dt"

@@ -4,7 +4,7 @@ import numpy as np
 
 from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.kernels.jit import index, inner_kernel
-from crowd_env.physics.driving_force import asked_of
+from crowd_env.physics.driving_force import asked_of, has_set_out
 from crowd_env.physics.neighbors.lists import sort_into_cells
 from crowd_env.physics.walking.pulls import pull_aside, walk_at_full_speed
 from crowd_env.physics.workspace import Batch
@@ -18,8 +18,8 @@ _MARGIN = 1e-6  # m    for rounding
 def look_around(e: int, batch: Batch, params: Headway) -> None:
     """Find all ways, and sort people into cells: no relevant pedestrian is more than `CELLS` cells away."""
     slot_start, slot_stop = batch.bodies.env_start[e], batch.bodies.env_start[e + 1]
-    active, position, radius = batch.state.active, batch.state.position, batch.bodies.radius
-    velocity, gives_way = batch.state.velocity, batch.control.gives_way
+    present, position, radius = batch.state.present, batch.state.position, batch.bodies.radius
+    velocity, gives_way, active = batch.state.velocity, batch.control.gives_way, batch.state.active
     near, walkers = batch.workspace.neighbors, batch.workspace.walkers
     widest, fastest = _find_ways(e, slot_start, slot_stop, batch)
     if batch.acts.pulls:
@@ -28,7 +28,7 @@ def look_around(e: int, batch: Batch, params: Headway) -> None:
             walk_at_full_speed(e, batch)
             return
     size = (2.0 * widest + _find_reach(slot_start, slot_stop, fastest, batch, params)) / CELLS
-    head, columns, rows = sort_into_cells(e, slot_start, slot_stop, active, position, near, size)
+    head, columns, rows = sort_into_cells(e, slot_start, slot_stop, present, position, near, size)
     walkers.columns[e], walkers.rows[e] = columns, rows
     slot, record, way_x, way_y = walkers.slot, walkers.record, walkers.way_x, walkers.way_y
     for n in range(index(slot_start), index(slot_start) + index(near.cell_start[head + columns * rows])):
@@ -36,25 +36,25 @@ def look_around(e: int, batch: Batch, params: Headway) -> None:
         slot[n] = j
         record[n, 0], record[n, 1], record[n, 2] = position[j, 0], position[j, 1], radius[j]
         record[n, 3], record[n, 4], record[n, 5], record[n, 6] = velocity[j, 0], velocity[j, 1], way_x[j], way_y[j]
-        record[n, 7] = 1.0 if gives_way[j] else 0.0
+        record[n, 7] = 1.0 if gives_way[j] or not active[j] else 0.0
 
 
 @inner_kernel
 def _find_ways(e: int, slot_start: int, slot_stop: int, batch: Batch) -> tuple[float, float]:
     """Write unit vectors along all ways, and desired speeds; returns the largest radius [m] and speed [m/s]."""
     walkers, local_speed, radius = batch.workspace.walkers, batch.history.local_speed, batch.bodies.radius
-    time, response_time, velocity = batch.state.time[e], batch.bodies.response_time, batch.state.velocity
-    active, widest, fastest = batch.state.active, 0.0, 0.0
+    time, velocity = batch.state.time[e], batch.state.velocity
+    present, widest, fastest = batch.state.present, 0.0, 0.0
     for i in range(index(slot_start), index(slot_stop)):
         cx, cy = asked_of(i, batch)
         size = np.sqrt(cx * cx + cy * cy)
-        if time < response_time[i]:
+        if not has_set_out(i, time, batch):
             size = 0.0  # not on the way yet, and waiting for no other
         walkers.way_x[i] = cx / size if size > 0.0 else 0.0
         walkers.way_y[i] = cy / size if size > 0.0 else 0.0
         walkers.speed[i] = size * local_speed[i]
         widest = max(widest, radius[i])
-        if active[i]:
+        if present[i]:
             fastest = max(fastest, velocity[i, 0] ** 2 + velocity[i, 1] ** 2)
     return widest, np.sqrt(fastest)
 

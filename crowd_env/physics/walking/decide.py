@@ -54,7 +54,7 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, ahead: Floats, batch
     if speed == 0.0:
         walking[i, 0], walking[i, 1] = 0.0, 0.0
         return
-    if not batch.control.gives_way[i]:
+    if not batch.control.gives_way[i] and batch.state.active[i]:
         walking[i, 0], walking[i, 1] = speed * way_x, speed * way_y
         return
     push = bodies.push[i] if bodies.push[i] == bodies.push[i] else params.push
@@ -129,9 +129,8 @@ def _overtake(i: int, seen: tuple[int, int], near: Near, ahead: Floats, batch: B
     behind, leader = speed_behind(i, seen, way_x, way_y, params.width, True, ahead, batch, params)
     if behind >= speed:
         return 0.0
-    waits = (
-        batch.acts.pulls and batch.history.memory.pulls.held_since[leader] > 0.0
-    )  # waiting for one's group is no queue
+    # Waiting for one's group is no queue.
+    waits = batch.acts.pulls and batch.state.active[leader] and batch.history.memory.pulls.held_since[leader] > 0.0
     if velocity[leader, 0] * way_x + velocity[leader, 1] * way_y < params.overtaking and not waits:
         return 0.0
     best, chosen = behind + params.gain * speed, 0.0

@@ -7,7 +7,7 @@ import datetime
 from collections.abc import Sequence
 from pathlib import Path
 
-from crowd_env.analysis.figures import HIGHEST_FLOW, PEAK
+from crowd_env.analysis.figures import PEAK, recorded_flow
 from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.rendering.pages import filled
 from crowd_env.rendering.report.assumptions import assumptions
@@ -45,7 +45,7 @@ def write_report(
         date=datetime.date.today().isoformat(),
         asked=_asked(runs),
         peak=f"{PEAK:g}",
-        highest_flow=f"{HIGHEST_FLOW:g}",
+        recorded="; ".join(dict.fromkeys(recorded_flow(one.figures)[1] for one in runs)),
         remarks=remarks_on(runs),
         **figures(runs, measured),
         **assumptions(runs),
