@@ -172,7 +172,7 @@ class CrowdEnv(Restorable):
             geometry_of_env=which,
             apron=[each.apron for each in self.scenarios],
         )
-        self.simulation.state.active[:] = False  # empty before the first reset
+        self.simulation.state.active[:] = self.simulation.state.present[:] = False  # empty before the first reset
         in_world = self.action_kind.frame == "world"
         routes_of_env = [self.route_set[k] for k in which]
         dwell = self.action_kind.dwell
@@ -285,6 +285,7 @@ class CrowdEnv(Restorable):
         left, truncated, ended = (array.copy() for array in (transition.left, transition.truncated, transition.ended))
         reward, terms = self._reward(self._transition)
         over = np.flatnonzero(ended)
+        state.present[ended[self.env_of_person]] = False  # nothing happens after the end: on aprons neither
         info: dict[str, Any] = {**terms, "finished": ended}
         info["diagnostics"] = simulation.results.diagnostics.copy()
         info["metrics"] = {int(e): self.metrics(int(e)) for e in over}
