@@ -21,7 +21,7 @@ NUMBERS = {
     "oncoming": 8.0,
     "keep_right": 0.15,
     "anticipation": 0.5,
-    "overtaking": 0.4,
+    "overtaking": 0.7,
     "gain": 0.1,
     "berth": 1.3,
     "patience": 5.0,

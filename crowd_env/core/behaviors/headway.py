@@ -5,7 +5,7 @@
     c_j = max(e_0 . e_j, 0)                                             how far j goes the same way
     e ~ e_0 + [c + sum_j a (1 + w max(-e_0 . e_j, 0)) exp(-R_j / D) s_j] (1 - p) n_0          direction
     R_j = max(gap_j - t_a (u_i - u_j) . n_j, 0)                         the gap to j that is foreseen, t_a ahead
-    V_k = max(V_k as above, d_k / (c_k T_y), k max(u_k . e, 0))         for k beside: T_y beside, k keep_up
+    V_k = max(V_k as above, d_k / (c_k T_y), k max(u_k . e, 0))         for k beside: T_y = beside (T / 0.5 s)^2, k keep_up
 
 ``e_0`` is the way, ``n_0`` its normal, ``u`` a velocity.  People in front limit the speed if their bodies overlap the strip of
 the body along its direction of motion.  Followers at one speed V are ``s + T V`` apart, as in the collision-free speed model
@@ -14,8 +14,9 @@ together with the pedestrian in front.  Each pedestrian seen in front causes a s
 foreseen place, to the right if that is straight ahead, and larger if it is oncoming (anticipation velocity model: Xu, Chraibi,
 Seyfried 2021, doi 10.1016/j.trc.2021.103464; preference of one side: Moussaïd et al. 2009, doi 10.1098/rspb.2009.0405).
 ``c`` is the side of overtaking, the fastest of a few, as in the heuristics of Moussaïd, Helbing, Theraulaz 2011
-(doi 10.1073/pnas.1016507108); people in a queue do not overtake.  Contact laws take over when bodies meet, as in the work of
-paper 1's own school with behavioral rules on Frémond's law (Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
+(doi 10.1073/pnas.1016507108).  People who are held up themselves form a queue, and are overtaken only where some come towards
+it.  Contact laws take over when bodies meet, as in the work of paper 1's own school with behavioral rules on Frémond's law
+(Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
 
 Three things are ours.  Of two people in front of each other that do not walk in opposite directions, the one further ahead goes
 first.  The push of a pedestrian grows while it has to stand still, up to a fifth, so that arches of mutually waiting people
@@ -24,7 +25,9 @@ obstructing pedestrian is oncoming, else streams that meet in a corridor lock; t
 wedge them in front of doors.  Walls hide people from each other.
 
 People ``k`` ahead but beside the strip count too: ``d_k`` is the gap between the strip and their bodies.  Without them, files
-of people walk side by side as if alone, twice as fast at 2 /m2 as recorded crowds.
+of people walk side by side as if alone, twice as fast at 2 /m2 as recorded crowds.  People beside do not count for a
+pedestrian that overtakes: walkers who find room pass slow ones, and lose little speed below 0.5 /m2.  That hurry shortens
+T_y as the square of T is a guess that fits flows through doors and speeds in corridors.
 
 With p = 1 no pedestrian gives way or steps aside: that is the desired velocity of the papers.
 
@@ -74,14 +77,15 @@ class Headway(Behavior):
     """``w``: a straight oncoming pedestrian counts 1 + w times as much, for side steps and for patience."""
     keep_right: Annotated[float, Range(-1.0, 1.0)] = 0.2
     """m: an oncoming pedestrian is passed on the right, unless it is this far or further on that side; negative = on the
-    left."""
+    left.  Where both sides are as good a slower one is overtaken there too."""
     anticipation: NotNegative = 0.4
     """s, ``t_a``: how far ahead people foresee each other's motion."""
-    overtaking: Annotated[float, Range(0.0, infinite=True)] = 0.4
-    """m/s: slower people form a queue and are not overtaken; infinite = no overtaking."""
+    overtaking: NotNegative = 0.8
+    """share of their own desired speed: people who walk more slowly are held up, and are overtaken only where somebody in
+    sight comes from the other side."""
     gain: NotNegative = 0.1
     """of speed that overtaking has to bring, over the desired speed."""
-    berth: Positive = 1.3
+    berth: Positive = 1.0
     """width of the strip that has to be free to overtake, as ``width``."""
     patience: NotNegative = 5.0
     """s that people stand still before they begin to push more."""
@@ -89,8 +93,8 @@ class Headway(Behavior):
     """1/s, by which the push grows from then on, up to a fifth; it falls back at the same rate when they walk again, at a
     quarter of the desired speed or faster."""
     beside: NotNegative = 0.12
-    """s, ``T_y``: a pedestrian ahead on the same way, but beside the strip, allows the speed of its distance from the strip
-    over T_y; 0 = people beside do not matter."""
+    """s, ``T_y`` of people with a time gap of 0.5 s, for others by its square: a pedestrian ahead on the same way, but beside
+    the strip, allows the speed of its distance from the strip over T_y; 0 = people beside do not matter."""
     keep_up: Share = 0.8
     """share of the speed of a pedestrian beside that is allowed in any case."""
     off_walls: NotNegative = 0.1
@@ -127,12 +131,15 @@ class Headway(Behavior):
         return params if chosen is not None else params._replace(interval=0.0)
 
 
+CALM = 0.5  # s, the time gap to which `Headway.beside` belongs
+
 Manner: TypeAlias = str | Plain | Headway
 """A manner as callers give it: a name in `MANNERS`, a table of the parameters of a `Headway`, or one."""
 
 # Name -> manner, chosen by description of the crowd before any comparison; one set of numbers serves all.
 MANNERS: dict[str, Headway | None] = {
-    "competitive": None,  # an emergency: full speed whatever is in front, as in the papers
+    "competitive": None,  # the crowd of the papers: full speed whatever is in front
+    "pushing": Headway(time_gap=0.2, standing=0.05, push=0.3),  # an alarm: people press on, and push who does not
     "eager": Headway(time_gap=0.2, standing=0.1),  # a gate where all want to be first
     "hurried": Headway(time_gap=0.3),  # gate, concert entrance, lecture hall
     "calm": Headway(),  # museum, corridor

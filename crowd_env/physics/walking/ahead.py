@@ -7,7 +7,7 @@ share one array, so the compiler knows their places; of as many arrays it could 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints
-from crowd_env.core.behaviors.headway import Headway
+from crowd_env.core.behaviors.headway import CALM, Headway
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.physics.walking.around import FARTHEST, time_gap_of
 from crowd_env.physics.workspace import BLOCK, Batch
@@ -42,6 +42,7 @@ def compare(i: int, seen: tuple[int, int], ahead: Floats, batch: Batch, params: 
     for m in range(count, index(stop)):  # padding: so far behind that it has no effect
         ahead[m + index(_X)], ahead[m + index(_Y)] = x - 1e6 * way_x, y - 1e6 * way_y
     foresight, per_length = params.anticipation, 1.0 / params.length
+    beside = params.beside * (time_gap / CALM) ** 2
     for m in range(stop):
         dx, dy, reach = ahead[m + _X] - x, ahead[m + _Y] - y, ahead[m + _REACH] + r
         ju, jv, jx, jy = ahead[m + _U], ahead[m + _V], ahead[m + _WAY_X], ahead[m + _WAY_Y]
@@ -61,7 +62,7 @@ def compare(i: int, seen: tuple[int, int], ahead: Floats, batch: Batch, params: 
         ahead[m + _X], ahead[m + _Y], ahead[m + _REACH] = dx, dy, reach
         ahead[m + _ROOM], ahead[m + _FORESEEN] = distance - reach - same * params.standing, same * foresight
         ahead[m + _PER_TIME] = 1.0 / (time_gap + same * foresight)
-        ahead[m + _PER_BESIDE] = 1.0 / max(same * params.beside, 1e-9)
+        ahead[m + _PER_BESIDE] = 1.0 / max(same * beside, 1e-9)
     a, b, c, d = 0.0, 0.0, 0.0, 0.0  # four independent sums, for the processor's pipeline
     for m in range(_ASIDE, _ASIDE + stop, 4):
         a, b, c, d = a + ahead[m], b + ahead[m + 1], c + ahead[m + 2], d + ahead[m + 3]
@@ -93,6 +94,7 @@ def speed_behind(
     ex: float,
     ey: float,
     width: float,
+    passes: bool,
     whose: bool,
     ahead: Floats,
     batch: Batch,
@@ -100,15 +102,16 @@ def speed_behind(
 ) -> tuple[float, int]:
     """Return the speed [m/s] of ``i`` behind the people in and beside the strip along (ex, ey), and the slot that limits it.
 
+    If ``i`` ``passes``, nobody beside the strip counts.
     The slot is found only if ``whose``; it is ``i`` without a limit.  A single block needs the results of `compare`.
     """
     walkers, bits = batch.workspace.walkers, ahead.view(np.int64)
-    slowest, leader = walkers.speed[i], i
+    slowest, leader, least_beside = walkers.speed[i], i, np.inf if passes else 0.0
     for block in range(seen[0], seen[1], BLOCK):
         part = (block, min(block + BLOCK, seen[1]))
         if seen[1] - seen[0] > BLOCK:
             compare(i, part, ahead, batch, params)
-        least = _allow(_padded(part), ex, ey, width, params.keep_up, ahead, bits)
+        least = _allow(_padded(part), ex, ey, width, params.keep_up, least_beside, ahead, bits)
         bits[_LEAST] = least
         if ahead[_LEAST] < slowest:
             slowest, m = ahead[_LEAST], index(_PACE)
@@ -119,7 +122,9 @@ def speed_behind(
 
 
 @inner_kernel
-def _allow(stop: int, ex: float, ey: float, width: float, keep_up: float, ahead: Floats, bits: Ints) -> int:
+def _allow(
+    stop: int, ex: float, ey: float, width: float, keep_up: float, least_beside: float, ahead: Floats, bits: Ints
+) -> int:
     """Write the speed that each pedestrian of a block allows along (ex, ey), infinite if any; returns the bits of the least."""
     least = _INFINITE
     for m in range(stop):
@@ -127,7 +132,7 @@ def _allow(stop: int, ex: float, ey: float, width: float, keep_up: float, ahead:
         beyond = abs(dy * ex - dx * ey) - half  # of the strip
         onward = max(ahead[m + _U] * ex + ahead[m + _V] * ey, 0.0)
         pace = (ahead[m + _ROOM] + ahead[m + _FORESEEN] * onward) * ahead[m + _PER_TIME]
-        passing = max(max(pace, beyond * ahead[m + _PER_BESIDE]), keep_up * onward)
+        passing = max(max(pace, beyond * ahead[m + _PER_BESIDE]), max(keep_up * onward, least_beside))
         pace = pace if beyond < 0.0 else passing
         counts = (dx * ex + dy * ey > 0.0) & (off >= half) & ((beyond < 0.0) | (off == np.inf))
         ahead[m + _PACE] = pace if counts else np.inf

@@ -14,7 +14,8 @@ from crowd_env.physics.workspace import BLOCK, Batch
 _STILL = 0.02  # of the desired speed, along the way: slower counts as standing ...
 _WALKING = 0.25  # ... and faster as walking: creeping in a jam leaves the standing time as it is
 _MOST_IMPATIENT = 0.2  # largest push from standing: people still step aside, so that crossing streams do not lock
-_SIDES = np.array([-0.13, 0.13, -0.27, 0.27, -0.58, 0.58])  # tangents of 7, 15 and 30 degrees to either side
+_SIDES = np.array([0.0, -0.13, 0.13, -0.27, 0.27, -0.58, 0.58])  # tangents of 0, 7, 15 and 30 degrees to either side
+_ONCOMING = -0.5  # cosine of the angle between two ways: further apart than 120 degrees
 _MOST_ASIDE = 2.0  # people never turn further from their way than atan 2 = 63 degrees
 
 
@@ -66,14 +67,16 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, ahead: Floats, batch
     seen, aside = (seen_start, _list_seen(e, i, cell, seen_start, near, batch)), 0.0
     for block in range(seen[0], seen[1], BLOCK):
         aside += compare(i, (block, min(block + BLOCK, seen[1])), ahead, batch, params)
-    aside += _overtake(i, seen, near, ahead, batch, params)
+    sidestep, passes = _overtake(i, seen, near, ahead, batch, params)
+    aside += sidestep
     if params.off_walls > 0.0:
         aside += _off_walls(i, near, batch, params)
     aside = min(max((1.0 - push) * aside, -_MOST_ASIDE), _MOST_ASIDE)
     per_size = 1.0 / np.sqrt(1.0 + aside * aside)
     ex, ey = per_size * (way_x - aside * way_y), per_size * (way_y + aside * way_x)
     pace = u * way_x + v * way_y
-    behind, leader = speed_behind(i, seen, ex, ey, params.width, pace < _STILL * speed, ahead, batch, params)
+    stands = pace < _STILL * speed
+    behind, leader = speed_behind(i, seen, ex, ey, params.width, passes, stands, ahead, batch, params)
     size = max(behind, push * speed)
     walking[i, 0], walking[i, 1] = size * ex, size * ey
     _wait(i, pace, speed, leader, batch, params)
@@ -121,33 +124,49 @@ def _list_seen(e: int, i: int, cell: int, seen_start: int, near: Near, batch: Ba
 
 
 @inner_kernel
-def _overtake(i: int, seen: tuple[int, int], near: Near, ahead: Floats, batch: Batch, params: Headway) -> float:
-    """Return the tangent of the side step past a slower pedestrian; 0 if it gains too little, or in a queue."""
+def _overtake(
+    i: int, seen: tuple[int, int], near: Near, ahead: Floats, batch: Batch, params: Headway
+) -> tuple[float, bool]:
+    """Return the tangent of the side step past a slower pedestrian, 0 straight past; and whether ``i`` passes one at all.
+
+    It does not if that gains too little, or in a queue.  Where people come from the other side no queue is respected: they,
+    and none in front of the queue, hold it up, and who waited behind would not form a lane.
+    """
     walkers, world, velocity = batch.workspace.walkers, batch.world, batch.state.velocity
     x, y, r = batch.state.position[i, 0], batch.state.position[i, 1], batch.bodies.radius[i]
     way_x, way_y, speed, time_gap = walkers.way_x[i], walkers.way_y[i], walkers.speed[i], time_gap_of(i, batch, params)
-    behind, leader = speed_behind(i, seen, way_x, way_y, params.width, True, ahead, batch, params)
+    behind, leader = speed_behind(i, seen, way_x, way_y, params.width, False, True, ahead, batch, params)
     if behind >= speed:
-        return 0.0
-    # Waiting for one's group is no queue.
-    waits = batch.acts.pulls and batch.state.active[leader] and batch.history.memory.pulls.held_since[leader] > 0.0
-    if velocity[leader, 0] * way_x + velocity[leader, 1] * way_y < params.overtaking and not waits:
-        return 0.0
-    best, chosen = behind + params.gain * speed, 0.0
+        return 0.0, False
+    pace, wanted = velocity[leader, 0] * way_x + velocity[leader, 1] * way_y, walkers.speed[leader]
+    if wanted > 0.0 and pace < params.overtaking * wanted and (pace < 0.0 or not _meets(i, seen, batch)):
+        return 0.0, False
+    best, chosen, passes = behind + params.gain * speed, 0.0, False
     for k in range(len(_SIDES)):
-        aside = _SIDES[k]
+        aside = _SIDES[k] if params.keep_right >= 0.0 else -_SIDES[k]  # the first of equal ones
         per_size = 1.0 / np.sqrt(1.0 + aside * aside)
         if per_size * speed <= best:
             continue
         ex, ey = per_size * (way_x - aside * way_y), per_size * (way_y + aside * way_x)
-        behind, _ = speed_behind(i, seen, ex, ey, params.berth, False, ahead, batch, params)
+        behind, _ = speed_behind(i, seen, ex, ey, params.berth, True, False, ahead, batch, params)
         pace = per_size * behind
         if pace > best:
             free, _ = free_paths(world.wall_grid, near, world.boundary.wall, x, y, ex, ey, time_gap * speed + r)
             pace = min(pace, per_size * (free - r) / time_gap)
             if pace > best:
-                best, chosen = pace, aside
-    return chosen
+                best, chosen, passes = pace, aside, True
+    return chosen, passes
+
+
+@inner_kernel
+def _meets(i: int, seen: tuple[int, int], batch: Batch) -> bool:
+    """Whether somebody that ``i`` sees comes from the other side."""
+    walkers = batch.workspace.walkers
+    for m in range(index(seen[0]), index(seen[1])):
+        j = walkers.slot[walkers.seen[m]]
+        if walkers.way_x[i] * walkers.way_x[j] + walkers.way_y[i] * walkers.way_y[j] < _ONCOMING:
+            return True
+    return False
 
 
 @inner_kernel

@@ -26,7 +26,7 @@ def ahead(gap, keeps=STRAIGHT, **options):
 @looped("push", [0.0, 0.3, 1.0])
 @looped("gap", [-0.05, 0.0, 0.1, 0.5, 1.0, 1.9])
 def test_behind_someone_who_goes_nowhere_the_speed_is_the_gap_over_the_time_gap(time_gap, push, gap):
-    velocity = ahead(gap, manner(strength=0.0, time_gap=time_gap, push=push))
+    velocity = ahead(gap, manner(strength=0.0, gain=1.0, time_gap=time_gap, push=push))
     assert velocity == pytest.approx([np.clip(max(gap, 0.0) / time_gap, push * V0, V0), 0.0], abs=1e-12)
 
 
@@ -41,7 +41,7 @@ def test_behind_someone_who_goes_nowhere_the_speed_is_the_gap_over_the_time_gap(
     ],
 )
 def test_the_speed_depends_on_where_the_other_goes(way, walks, speed):
-    keeps = manner(strength=0.0, standing=0.1, anticipation=0.4, time_gap=0.8, overtaking=np.inf)
+    keeps = manner(strength=0.0, standing=0.1, anticipation=0.4, time_gap=0.8, gain=1.0)
     two = standing([[0, 0], [0.9, 0]], [[1, 0], way], keeps, velocity=[[0.0, 0.0], walks])
     assert decided(*two)[0] == pytest.approx([speed, 0.0], abs=1e-12)
 
@@ -246,17 +246,48 @@ def test_every_number_of_a_manner_matters():
 # --------------------------------------------------------------------------------------------------------------- overtaking
 
 
-@looped(("walks", "overtakes"), [(0.6, True), (0.3, False)])
-def test_someone_slower_is_overtaken_but_not_in_a_queue(walks, overtakes):
-    velocity = decided(
-        *standing([[0, 0], [0.9, 0.25]], [[1, 0], [1, 0]], STRAIGHT, velocity=[[1.0, 0.0], [walks, 0.0]])
-    )
+@looped(
+    ("wants", "others", "overtakes"),
+    [
+        (0.6, [], True),
+        (1.3, [], False),  # held up itself
+        (1.3, [[1.5, 1.5, -1.0]], True),  # by someone who comes from the other side
+        (1.3, [[1.5, 1.5, 1.0]], False),
+        (0.0, [], True),  # stands and wants to: no queue
+    ],
+)
+def test_someone_slower_is_overtaken_but_not_in_a_queue(wants, others, overtakes):
+    count = 2 + len(others)
+    bodies = make_bodies([0.2] * count, [70.0] * count, desired_speed=[V0, wants or V0, *[V0] * len(others)])
+    place = [[0, 0], [0.9, 0.25], *([x, y] for x, y, _ in others)]
+    ways = [[1, 0], [1.0 if wants else 0.0, 0], *([way, 0] for *_, way in others)]
+    walks = [[1.0, 0.0], [0.6 if wants else 0.0, 0.0], *([way, 0.0] for *_, way in others)]
+    velocity = decided(*standing(place, ways, STRAIGHT, velocity=walks, bodies=bodies))
     assert (velocity[0, 1] < 0.0) == overtakes  # on the side with more room
     assert (np.hypot(*velocity[0]) > 0.7) == overtakes
 
 
+@looped(("wants", "speed"), [(0.8, V0), (V0, 0.8 * 0.8)])
+def test_people_beside_are_waited_for_unless_they_are_overtaken(wants, speed):
+    bodies = make_bodies([0.2] * 2, [70.0] * 2, desired_speed=[V0, wants])
+    keeps = manner(strength=0.0, berth=1.0, beside=0.12, keep_up=0.8)
+    two = standing([[0, 0], [0.6, 0.45]], [[1, 0]] * 2, keeps, velocity=[[V0, 0.0], [0.8, 0.0]], bodies=bodies)
+    assert decided(*two)[0] == pytest.approx([speed, 0.0])
+
+
+@looped("time_gap", [0.2, 0.5, 0.6, 0.8])
+@looped("own", [False, True])
+def test_the_hurry_of_a_person_shortens_the_time_gap_to_the_side_by_its_square(time_gap, own):
+    # Beside, 0.1 m off the strip, stands someone on the same way; the gap along the line of centers allows less.
+    keeps = manner(strength=0.0, width=1.0, gain=1.0, beside=0.12, time_gap=2.0 if own else time_gap)
+    bodies = make_bodies([0.2] * 2, [70.0] * 2, desired_speed=V0, time_gap=time_gap if own else np.nan)
+    velocity = decided(*standing([[0, 0], [0.2, 0.5]], [[1, 0]] * 2, keeps, bodies=bodies))
+    assert velocity[0] == pytest.approx([min(0.1 / (0.12 * (time_gap / 0.5) ** 2), V0), 0.0])
+
+
 def test_nobody_overtakes_into_a_wall():
     place = Geometry.from_polygon(box(-3, -0.3, 5, 0.3))
+    bodies = make_bodies([0.2] * 2, [70.0] * 2, desired_speed=[V0, 0.6])
     crowd = [[0, 0], [0.9, 0.15]], [[1, 0], [1, 0]], STRAIGHT
-    velocity = decided(*standing(*crowd, velocity=[[1.0, 0.0], [0.6, 0.0]], place=place))
+    velocity = decided(*standing(*crowd, velocity=[[1.0, 0.0], [0.6, 0.0]], place=place, bodies=bodies))
     assert velocity[0, 1] == 0.0

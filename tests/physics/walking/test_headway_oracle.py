@@ -22,7 +22,8 @@ pytestmark = pytest.mark.kernels
 STILL, WALKING = 0.02, 0.25  # of the desired speed: who is slower stands, who is faster walks
 MOST_IMPATIENT = 0.2  # push of those who have stood for long
 FARTHEST = 8.0  # of the length D: beyond it nobody is stepped aside for
-SIDES = (-0.13, 0.13, -0.27, 0.27, -0.58, 0.58)  # on which one overtakes, as a share of the way
+SIDES = (0.0, -0.13, 0.13, -0.27, 0.27, -0.58, 0.58)  # on which one overtakes, as a share of the way
+ONCOMING = -0.5  # cosine of the angle between two ways
 MOST_ASIDE = 2.0  # of the way: nobody turns further than atan 2 from it
 
 
@@ -63,12 +64,13 @@ def decide_one(simulation, manner, e, i, inside, ways):
     seen = [j for j in inside if j != i and sees(simulation, manner, e, i, j, way)]
     left = np.array([-way[1], way[0]])
     aside = sum(step_aside(simulation, manner, i, j, left, ways) for j in seen)
-    aside += overtake(simulation, manner, time_gap, i, seen, ways, e)
+    sidestep, passes = overtake(simulation, manner, time_gap, i, seen, ways, e)
+    aside += sidestep
     if manner.off_walls:
         free = [min(gap_to_walls(simulation, e, i, side), manner.off_walls) for side in (left, -left)]
         aside += manner.shyness * (free[0] - free[1]) / manner.off_walls
     heading = turned(way, np.clip((1.0 - push) * aside, -MOST_ASIDE, MOST_ASIDE))
-    behind, leader = speed_behind(simulation, manner, time_gap, manner.width, i, heading, seen, ways)
+    behind, leader = speed_behind(simulation, manner, time_gap, manner.width, i, heading, seen, ways, passes)
     # The push grows from `patience` on, sooner against those who come the other way, and falls back when one walks again.
     pace = state.velocity[i] @ way
     if pace < STILL * speed:
@@ -113,18 +115,23 @@ def step_aside(simulation, manner, i, j, left, ways):
 
 
 def overtake(simulation, manner, time_gap, i, seen, ways, e):
-    """Return how far to step aside, as a share of the way, to get past someone slower who is not in a queue."""
+    """Return how far to step aside, as a share of the way, to pass someone slower who is not held up; and whether one does."""
     way, speed = ways[i]
     behind, leader = speed_behind(simulation, manner, time_gap, manner.width, i, way, seen, ways)
-    if behind >= speed or simulation.state.velocity[leader] @ way < manner.overtaking:
-        return 0.0
-    paces = {0.0: behind + manner.gain * speed}
-    for aside in SIDES:
+    if behind >= speed:
+        return 0.0, False
+    pace, wanted = simulation.state.velocity[leader] @ way, ways[leader][1]
+    meets = any(ways[j][0] @ way < ONCOMING for j in seen)
+    if wanted and pace < (0.0 if meets else manner.overtaking * wanted):
+        return 0.0, False
+    paces = {None: behind + manner.gain * speed}
+    for aside in SIDES if manner.keep_right >= 0.0 else [-side for side in SIDES]:
         heading = turned(way, aside)
-        behind, _ = speed_behind(simulation, manner, time_gap, manner.berth, i, heading, seen, ways)
+        behind, _ = speed_behind(simulation, manner, time_gap, manner.berth, i, heading, seen, ways, passes=True)
         to_wall = gap_to_walls(simulation, e, i, heading)
         paces[aside] = min(behind, to_wall / time_gap, speed) * (heading @ way)
-    return max(paces, key=paces.__getitem__)  # the first of equal ones
+    best = max(paces, key=paces.__getitem__)  # the first of equal ones
+    return best or 0.0, best is not None
 
 
 def gap_to_walls(simulation, e, i, heading):
@@ -142,8 +149,11 @@ def turned(way, aside):
     return heading / math.hypot(*heading)
 
 
-def speed_behind(simulation, manner, time_gap, width, i, heading, seen, ways):
-    """Return the least speed [m/s] that anyone in the strip along a heading allows, infinite if nobody is, and who that is."""
+def speed_behind(simulation, manner, time_gap, width, i, heading, seen, ways, passes=False):
+    """Return the least speed [m/s] that anyone in the strip along a heading allows, infinite if nobody is, and who that is.
+
+    Those beside the strip count unless one passes.
+    """
     speeds = {}
     for j in seen:
         same = max(ways[i][0] @ ways[j][0], 0.0)
@@ -151,9 +161,15 @@ def speed_behind(simulation, manner, time_gap, width, i, heading, seen, ways):
         room = gap_to(simulation, i, j) + same * (manner.anticipation * onward - manner.standing)
         if is_in_front(simulation, width, i, j, heading, ways):
             speeds[j] = room / (time_gap + same * manner.anticipation)
-        elif manner.beside and same and (beyond := beside(simulation, width, i, j, heading, ways)) is not None:
+        elif (
+            not passes
+            and manner.beside
+            and same
+            and (beyond := beside(simulation, width, i, j, heading, ways)) is not None
+        ):
             following = room / (time_gap + same * manner.anticipation)
-            speeds[j] = max(following, beyond / (same * manner.beside), manner.keep_up * onward)
+            hurry = (time_gap / 0.5) ** 2
+            speeds[j] = max(following, beyond / (same * manner.beside * hurry), manner.keep_up * onward)
     leader = min(speeds, key=speeds.__getitem__, default=None)
     return (math.inf if leader is None else max(speeds[leader], 0.0)), leader
 
