@@ -14,7 +14,7 @@ together with the pedestrian in front.  Each pedestrian seen in front causes a s
 foreseen place, to the right if that is straight ahead, and larger if it is oncoming (anticipation velocity model: Xu, Chraibi,
 Seyfried 2021, doi 10.1016/j.trc.2021.103464; preference of one side: Moussaïd et al. 2009, doi 10.1098/rspb.2009.0405).
 ``c`` is the side of overtaking, the fastest of a few, as in the heuristics of Moussaïd, Helbing, Theraulaz 2011
-(doi 10.1073/pnas.1016507108).  People who are held up themselves form a queue, and are overtaken only where some come towards
+(doi 10.1073/pnas.1016507108).  A queue, people below 0.8 of their desired speed, is overtaken only where others come towards
 it.  Contact laws take over when bodies meet, as in the work of paper 1's own school with behavioral rules on Frémond's law
 (Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
 
@@ -26,14 +26,14 @@ wedge them in front of doors.  Walls hide people from each other.
 
 People ``k`` ahead but beside the strip count too: ``d_k`` is the gap between the strip and their bodies.  Without them, files
 of people walk side by side as if alone, twice as fast at 2 /m2 as recorded crowds.  People beside do not count for a
-pedestrian that overtakes: walkers who find room pass slow ones, and lose little speed below 0.5 /m2.  That hurry shortens
-T_y as the square of T is a guess that fits flows through doors and speeds in corridors.
+pedestrian that overtakes: slow walkers are passed where there is room, and crowds below 0.5 /m2 lose little speed.  That T_y
+grows as the square of T is a guess, and fits flows through doors and speeds in closed corridors.
 
 With p = 1 no pedestrian gives way or steps aside: that is the desired velocity of the papers.
 
 The numbers are fitted: times, widths and side steps were chosen under ``dem`` on the gate, the doors, the open corridor, the
 ring, the ovals and the streams of ``python -m validation``, one set for all but the time gap (and the standing gap of
-``eager``): see docs/walking.md.
+``eager`` and ``pushing``, and the push of the latter, which is fitted to no recording): see docs/walking.md.
 """
 
 from dataclasses import dataclass
@@ -81,8 +81,8 @@ class Headway(Behavior):
     anticipation: NotNegative = 0.4
     """s, ``t_a``: how far ahead people foresee each other's motion."""
     overtaking: NotNegative = 0.8
-    """share of their own desired speed: people who walk more slowly are held up, and are overtaken only where somebody in
-    sight comes from the other side."""
+    """share of the desired speed: a pedestrian below it is held up, and is overtaken only where somebody in sight comes from
+    the other side."""
     gain: NotNegative = 0.1
     """of speed that overtaking has to bring, over the desired speed."""
     berth: Positive = 1.0
@@ -139,7 +139,7 @@ Manner: TypeAlias = str | Plain | Headway
 # Name -> manner, chosen by description of the crowd before any comparison; one set of numbers serves all.
 MANNERS: dict[str, Headway | None] = {
     "competitive": None,  # the crowd of the papers: full speed whatever is in front
-    "pushing": Headway(time_gap=0.2, standing=0.05, push=0.3),  # an alarm: people press on, and push who does not
+    "pushing": Headway(time_gap=0.2, standing=0.05, push=0.3),  # an alarm: people press on
     "eager": Headway(time_gap=0.2, standing=0.1),  # a gate where all want to be first
     "hurried": Headway(time_gap=0.3),  # gate, concert entrance, lecture hall
     "calm": Headway(),  # museum, corridor

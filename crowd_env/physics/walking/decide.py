@@ -129,8 +129,8 @@ def _overtake(
 ) -> tuple[float, bool]:
     """Return the tangent of the side step past a slower pedestrian, 0 straight past; and whether ``i`` passes one at all.
 
-    It does not if that gains too little, or in a queue.  Where people come from the other side no queue is respected: they,
-    and none in front of the queue, hold it up, and who waited behind would not form a lane.
+    It does not if that gains too little, or in a queue.  Where people come from the other side a queue is overtaken too: they
+    hold it up, and waiting behind it would form no lane.
     """
     walkers, world, velocity = batch.workspace.walkers, batch.world, batch.state.velocity
     x, y, r = batch.state.position[i, 0], batch.state.position[i, 1], batch.bodies.radius[i]
