@@ -15,8 +15,8 @@ foreseen place, to the right if that is straight ahead, and larger if it is onco
 Seyfried 2021, doi 10.1016/j.trc.2021.103464; preference of one side: Moussaïd et al. 2009, doi 10.1098/rspb.2009.0405).
 ``c`` is the side of overtaking, the fastest of a few, as in the heuristics of Moussaïd, Helbing, Theraulaz 2011
 (doi 10.1073/pnas.1016507108).  A queue, people below 0.8 of their desired speed, is overtaken only where others come towards
-it.  Contact laws take over when bodies meet, as in the work of paper 1's own school with behavioral rules on Frémond's law
-(Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
+it, and then above half of that speed.  Contact laws take over when bodies meet, as in the work of paper 1's own school with
+behavioral rules on Frémond's law (Kabalan and Argoul, chapter 6 of doi 10.1007/978-3-662-52696-5).
 
 Three things are ours.  Of two people in front of each other that do not walk in opposite directions, the one further ahead goes
 first.  The push of a pedestrian grows while it has to stand still, up to a fifth, so that arches of mutually waiting people
@@ -82,7 +82,7 @@ class Headway(Behavior):
     """s, ``t_a``: how far ahead people foresee each other's motion."""
     overtaking: NotNegative = 0.8
     """share of the desired speed: a pedestrian below it is held up, and is overtaken only where somebody in sight comes from
-    the other side."""
+    the other side, and above half of it."""
     gain: NotNegative = 0.1
     """of speed that overtaking has to bring, over the desired speed."""
     berth: Positive = 1.0

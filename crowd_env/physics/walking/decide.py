@@ -15,6 +15,7 @@ _STILL = 0.02  # of the desired speed, along the way: slower counts as standing 
 _WALKING = 0.25  # ... and faster as walking: creeping in a jam leaves the standing time as it is
 _MOST_IMPATIENT = 0.2  # largest push from standing: people still step aside, so that crossing streams do not lock
 _SIDES = np.array([0.0, -0.13, 0.13, -0.27, 0.27, -0.58, 0.58])  # tangents of 0, 7, 15 and 30 degrees to either side
+_MEETING = 0.5  # of its desired speed: above, a queue is overtaken where people come towards it
 _ONCOMING = -0.5  # cosine of the angle between two ways: further apart than 120 degrees
 _MOST_ASIDE = 2.0  # people never turn further from their way than atan 2 = 63 degrees
 
@@ -129,8 +130,8 @@ def _overtake(
 ) -> tuple[float, bool]:
     """Return the tangent of the side step past a slower pedestrian, 0 straight past; and whether ``i`` passes one at all.
 
-    It does not if that gains too little, or in a queue.  Where people come from the other side a queue is overtaken too: they
-    hold it up, and waiting behind it would form no lane.
+    It does not if that gains too little, or in a queue.  Where people come from the other side a queue that still walks is
+    overtaken too: they hold it up, and waiting behind it would form no lane.  Past a slower one, two crowds lock in a corridor.
     """
     walkers, world, velocity = batch.workspace.walkers, batch.world, batch.state.velocity
     x, y, r = batch.state.position[i, 0], batch.state.position[i, 1], batch.bodies.radius[i]
@@ -139,7 +140,7 @@ def _overtake(
     if behind >= speed:
         return 0.0, False
     pace, wanted = velocity[leader, 0] * way_x + velocity[leader, 1] * way_y, walkers.speed[leader]
-    if wanted > 0.0 and pace < params.overtaking * wanted and (pace < 0.0 or not _meets(i, seen, batch)):
+    if wanted > 0.0 and pace < params.overtaking * wanted and (pace < _MEETING * wanted or not _meets(i, seen, batch)):
         return 0.0, False
     best, chosen, passes = behind + params.gain * speed, 0.0, False
     for k in range(len(_SIDES)):

@@ -227,7 +227,6 @@ def test_every_number_of_a_manner_matters():
     # A field that the kernels do not read would be a promise without anything behind it.
     rng = np.random.default_rng(6)
     crowd, waited = drawn_crowd(rng, count=160, side=12.0), rng.uniform(0.0, 10.0, 160)
-    crowd["velocity"] *= 0.5
     crowd["velocity"][::2] = 0.0
     crowd["ways"][1::2] = crowd["velocity"][1::2] / np.hypot(*crowd["velocity"][1::2].T)[:, None]
     crowd["ways"][:, 0] = np.abs(crowd["ways"][:, 0])  # the same half of the world: there is someone to overtake
@@ -247,22 +246,23 @@ def test_every_number_of_a_manner_matters():
 
 
 @looped(
-    ("wants", "others", "overtakes"),
+    ("wants", "walks", "others", "overtakes"),
     [
-        (0.6, [], True),
-        (1.3, [], False),  # held up itself
-        (1.3, [[1.5, 1.5, -1.0]], True),  # by someone who comes from the other side
-        (1.3, [[1.5, 1.5, 1.0]], False),
-        (0.0, [], True),  # stands and wants to: no queue
+        (0.6, 0.6, [], True),
+        (1.3, 0.7, [], False),  # held up itself
+        (1.3, 0.7, [[1.5, 1.5, -1.0]], True),  # by someone who comes from the other side
+        (1.3, 0.6, [[1.5, 1.5, -1.0]], False),  # and hardly walks
+        (1.3, 0.7, [[1.5, 1.5, 1.0]], False),
+        (0.0, 0.0, [], True),  # stands and wants to: no queue
     ],
 )
-def test_someone_slower_is_overtaken_but_not_in_a_queue(wants, others, overtakes):
+def test_someone_slower_is_overtaken_but_not_in_a_queue(wants, walks, others, overtakes):
     count = 2 + len(others)
     bodies = make_bodies([0.2] * count, [70.0] * count, desired_speed=[V0, wants or V0, *[V0] * len(others)])
     place = [[0, 0], [0.9, 0.25], *([x, y] for x, y, _ in others)]
     ways = [[1, 0], [1.0 if wants else 0.0, 0], *([way, 0] for *_, way in others)]
-    walks = [[1.0, 0.0], [0.6 if wants else 0.0, 0.0], *([way, 0.0] for *_, way in others)]
-    velocity = decided(*standing(place, ways, STRAIGHT, velocity=walks, bodies=bodies))
+    velocity = [[1.0, 0.0], [walks, 0.0], *([way, 0.0] for *_, way in others)]
+    velocity = decided(*standing(place, ways, STRAIGHT, velocity=velocity, bodies=bodies))
     assert (velocity[0, 1] < 0.0) == overtakes  # on the side with more room
     assert (np.hypot(*velocity[0]) > 0.7) == overtakes
 

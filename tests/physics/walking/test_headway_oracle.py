@@ -23,6 +23,7 @@ STILL, WALKING = 0.02, 0.25  # of the desired speed: who is slower stands, who i
 MOST_IMPATIENT = 0.2  # push of those who have stood for long
 FARTHEST = 8.0  # of the length D: beyond it nobody is stepped aside for
 SIDES = (0.0, -0.13, 0.13, -0.27, 0.27, -0.58, 0.58)  # on which one overtakes, as a share of the way
+MEETING = 0.5  # of the desired speed: above, a queue is overtaken where people come towards it
 ONCOMING = -0.5  # cosine of the angle between two ways
 MOST_ASIDE = 2.0  # of the way: nobody turns further than atan 2 from it
 
@@ -122,7 +123,7 @@ def overtake(simulation, manner, time_gap, i, seen, ways, e):
         return 0.0, False
     pace, wanted = simulation.state.velocity[leader] @ way, ways[leader][1]
     meets = any(ways[j][0] @ way < ONCOMING for j in seen)
-    if wanted and pace < (0.0 if meets else manner.overtaking * wanted):
+    if wanted and pace < min(manner.overtaking, MEETING if meets else math.inf) * wanted:
         return 0.0, False
     paces = {None: behind + manner.gain * speed}
     for aside in SIDES if manner.keep_right >= 0.0 else [-side for side in SIDES]:

@@ -5,9 +5,10 @@ import json
 
 import numpy as np
 import pytest
+from cases import looped
 from repository import ROOT
 
-from crowd_env import CrowdEnv
+from crowd_env import MANNERS, CrowdEnv
 from validation.cases import Setting, doors, gate
 from validation.cases.crowds import Moment, Passages, draw_crowds, steady_flow
 
@@ -146,3 +147,12 @@ def test_the_gate_runs_without_a_recording_and_says_so():
     assert "no recording" in row.figure and row.more["starts"] == "random"
     assert (row.case, row.scheme, row.manner) == ("gate", "dem", "hurried")
     json.dumps(row.more, allow_nan=False)
+
+
+@pytest.mark.more
+@looped("scheme", ["dem", "nsm2", "hertz"])
+def test_the_more_hurry_the_more_people_pass_a_narrow_door(scheme):
+    # From the crowd of the papers, which passes far more than any recorded one, down to calm people.
+    flows = [doors.specific_flows(Setting(scheme, name, draws=2), (0.75,))["0.75"]["flow"] for name in MANNERS]
+    assert list(MANNERS)[:2] == ["competitive", "pushing"] and list(MANNERS)[-1] == "calm"
+    assert (np.diff(flows) < 0.0).all() and flows[1] < 0.75 * flows[0], flows
