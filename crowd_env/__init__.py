@@ -27,7 +27,7 @@ from crowd_env.envs.rollout import rollout
 from crowd_env.envs.settings import Routing
 from crowd_env.envs.terms import RewardTerm
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Hertz, SocialForce, make_scheme
+from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Helbing, Hertz, SocialForce, make_scheme
 from crowd_env.physics.pressure import contact_pressure, crowd_pressure
 from crowd_env.physics.settings import Physics, Walking
 from crowd_env.physics.simulation.simulation import Simulation
@@ -81,6 +81,7 @@ __all__ = [
     "Geometry",
     "GroupCohesion",
     "Headway",
+    "Helbing",
     "Hertz",
     "LogNormal",
     "Normal",

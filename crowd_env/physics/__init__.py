@@ -6,6 +6,7 @@ from typing import Any
 
 from crowd_env.core.checks import check_keys, known, refuse
 from crowd_env.physics.dem import DEM
+from crowd_env.physics.helbing import Helbing
 from crowd_env.physics.hertz import Hertz
 from crowd_env.physics.nsm1 import NSM1, NSM1Loose
 from crowd_env.physics.nsm2 import NSM2
@@ -22,6 +23,7 @@ SCHEMES: dict[str, ContactScheme] = {
     "nsm2-printed": NSM2(reaction="printed"),
     "hertz": Hertz(),
     "hertz-literal": Hertz.literal(),
+    "helbing": Helbing(),
 }
 
 
@@ -32,6 +34,7 @@ __all__ = [
     "SCHEMES",
     "SOCIAL_FORCES",
     "ContactScheme",
+    "Helbing",
     "Hertz",
     "SocialForce",
     "make_scheme",

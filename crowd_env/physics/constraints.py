@@ -1,11 +1,12 @@
-"""The contacts of NSM1 and NSM2 as rows of constraints: two bodies, a direction and a law each.
+"""Contacts as rows of constraints: two bodies, a direction and a law each.
 
-Both schemes seek impulses P and velocities v = v_start + M^-1 B^T P such that every contact meets its law, with
+The schemes seek impulses P and velocities v = v_start + M^-1 B^T P such that every contact meets its law, with
 w = B v + bias the speed at which it separates ((B v)_c = n_c . (v_i - v_j), a_c = 1/m_i + 1/m_j its diagonal):
 
     unilateral          0 <= P orthogonal to w >= 0                                  NSM1, with bias D / h
     with dissipation    P = -K_N (w- + w) / 2 + mu,  0 <= mu orthogonal to w >= 0    NSM2, if it approached; else as above
     tangential          P_T = -K_T (w_T- + w_T) / 2                                  NSM2, if it approached
+    viscous             P_T = -h kappa d w_T                                         Helbing, backward Euler
 
 A row holds two bodies, a direction and the law of its reaction r = a P [m/s] while all other reactions are fixed.  A wall is a
 body that no reaction moves.  Rows of NSM1 are sorted by color: no two of a color share a body (but walls), so the processor
@@ -122,6 +123,26 @@ def assemble_percussions(
             coefficients[t, 2] = w if dissipative else 0.0
             compliance[t] = 0.0
     return tangents - contact_start
+
+
+@inner_kernel
+def assemble_friction(
+    extent: Extent, contacts: Contacts, mass: Floats, constraints: Constraints, friction: float
+) -> None:
+    """Helbing: tangential rows alone, a contact each; ``friction`` [kg/m] is that of the law times the step.
+
+    They start from the tangential impulses that the contacts hold.
+    """
+    coefficients, compliance, reaction = constraints.coefficients, constraints.compliance, constraints.reaction
+    gap, impulse, source, contact_start = contacts.gap, contacts.impulse, constraints.source, extent.contact_start
+    for t in range(contact_start, extent.contact_stop):
+        source[t] = t - contact_start
+        a = _assemble_row(t, t, extent, contacts, mass, constraints)
+        coefficients[t, 0], coefficients[t, 1] = -coefficients[t, 1], coefficients[t, 0]
+        coefficients[t, 2] = 0.0
+        resistance = -a * friction * gap[t]
+        compliance[t] = -resistance / (1.0 + resistance)
+        reaction[t, 0], reaction[t, 1] = a * impulse[t, 1], 0.0
 
 
 @inner_kernel

@@ -83,7 +83,7 @@ def test_a_jam_of_100_stays_within_the_stated_overlap_and_residual(name, goal):
 
     simulation = press(geometry, bodies, state, np.array(goal), scheme, 400, watch)
     totals = simulation.diagnostics
-    assert (simulation.contacts().gap < 1e-3).sum() > 40  # it is a jam
+    assert (simulation.contacts().gap < 1e-3).sum() > 20  # it is a jam, also where a social force keeps many apart
     assert all(inside)
     assert max(worst) <= bound
     assert totals.max_overlap[0] == pytest.approx(max(worst[:-1]), abs=1e-12)
