@@ -180,6 +180,19 @@ def flows(source: Source) -> Rows:
             yield {**row, "people": people, "speed": speed}
 
 
+def faster(source: Source) -> Rows:
+    """Return the median leaving time by law and desired speed, with its interval, or how many draws blocked."""
+    for name, row in _report(source, "faster-is-slower").items():
+        kind, _, rest = name.partition(", ")
+        law, _, speed = rest.rpartition(", ")
+        if kind == "time":
+            middle, spread, blocked = row["here"], row["ci95"], row["reading"].partition(", ")[2]
+            median = [f"{middle:.0f}" + (f" ({spread[0]:.0f} to {spread[1]:.0f})" if spread else "")] if middle else []
+            yield {"law": law, "speed": speed, "cell": ", ".join([*median, *filter(None, [blocked])])}
+        elif kind == "pressed" and law == "helbing":
+            yield {"law": "`helbing`: people beyond 1600 N/m", "speed": speed, "cell": f"{row['here']:.0f}"}
+
+
 # Table -> the rows that tables.toml lays out; made_by.csv says by which command their figures are measured.
 _ROWS: dict[str, Callable[[Source], Rows]] = {
     "schemes": schemes,
@@ -204,6 +217,7 @@ _ROWS: dict[str, Callable[[Source], Rows]] = {
     "theatre": theatre,
     "clearance": clearance,
     "flows": flows,
+    "faster": faster,
     "tasks": lambda _: task_tables.tasks(),
     "task-facts": lambda _: task_tables.tasks(),
     "task-presets": lambda _: task_tables.presets(),

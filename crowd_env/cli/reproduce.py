@@ -24,7 +24,7 @@ from crowd_env.reproduce.paper import flag
 app = new_app()
 
 _NAMES = f"{', '.join(FIGURES)}; those of one paper: {', '.join(PAPERS)}; of every paper: all; what they are: list."
-_RUNS = "Number of draws; default 10 (lin), 40 (moussaid), 50 (pecol), 100 (the theatre)."
+_RUNS = "Number of draws; default 10 (lin), 20 (helbing), 40 (moussaid), 50 (pecol), 100 (the theatre)."
 _CHANGES = "Change a setting of the paper; list says which there are."
 _OUT = "Folder for the CSV files, the figure and, in its folder runs, the runs that are kept."
 _RAY = "Spread the draws over a Ray cluster, see docs/ray.md. Results do not depend on it."
@@ -44,7 +44,7 @@ def reproduce(
     fresh: Annotated[bool, of_kept(_FRESH, names=("--fresh",))] = False,
     ray: Annotated[bool, plain(_RAY, names=("--ray",))] = False,
 ) -> None:
-    """Redo a table or figure, of Pécol et al., Lin, Ma, Lo, Moussaïd et al., a footbridge or grains, and print both numbers.
+    """Redo a table or figure, of a paper, a footbridge or grains, and print both numbers.
 
     Writes NAME.csv, the numbers behind it and NAME.png into the folder --out.
 

@@ -55,7 +55,8 @@ INFO = SchemeInfo(
     default_dt=5e-3,
 )
 
-_SOCIAL = replace(SocialForce.helbing(behind=1.0), wall_strength=2000.0)  # A, B of people and walls, the same all around
+# A and B of people and walls, the same all around.
+_SOCIAL = replace(SocialForce.helbing(behind=1.0), wall_strength=2000.0)
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Helbing(IterativeScheme):
     friction: float = 2.4e5
     _: KW_ONLY
     social: SocialForce | None = _SOCIAL
-    relative_tolerance: float | None = 1e-3  # else a step so short that friction changes no speed by ``tolerance`` has none
+    relative_tolerance: float | None = 1e-3  # without it, friction that changes no speed by ``tolerance`` is left out
 
     ALLOWED = {
         **IterativeScheme.ALLOWED,

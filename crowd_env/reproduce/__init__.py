@@ -8,6 +8,7 @@ from typing import Any
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.footbridge.paper import PAPER as FOOTBRIDGE
 from crowd_env.reproduce.granular.paper import PAPER as GRANULAR
+from crowd_env.reproduce.helbing2000.paper import PAPER as HELBING
 from crowd_env.reproduce.lin2016.paper import PAPER as LIN
 from crowd_env.reproduce.moussaid2010.paper import PAPER as MOUSSAID
 from crowd_env.reproduce.paper import Figure, Paper, Settings
@@ -19,6 +20,7 @@ __all__ = ["FIGURES", "PAPERS", "Case", "Figure", "Paper", "RawTable", "Result",
 PAPERS: dict[str, Paper[Any]] = {
     "pecol": PECOL,
     "lin": LIN,
+    "helbing": HELBING,
     "moussaid": MOUSSAID,
     "footbridge": FOOTBRIDGE,
     "granular": GRANULAR,

@@ -45,7 +45,9 @@ def test_a_step_of_any_length_slows_a_slip_as_backward_euler_does(dt):
 
 def test_a_wall_rubs_as_people_do():
     state = make_state([[0.3 - OVERLAP, 0.0]], [[0.0, 1.5]])
-    simulation = Simulation(half_plane(), make_bodies([0.3], 80.0), state, physics=Physics(BARE, dt=1e-7), driving=False)
+    simulation = Simulation(
+        half_plane(), make_bodies([0.3], 80.0), state, physics=Physics(BARE, dt=1e-7), driving=False
+    )
     simulation.advance()
     lost = 2.4e5 * OVERLAP * 1.5 * 1e-7
     assert 80.0 * (1.5 - state.velocity[0, 1]) == pytest.approx(lost, rel=1e-4)

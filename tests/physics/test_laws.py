@@ -26,7 +26,7 @@ from crowd_env.physics import DEM, NSM2, SCHEMES, Helbing, Hertz, make_scheme
 from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
 
-# Every scheme as it comes, and one with friction.  The social force of `helbing` would keep people off each other and off walls.
+# Every scheme as it comes, and one with friction.  The social force of `helbing` would keep people off walls.
 LAWS = {**SCHEMES, "helbing": Helbing(social=None), "nsm2-rough": NSM2(tangential_dissipation=60.0)}
 SOFT = (DEM, Helbing)  # springs and symplectic Euler
 every_scheme = pytest.mark.parametrize("name", LAWS)

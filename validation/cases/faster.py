@@ -15,7 +15,7 @@ SLACK = 0.05  # by which a time may be longer than that of the next slower desir
 
 SPEEDS = (1.0, 1.5, 2.0, 3.0, 4.0)  # m/s, of everyone
 PUSHES = (0.0, 0.5, 1.0)
-FRICTIONS = (0.0, 0.5)  # of hertz: people on people; no other scheme has any
+FRICTIONS = (0.0, 0.5)  # of hertz: people on people
 
 _PEOPLE, _DOOR = 100, 0.8  # m
 _PATIENCE, _LIMIT = 20.0, 300.0  # s

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 # Told apart in print and by color-blind eyes; the recording is black.
-_COLORS = ("#0f7680", "#89478f", "#9e7a16", "#6b4a2f", "#4a5ca0", "#747b83", "#a03c3c", "#5d7a2b")
+_COLORS = ("#0f7680", "#89478f", "#9e7a16", "#6b4a2f", "#4a5ca0", "#747b83", "#a03c3c", "#5d7a2b", "#b8651b")
 COLORS = dict(zip(SCHEMES, _COLORS, strict=True))
 WALL, BAND = "#37414d", "#d5d8dc"
 _TITLE: dict[str, Any] = {"loc": "left", "fontsize": 9, "color": "#747b83"}

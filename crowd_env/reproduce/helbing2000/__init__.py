@@ -1,0 +1,1 @@
+"""Faster is slower, after Helbing, Farkas, Vicsek 2000."""
