@@ -136,7 +136,7 @@ def _advance_range(
                 break  # the list is too short: Python makes it longer and calls again
             # Where everyone wants to go, and all forces but contact.
             steer(e, rank_stop, batch, dt, acting)
-            regular_forces(e, rank_stop, batch, acting)
+            regular_forces(e, rank_stop, batch, dt, acting)
             # The law: impulses and velocities, then the sums that rewards and reports read.
             _push(e, batch, dt, params)
             deepest = record_contacts(e, batch)
