@@ -27,7 +27,9 @@ _SPACING = 0.1  # m; more in large places, which need about this number of nodes
 _NODES = 40_000
 _WIDE = 1.0  # m that the middle of a body has of an opening over which people spread
 _ABREAST = 0.7  # m, the same of a corridor in which they do not go in file; fitted
-_BEFORE = 1.0  # m that people take the shortest way in front of what is narrower; further away it is one file around corners
+_BEFORE = (
+    1.0  # m that people take the shortest way in front of what is narrower; further away it is one file around corners
+)
 _PARTING = 0.3  # ways part where the unit vectors of two nodes differ by more, along the line from one to the other
 _ALIKE = 0.5  # cosine between flow and shortest way from which on people follow the flow alone
 
