@@ -295,7 +295,7 @@ class _InTurn(_Changing, parallel_to_aec_wrapper):
         self._agree()
 
     def step(self, action: Any) -> None:
-        """Take the action of the agent whose turn it is."""
+        """Take the action of the agent in turn."""
         self._check_whole()
         super().step(action)
 

@@ -1,7 +1,7 @@
 """Aprons: the ground behind an exit line on which people go on being bodies.
 
 An apron lengthens the passage that is drawn in front of a line: a crowd is held up by the people in the first two meters behind
-the jambs, whoever drew them.  It is as wide as the line, and reaches straight outwards.  It has walls at its sides, where it
+the jambs, drawn or not.  It is as wide as the line, and reaches straight outwards.  It has walls at its sides, where it
 meets neither floor nor the apron of another exit, and none at its end.  Where floor lies behind the line, as beyond an area in
 the middle of a hall that people walk into, an apron ends halfway.  It is no part of the walkable area.
 """
@@ -36,7 +36,7 @@ def lay_aprons(walkable: Area, walls: Floats, exits: Floats, length: float) -> t
     ----------
     walkable : the drawn area.
     walls, exits : (W, 2, 2) and (X, 2, 2) m, with the area to their left.
-    length : m, from the jambs to the end of an apron; a line that nobody gets to has none.
+    length : m, from the jambs to the end of an apron; an unreachable line has none.
     """
     if not length or not len(exits):
         return np.empty((0, 2, 2)), np.zeros(len(exits))

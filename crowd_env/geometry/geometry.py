@@ -413,7 +413,7 @@ def _nearest(tree: shapely.STRtree, points: Floats) -> Ints:
 def join_boundaries(geometries: Sequence[Geometry], aprons: Sequence[float] = ()) -> Boundary:
     """Return the boundaries of ``geometries`` one behind the other, as one batch reads them.
 
-    ``aprons`` are those of each geometry, see `Geometry.boundary_with`; by default there are none.
+    ``aprons`` has one of each geometry, see `Geometry.boundary_with`; by default there are none.
     """
     parts = [
         place.boundary_with(each) for place, each in zip(geometries, aprons or [0.0] * len(geometries), strict=True)

@@ -79,7 +79,7 @@ def regular_forces(e: int, rank_stop: int, batch: Batch, dt: float, acting: Infl
 
 @inner_kernel
 def add_forces_at_distance(e: int, rank_stop: int, batch: Batch, dt: float, acting: Influences) -> None:
-    """Add the forces [N] between people who need not touch to `History.force`: social forces and those of arms."""
+    """Add the forces [N] between people that need not touch to `History.force`: social forces and forces of arms."""
     _repel(e, rank_stop, batch, acting.social)
     _brace(e, batch, dt, acting.balance)
 

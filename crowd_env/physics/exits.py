@@ -16,7 +16,7 @@ _ACROSS = 0.7  # cosine between outward normals: people do not meet behind exits
 
 @inner_kernel
 def leave(e: int, rank_stop: int, batch: Batch, dt: float) -> int:
-    """Mark all people with a center that crossed an exit line outwards during this step; take out those beyond an apron.
+    """Mark all people with a center that crossed an exit line outwards during this step; take out people beyond an apron.
 
     `Workspace.inside` lists the bodies up to ``rank_stop``; returns the new end of the list.
     """
@@ -66,7 +66,7 @@ def mark_crossing(
 def end_of_apron(e: int, i: int, batch: Batch, x: float, y: float) -> bool:
     """Take out the body of ``i``, which is out, at the end of its apron; returns whether it is gone.
 
-    That is the depth of the apron, or where it would meet those that come out of another exit, towards it or across: nobody
+    That is the depth of the apron, or where it would meet people out of another exit, towards it or across: nobody
     gives way there.
     """
     boundary, g = batch.world.boundary, batch.world.geometry_of_env[e]

@@ -31,7 +31,7 @@ class Setting:
     draws : number of crowds that are drawn; results are means over them.
     seed : of the draws; crowds of one seed are the same under every scheme and manner.
     data : folder with recordings, for cases that compare with one.
-    strategy : how people choose their way; None = as the scenario says, see `crowd_env.Scenario`.
+    strategy : how people choose their way; None = as in the scenario, see `crowd_env.Scenario`.
     outline : shape of all bodies, a name in ``OUTLINES``, an Outline or a table of its parameters.
     notify : hears what is being computed.
     """

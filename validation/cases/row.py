@@ -147,7 +147,7 @@ def fastest(heads: Floats) -> Floats:
 
 
 def as_recorded(heads: Floats, place: tuple[float, ...]) -> bool:
-    """Whether heads (K, 5) [m] move as those that were recorded: front, furthest and last places, and greatest speeds."""
+    """Whether heads (K, 5) [m] move as recorded: front, furthest and last places, and greatest speeds."""
     reached, speed = travel(heads, place)
     return bool(
         reached == len(place)

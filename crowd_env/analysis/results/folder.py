@@ -55,7 +55,7 @@ class ResultsFolder(Store):
         return [one for seed, one in zip(asked, read, strict=True) if one is not None and self._may_be(one, seed)]
 
     def _may_be(self, one: Episode, seed: int) -> bool:
-        """Return whether a run has the people and exits of the place, and the seed that its name says."""
+        """Return whether a run has the people and exits of the place, and the seed of its name."""
         people, exits = self._scenario.population.people, len(self._scenario.geometry.exits)
         return (
             one.seed == seed and len(one.exit_time) == people and bool(np.isin(one.exit_index, range(-1, exits)).all())

@@ -12,7 +12,7 @@ step away from the other.  Then the feet are apart, and bear more in that direct
     F = m_e w^2 / l                        between two standing people within reach of arms, while they close at w > 0
 
 m_e is the reduced mass of the two.  So w falls by 1/e on every l of the way that the gap closes, in a trunk contact too: arms
-only brake: they push nobody at rest, and give nothing back.  Nothing like it was recorded; the form is ours, chosen because
+only brake: they push no pedestrian at rest, and give nothing back.  Nothing like it was recorded; the form is ours, since
 forces that grow as w, or with the depth, fit worse (docs/validation.md).
 
 Pendulum and capture point: Hof, Gazendam, Sinke 2005 (J Biomech 38:1), Koolen et al. 2012 (Int J Robotics Research 31:1094),

@@ -231,7 +231,7 @@ def merge_slabs(e: int, slabs: int, batch: Batch, dt: float) -> None:
 
 @inner_kernel
 def leave(e: int, slabs: int, batch: Batch, dt: float) -> None:
-    """Do as `exits.leave`: mark the people that crossed an exit line in this step, and take out those beyond an apron."""
+    """Do as `exits.leave`: mark the people that crossed an exit line in this step, and take out people beyond an apron."""
     boundary, state, near, soa = batch.world.boundary, batch.state, batch.workspace.neighbors, batch.workspace.soa
     begin, end, g = batch.bodies.env_start[e], batch.bodies.env_start[e + 1], batch.world.geometry_of_env[e]
     left = 0

@@ -102,7 +102,7 @@ def speed_behind(
 ) -> tuple[float, int]:
     """Return the speed [m/s] of ``i`` behind the people in and beside the strip along (ex, ey), and the slot that limits it.
 
-    If ``i`` ``passes``, nobody beside the strip counts.
+    If ``i`` ``passes``, no pedestrian beside the strip counts.
     The slot is found only if ``whose``; it is ``i`` without a limit.  A single block needs the results of `compare`.
     """
     walkers, bits = batch.workspace.walkers, ahead.view(np.int64)

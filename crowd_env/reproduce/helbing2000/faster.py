@@ -92,7 +92,7 @@ class Crush:
 
 
 def place(settings: HelbingSettings, speed: float) -> Scenario:
-    """Return the room, with people who all want the same ``speed`` [m/s]."""
+    """Return the room, with people that want the same ``speed`` [m/s]."""
     people = Population(
         settings.people, Uniform(0.25, 0.35), Uniform(_MASS, _MASS),
         desired_speed=Uniform(speed, speed), relaxation_time=Uniform(0.5, 0.5),

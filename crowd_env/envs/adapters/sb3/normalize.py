@@ -11,7 +11,7 @@ from crowd_env.envs.restorable import Restorable
 
 
 class MaskedVecNormalize(Restorable, VecNormalize):
-    """A `VecNormalize` whose means and variances are of pedestrians inside that actions move.
+    """A `VecNormalize` with means and variances of the pedestrians inside that actions move.
 
     Under a `VecNormalize` pedestrians outside count too, with zeros: half of all rows, and more the sooner people are out.
 
