@@ -10,6 +10,7 @@ from crowd_env import SCHEMES, CrowdEnv, Geometry, Physics, Population, Scenario
 from crowd_env.core.arrays.state import make_bodies, make_state
 from crowd_env.core.behaviors.balance import Balance, places_of_feet, places_of_heads
 from crowd_env.physics.balance import GRAVITY
+from crowd_env.physics.helbing import Helbing
 
 DRIVEN = [name for name, scheme in SCHEMES.items() if scheme.drives and "-" not in name.removesuffix("-inertial")]
 HALL = Geometry.from_polygon(box(-5, -5, 5, 5))
@@ -158,7 +159,8 @@ def test_a_lone_pushed_person_moves_alike_under_all_schemes():
 
 # Arms, of people whose ankles bear nothing: the pendulum is far too slow to matter.
 LOOSE = {"height": 1e9, "reaction": 1e3}
-ALONE = {"hertz": {"name": "hertz", "social": "none"}}  # without a force that acts at the same distance
+# Without a force that acts at the same distance.
+ALONE = {"hertz": {"name": "hertz", "social": "none"}, "helbing": Helbing(social=None)}
 
 
 def approaching(scheme, gap=0.4, mass=(60.0, 90.0), speed=(0.5, -0.3), *, dt=None, **parameters):

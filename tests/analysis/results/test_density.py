@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cases import looped
 from late import late
-from shapely.geometry import box
+from shapely.geometry import Polygon, box
 
 from crowd_env import CrowdEnv, Geometry, Population, Scenario, make_scenario
 from crowd_env.analysis.results.crowding import SAMPLE, SERVICE, CrowdingRecorder
@@ -139,14 +139,25 @@ def trajectories(frame, person, position):
     return pedpy.TrajectoryData(pandas.DataFrame({"id": person, "frame": frame, "x": x, "y": y}), frame_rate=10.0)
 
 
-def floor_by_pedpy(moved, walkable):
-    """Return the areas (K,) of the Voronoi cells that PedPy finds, cut where ours end, frame by frame."""
+def floor_by_pedpy(moved, walkable, in_sight=None):
+    """Return the areas (K,) of the Voronoi cells that PedPy finds, cut where ours end, frame by frame.
+
+    PedPy looks through walls: ``in_sight`` (x, y) is what a pedestrian sees of a walkable area with corners.
+    """
     cells = pedpy.compute_individual_voronoi_polygons(
         traj_data=moved,
         walkable_area=pedpy.WalkableArea(walkable),
         cut_off=pedpy.Cutoff(radius=REACH, quad_segments=16),
     )
-    return cells.sort_values(["frame", "id"]).polygon.map(lambda one: one.area).to_numpy()
+    cells = cells.merge(moved.data, on=["frame", "id"]).sort_values(["frame", "id"])
+    rows = zip(cells.polygon, cells.x, cells.y, strict=True)
+    return np.array([(cell if in_sight is None else cell & in_sight(x, y)).area for cell, x, y in rows])
+
+
+def from_a_corridor(x, y):
+    """Return what is seen from a place of a corridor 15 m long and 1.2 m wide, and through its end."""
+    below, above = (y + (side - y) * (15.0 + REACH - x) / (15.0 - x) for side in (0.0, 1.2))
+    return box(0, 0, 15, 1.2) | Polygon([(15, 0), (15 + REACH, below), (15 + REACH, above), (15, 1.2)])
 
 
 @pytest.mark.more
@@ -177,9 +188,10 @@ def test_walking_people_have_the_levels_of_service_that_pedpy_finds(walked):
     episode, found, kept = walked
     inside = ~(episode.exit_time[kept.person] <= kept.times[kept.frame] + 1e-9)
     rows_of = inside & (kept.frame % round(SAMPLE / 0.1) == 0)
-    # PedPy has people on the floor alone: it goes on as far as our cells do beyond the exit.
+    # PedPy has people on the floor alone: it goes on as far as our cells do beyond the exit, to the sides too.
     moved = trajectories(kept.frame[rows_of], kept.person[rows_of], kept.position[rows_of])
-    theirs = 1.0 / floor_by_pedpy(moved, box(0, 0, 15.0 + REACH, 1.2))
+    beyond = box(15, -50, 15 + REACH, 50)
+    theirs = 1.0 / floor_by_pedpy(moved, box(0, 0, 15, 1.2) | beyond, from_a_corridor)
     level = np.searchsorted(list(SERVICE.values()), theirs, side="right") - 1
     shares = np.bincount(level, minlength=len(SERVICE)) / len(level)
     np.testing.assert_allclose(found.service / found.service.sum(), shares, atol=0.01)

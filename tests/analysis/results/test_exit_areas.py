@@ -10,25 +10,25 @@ from late import late
 from shapely.geometry import box
 
 from crowd_env import make_scenario
-from crowd_env.analysis.figures import HIGHEST_FLOW, cells
+from crowd_env.analysis.figures import cells, recorded_flow
 from crowd_env.analysis.plan_check import check_place, plain_check
 from crowd_env.recording import load
 
 pedpy, pandas = late("pedpy"), late("pandas")
 
 AREAS = {
-    # The place, its people, the area, its open sides [m], and what passes a meter of them [1/(s m)], which PedPy found too.
-    "in the middle": (box(0, 0, 14, 14), 200, box(6, 6, 8, 8), 8.0, 3.0),
-    "at a wall": (box(0, 0, 14, 10), 150, box(6, 0, 8, 1), 4.0, 3.1),
-    "in a corner": (box(0, 0, 14, 10), 150, box(0, 0, 2, 2), 4.0, 2.74),
-    "across an end": (box(0, 0, 14, 2), 60, box(12, 0, 14, 2), 2.0, 1.94),
-    "a strip": (box(0, 0, 14, 10), 40, box(6, 0, 7, 0.1), 1.2, None),
+    # The place, its people, the area, and its open sides [m].
+    "in the middle": (box(0, 0, 14, 14), 200, box(6, 6, 8, 8), 8.0),
+    "at a wall": (box(0, 0, 14, 10), 150, box(6, 0, 8, 1), 4.0),
+    "in a corner": (box(0, 0, 14, 10), 150, box(0, 0, 2, 2), 4.0),
+    "across an end": (box(0, 0, 14, 2), 60, box(12, 0, 14, 2), 2.0),
+    "a strip": (box(0, 0, 14, 10), 40, box(6, 0, 7, 0.1), 1.2),
 }
 
 
 def written(which, folder):
     """Write the place as a scenario file and return its path."""
-    walkable, people, area, _, _ = AREAS[which]
+    walkable, people, area, _ = AREAS[which]
     text = f'[geometry]\nwalkable = "{walkable.wkt}"\nexits = {{ z = "{area.wkt}" }}\n[population]\npeople = {people}\n'
     path = folder / f"{which.replace(' ', '-')}.toml"
     path.write_text(text, "utf-8")
@@ -43,13 +43,13 @@ def test_a_plan_calls_an_area_as_wide_as_its_open_sides(which, tmp_path):
 
 
 @pytest.mark.more
-@looped("which", [which for which in AREAS if AREAS[which][4]])
+@looped("which", [which for which in AREAS if which != "a strip"])
 def test_the_flow_of_an_area_is_that_of_all_its_sides(which, tmp_path):
-    path, (_, people, _, sides, expected) = written(which, tmp_path), AREAS[which]
+    path, (_, people, _, sides) = written(which, tmp_path), AREAS[which]
     figures = json.loads(call(f"run {path} --runs 2 --record all --json --out {path.with_suffix('')}").stdout)
     flow = figures["exits"]["z"]["flow_per_meter"]["mean"]
-    assert flow == pytest.approx(expected, rel=0.03) and flow * sides == pytest.approx(figures["flow"]["mean"])
-    assert ("pass exit z" in figures["doubts"]) == (flow > HIGHEST_FLOW)
+    assert flow * sides == pytest.approx(figures["flow"]["mean"])
+    assert ("pass exit z" in figures["doubts"]) == (round(flow, 1) > recorded_flow(figures)[0])
     assert f"z {sides:.2f} m" in cells(make_scenario(path), figures)["exits"]
     slopes = [flow_by_pedpy(path.with_suffix("") / f"recordings/run-{run}.sqlite", people) for run in (0, 1)]
     assert flow == pytest.approx(np.mean(slopes) / sides, rel=0.02)

@@ -290,7 +290,7 @@ def test_a_scheme_without_a_row_says_so(folders: Path) -> None:
     (room,) = load_runs([folders / "room"], place_of)
     found = limits_of(room)  # dem, competitive
     assert {row[0] for row in found.rows} == {"clogging", "row"}
-    assert "0 of 2 judged cases are met; not met: clogging, row." in found.summary
+    assert "1 of 2 judged cases are met; not met: clogging." in found.summary
     assert "25 have no row of dem, competitive" in found.summary
     printed = room._replace(config={**room.config, "scheme": {**room.config["scheme"], "name": "nsm2-printed"}})
     assert "no row of nsm2-printed, competitive" in limits_of(printed).summary
