@@ -54,5 +54,5 @@ def test_a_turn_costs_little_if_it_does_so_at_every_width():
 @looped("manner", ["hurried", "calm", "eager"], quick=2)
 def test_a_turn_costs_a_crowd_little(manner):
     """By the way that people take by default; when the outer ones cut across, 15 to 55 %."""
-    turned, straight = corner.times(Setting("dem", manner, draws=6))
+    turned, straight = corner.times(Setting("dem", manner, draws=12))
     assert corner.costs_little(turned, straight), (turned / straight, turned)
