@@ -32,6 +32,7 @@ _ABREAST = 0.7  # the same cosine, for people that spread: a larger turn leads a
 _AT_EXIT = 1.0  # s, at 1 m/s
 _TIP = 2.0  # nodes that a corner may reach beyond the discs that fit into it
 _AHEAD = 0.6  # m, of the fine way, to tell whether the marched field leads the same way
+_SAME = 1e-9  # m, between the ends of two lines that meet
 _SMOOTHING = 0.5  # m, half width of the window that density is averaged over, twice
 
 
@@ -83,7 +84,7 @@ class CongestionField:
         )
         seen, width = np.full(shape, -1), np.empty(0)  # a region is no bottleneck
         if exits is not None:
-            seen, width = self._direct, np.maximum(np.hypot(*(exits[:, 1] - exits[:, 0]).T) - 2.0 * fine.radius, 0.0)
+            seen, width = self._direct, _room(exits, fine.radius)
         self._fronts = Fronts(self._first, self._free, self._speed, blocked, self.spacing, seen, width)
         self._shortest, self._fine, self._walls = fine.direction[::stride, ::stride], fine, walls
         self._narrow = np.zeros_like(self._inside) if fine.free is None else _narrow(fine.free, stride) & self._inside
@@ -183,6 +184,17 @@ class CongestionField:
         direct = np.where(keeps_on, self._direct, self._template.direct)
         cell = cell_kinds(self._template.travel_time, direct, self._blocked)
         return replace(self._template, travel_time=time, direction=direction, direct=direct, cell=cell)
+
+
+def _room(exits: Floats, radius: float) -> Floats:
+    """Return the width (X,) [m] that the middle of a body has of each of ``exits`` (X, 2, 2).
+
+    A jamb takes a radius.  Where two lines meet, as around an exit area, is none.
+    """
+    ends = exits.reshape(-1, 2)
+    jambs = (np.hypot(*(ends[:, None] - ends).T) < _SAME).sum(axis=0) == 1
+    length = np.hypot(*(exits[:, 1] - exits[:, 0]).T)
+    return np.asarray(np.maximum(length - radius * jambs.reshape(-1, 2).sum(axis=1), 0.0))
 
 
 def _narrow(free: Bools, stride: int) -> Bools:
