@@ -9,7 +9,7 @@ everything again: figures of two versions do not stand in one table.
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, fields, is_dataclass, replace
+from dataclasses import KW_ONLY, dataclass, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,7 +18,7 @@ import numpy as np
 from crowd_env import FULL_SPEED, Physics, Pulls, Routing, Scenario, make_scenario, make_scheme
 from crowd_env.core.behaviors.headway import Headway, Manner
 from crowd_env.core.checks import known, whole
-from crowd_env.core.files.fingerprint import fingerprint
+from crowd_env.core.files.fingerprint import counting_fields, fingerprint
 from crowd_env.envs.settings import EnvArguments
 from crowd_env.physics.scheme import DECISION_DT
 from crowd_env.physics.settings import AsPhysics
@@ -137,12 +137,9 @@ class Task:
 
 def plain_place(place: Scenario) -> Plain:
     """Return everything in a scenario that decides what happens, as plain data; what is as in the papers goes unsaid."""
-    usual = {name: FULL_SPEED[name] for name in ("strategy", "max_drive", "apron")} | {
-        "pulls": Pulls(),
-        "balance": None,
-    }
+    usual = {name: FULL_SPEED[name] for name in ("strategy", "max_drive")} | {"pulls": Pulls(), "balance": None}
     unsaid = [*_WORDS, *(name for name, value in usual.items() if getattr(place, name) == value)]
-    return {one.name: _plain(getattr(place, one.name)) for one in fields(place) if one.name not in unsaid}
+    return {name: _plain(getattr(place, name)) for name in counting_fields(place) if name not in unsaid}
 
 
 def place_digest(place: Scenario) -> str:
@@ -168,7 +165,7 @@ def _plain(value: Any) -> Any:
         return {str(key): _plain(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(one) for one in value]
-    names = [one.name for one in fields(value)] if is_dataclass(value) else list(vars(value))
+    names = counting_fields(value) if is_dataclass(value) else list(vars(value))
     names = [name for name in names if name != "group_size" or value.group_size is not None]  # as if it had none
     kind = type(value).__name__
     known = {"": _OLDER.get(kind, kind)}

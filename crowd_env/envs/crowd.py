@@ -170,7 +170,6 @@ class CrowdEnv(Restorable):
             walking=walks,
             fields=self.route_set,
             geometry_of_env=which,
-            apron=[each.apron for each in self.scenarios],
         )
         self.simulation.state.active[:] = self.simulation.state.present[:] = False  # empty before the first reset
         in_world = self.action_kind.frame == "world"

@@ -17,7 +17,7 @@ from crowd_env.geometry.parsing import SLIVER, Area, tangents
 APRON = 2.0  # m from the jambs to the end, the usual
 _INWARDS = 1e-3  # m; an apron begins this far inside, so that no gap of rounding parts it from the area
 _MIDDLE = 0.2  # m, off either end of a line: floor that is nearer to its ends does not end an apron
-_BODY = 0.15  # m, radius: floor that no such body gets to, as behind an area drawn a hand off the wall, is none
+_BODY = 0.15  # m, radius: a line in front of which no such body gets, as of an area drawn a hand off the wall, has none
 _PARALLEL = 0.98  # cosine between the sides of a passage and its axis
 _SAME = 1e-9  # m
 
@@ -29,8 +29,8 @@ def add_aprons(walkable: Area, exits: Floats, depth: float | Floats) -> Area:
     return area
 
 
-def lay_aprons(walkable: Area, walls: Floats, exits: Floats, length: float) -> tuple[Floats, Floats]:
-    """Return the side walls (A, 2, 2) [m] of aprons, which lie to the left of them, and the depth (X,) [m] of each.
+def depths_of_aprons(walkable: Area, walls: Floats, exits: Floats, length: float) -> Floats:
+    """Return the depth (X,) [m] of the apron behind each exit.
 
     Parameters
     ----------
@@ -39,8 +39,17 @@ def lay_aprons(walkable: Area, walls: Floats, exits: Floats, length: float) -> t
     length : m, from the jambs to the end of an apron; an unreachable line has none.
     """
     if not length or not len(exits):
-        return np.empty((0, 2, 2)), np.zeros(len(exits))
-    depths = _free_depths(walkable, exits, np.maximum(length - _passages(walls, exits), 0.0))
+        return np.zeros(len(exits))
+    return _free_depths(walkable, exits, np.maximum(length - _passages(walls, exits), 0.0))
+
+
+def ends_of_aprons(exits: Floats, depths: Floats) -> Floats:
+    """Return the lines (X, 2, 2) [m] at the ends of aprons of these ``depths`` (X,) [m]."""
+    return exits + depths[:, None, None] * _outwards(exits)[:, None]
+
+
+def sides_of_aprons(walkable: Area, exits: Floats, depths: Floats) -> Floats:
+    """Return the side walls (A, 2, 2) [m] of aprons of these ``depths`` (X,) [m], which lie to the left of them."""
     deep, ends = np.flatnonzero(depths > 0.0), exits.reshape(-1, 2)
     corners = _corners(exits[deep], 0.0, depths[deep])
     strips, floor, sides = shapely.polygons(corners), shapely.buffer(walkable, -SLIVER), [np.empty((0, 2, 2))]
@@ -49,7 +58,7 @@ def lay_aprons(walkable: Area, walls: Floats, exits: Floats, length: float) -> t
         for end, side in ((near_a, (near_a, far_a)), (near_b, (far_b, near_b))):
             if (np.hypot(*(ends - end).T) < _SAME).sum() == 1:  # not where two lines of one opening meet
                 sides.append(_pieces(np.array(side), floor, others))
-    return np.concatenate(sides), depths
+    return np.concatenate(sides)
 
 
 def _corners(exits: Floats, inwards: float, depth: float | Floats) -> Floats:
@@ -77,14 +86,14 @@ def _outwards(exits: Floats) -> Floats:
 
 
 def _free_depths(walkable: Area, exits: Floats, depth: Floats) -> Floats:
-    """Return the depth (X,) [m] of each apron: half of the way to floor behind the line, ``depth`` at most."""
+    """Return the depth (X,) [m] of each apron: half of the way to the floor behind the line, ``depth`` at most."""
     outward, (along, length) = _outwards(exits), tangents(exits)
     off = np.minimum(_MIDDLE, 0.4 * length)[:, None] * along
     middle = np.stack([exits[:, 0] + off, exits[:, 1] - off], axis=1)
     floor = shapely.buffer(shapely.buffer(walkable, -_BODY), _BODY)
     in_front = shapely.intersects(shapely.polygons(_corners(middle, 0.5 * _BODY, 0.0)), floor)
     found = np.where(in_front, depth, 0.0)
-    behind = shapely.intersection(shapely.polygons(_corners(middle, -SLIVER, 2.0 * depth)), floor)
+    behind = shapely.intersection(shapely.polygons(_corners(middle, -SLIVER, 2.0 * depth)), walkable)
     for k in np.flatnonzero(in_front & (shapely.area(behind) > SLIVER)):
         points = shapely.get_coordinates(behind[k]) - exits[k, 0]
         found[k] = min(found[k], 0.5 * float((points @ outward[k]).min()))

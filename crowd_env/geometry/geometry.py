@@ -5,7 +5,7 @@ All segments are oriented with the walkable area to their LEFT, so the outward n
 
 import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
@@ -19,7 +19,8 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints, joined_starts
 from crowd_env.core.checks import NOT_NEGATIVE, table
 from crowd_env.core.checks import number as require_number
 from crowd_env.core.checks import text as require_text
-from crowd_env.geometry.aprons import add_aprons, lay_aprons
+from crowd_env.core.files.fingerprint import UNSAID
+from crowd_env.geometry.aprons import add_aprons, depths_of_aprons, ends_of_aprons, sides_of_aprons
 from crowd_env.geometry.boundary import ends_together, open_boundary, solid_depth
 from crowd_env.geometry.doors import read_doors
 from crowd_env.geometry.jambs import NO_ARCS, Arcs, deepen_exits, round_jambs
@@ -42,6 +43,7 @@ from crowd_env.geometry.parts import closed_off, is_within, join_near_parts, say
 __all__ = ["Boundary", "Geometry", "box", "join_boundaries", "parse_exit"]
 
 _BENT = 0.1  # m; an opening that is deeper is no line between two jambs
+_STRAIGHT = 1.0 - 1e-6  # cosine between two lines of one opening
 
 
 class Boundary(NamedTuple):
@@ -65,6 +67,7 @@ class Boundary(NamedTuple):
     corner_wall_end: Ints  # (N,)    the end of that wall which lies there: 0 = a, 1 = b
     exit: Floats  # (X, 2, 2)  m   ends a, b; walkable area to the left of a -> b
     apron: Floats  # (X,)    m   depth of the apron behind each exit; 0 = people vanish at the line
+    aim: Floats  # (X, 2, 2)  m   the line at the end of the apron, which ways lead to
     exit_start: Ints  # (G+1,)  first exit of each geometry
 
 
@@ -97,6 +100,8 @@ class Geometry:
         Parts of the drawing without an exit; they are not walkable.
     arcs
         The round jambs.
+    apron
+        How far behind the jambs of an exit people are bodies [m]; see `crowd_env.geometry.aprons`.
     """
 
     walkable: Area
@@ -110,6 +115,7 @@ class Geometry:
     exits_of_door: tuple[str | None, ...]
     left_out: tuple[Polygon, ...] = ()
     arcs: Arcs = NO_ARCS
+    apron: float = field(default=0.0, metadata={UNSAID: 0.0})
 
     @classmethod
     def from_polygon(
@@ -256,19 +262,61 @@ class Geometry:
         """The walkable area [m^2]."""
         return float(self.walkable.area)
 
+    def with_apron(self, apron: float) -> "Geometry":
+        """Return the place with aprons that end this far [m] behind the jambs of its exits; 0 = none.
+
+        Raises
+        ------
+        ValueError
+            If it is no number from 0.
+        """
+        apron = require_number("apron", apron, NOT_NEGATIVE, "m")
+        return self if apron == self.apron else replace(self, apron=apron)
+
+    @cached_property
+    def apron_depths(self) -> Floats:
+        """The depth (X,) [m] of the apron behind each line."""
+        drawn = len(self.walls) - self.arcs.chords
+        return depths_of_aprons(self.walkable, self.walls[:drawn], self.exits, self.apron)
+
+    @cached_property
+    def ways_behind(self) -> Floats:
+        """The length (X,) [m] of the ways on each apron: its depth.
+
+        Ways end at the line itself where an exit is bent, as around an area: aprons cross there.
+        """
+        along, _ = tangents(self.exits)
+        names, ends = np.array(self.exit_names), self.exits
+        meet = (np.hypot(*(ends[:, None, :, None] - ends[None, :, None]).T) < SLIVER).any(axis=(0, 1))
+        bent = meet & (names[:, None] == names) & (along @ along.T < _STRAIGHT)
+        return np.where(bent.any(axis=1), 0.0, self.apron_depths)
+
+    def with_ways_to(self, exits: Collection[str]) -> "Geometry":
+        """Return the place as if the aprons of these ``exits`` were drawn, on which there are ways: lines are at the ends."""
+        return self._with_floor(np.where(np.isin(self.exit_names, list(exits)), self.ways_behind, 0.0))
+
+    def _with_floor(self, depths: Floats) -> "Geometry":
+        """Return the place with drawn aprons of these ``depths`` (X,) [m]."""
+        drawn = len(self.walls) - self.arcs.chords
+        if not depths.any():
+            return self
+        sides = sides_of_aprons(self.walkable, self.exits, depths)
+        return replace(
+            self,
+            walkable=add_aprons(self.walkable, self.exits, depths),
+            walls=np.insert(self.walls, drawn, sides, axis=0),
+            two_sided=np.insert(self.two_sided, drawn, np.zeros(len(sides), dtype=np.bool_)),
+            door_of_wall=np.insert(self.door_of_wall, drawn, np.full(len(sides), -1)),
+            exits=ends_of_aprons(self.exits, depths),
+            apron=0.0,
+        )
+
     @cached_property
     def boundary(self) -> Boundary:
-        """The arrays that kernels read, for this geometry alone (G = 1), as it is drawn."""
-        return self.boundary_with(0.0)
-
-    def boundary_with(self, apron: float) -> Boundary:
-        """Return the `boundary` with aprons that end this far [m] behind the jambs of each exit; 0 = none."""
-        drawn = len(self.walls) - self.arcs.chords
-        sides, depths = lay_aprons(self.walkable, self.walls[:drawn], self.exits, apron)
-        ground = add_aprons(self.walkable, self.exits, depths) if depths.any() else self.walkable
-        walls, straight = np.insert(self.walls, drawn, sides, axis=0), drawn + len(sides)
-        two_sided = np.insert(self.two_sided, drawn, np.zeros(len(sides), dtype=np.bool_))
-        door_of_wall = np.insert(self.door_of_wall, drawn, np.full(len(sides), -1))
+        """The arrays that kernels read, for this geometry alone (G = 1), with its aprons."""
+        ground = self._with_floor(self.apron_depths)
+        walls, two_sided, door_of_wall = ground.walls, ground.two_sided, ground.door_of_wall
+        straight = len(walls) - self.arcs.chords
         ends = walls[:straight].reshape(-1, 2)
         on_arc = self.arcs.ends[self.arcs.ends >= 0]
         sharp = np.delete(np.arange(len(ends)), on_arc)
@@ -285,7 +333,7 @@ class Geometry:
             wall=walls,
             tangent=tangent,
             length=length,
-            depth=solid_depth(walls, ground),
+            depth=solid_depth(walls, ground.walkable),
             two_sided=two_sided,
             wall_door=door_of_wall,
             wall_start=np.array([0, len(walls)], dtype=np.int64),
@@ -299,7 +347,8 @@ class Geometry:
             corner_wall=members // 2,
             corner_wall_end=members % 2,
             exit=self.exits,
-            apron=depths,
+            apron=self.apron_depths,
+            aim=ends_of_aprons(self.exits, self.ways_behind),
             exit_start=np.array([0, len(self.exits)], dtype=np.int64),
         )
 
@@ -410,14 +459,9 @@ def _nearest(tree: shapely.STRtree, points: Floats) -> Ints:
     return np.asarray(tree.nearest(shapely.points(points)), dtype=np.int64)
 
 
-def join_boundaries(geometries: Sequence[Geometry], aprons: Sequence[float] = ()) -> Boundary:
-    """Return the boundaries of ``geometries`` one behind the other, as one batch reads them.
-
-    ``aprons`` has one of each geometry, see `Geometry.boundary_with`; by default there are none.
-    """
-    parts = [
-        place.boundary_with(each) for place, each in zip(geometries, aprons or [0.0] * len(geometries), strict=True)
-    ]
+def join_boundaries(geometries: Sequence[Geometry]) -> Boundary:
+    """Return the boundaries of ``geometries`` one behind the other, as one batch reads them."""
+    parts = [place.boundary for place in geometries]
     columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in Boundary._fields}
     for rows in ("wall", "corner", "exit", "corner_wall"):
         columns[f"{rows}_start"] = joined_starts([getattr(part, f"{rows}_start") for part in parts])

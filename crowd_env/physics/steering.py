@@ -108,7 +108,7 @@ def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: f
     a uniform field is skipped except at its turn.
     """
     field, boundary, field_of_route = batch.world.field, batch.world.boundary, batch.world.guidance.field_of_route
-    cell, table, exit_line, position = field.cell, field.direction, boundary.exit, batch.state.position
+    cell, table, exit_line, position = field.cell, field.direction, boundary.aim, batch.state.position
     radius, is_uniform, looking = batch.bodies.radius, batch.history.is_uniform, batch.workspace.looking
     followed, direction = batch.history.followed, batch.history.direction
     looking_stop = _list_looking(rank_start, rank_stop, batch, dt < LOOK_EVERY, turn)

@@ -129,7 +129,7 @@ class RoutePlanner:
 
     def _write(self, e: int, r: int, field: NavigationField) -> None:
         travel_time, direction, cell = _of_field(self.field, int(self.guidance.field_of_route[e, r]))
-        travel_time[:], direction[:] = field.travel_time.ravel(), field.direction.reshape(-1, 2)
+        travel_time[:], direction[:] = field.travel_time.ravel() - field.behind, field.direction.reshape(-1, 2)
         cell[:] = rows_in_batch(field.cell, self._boundary.exit_start[self._geometry_of_env[e]])
         self.marches += 1
 

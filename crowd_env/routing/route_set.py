@@ -12,6 +12,7 @@ from crowd_env.core.checks import known
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields.congestion import CongestionField
 from crowd_env.routing.fields.directions import regions_on_the_way
+from crowd_env.routing.fields.domain import open_exits
 from crowd_env.routing.fields.drain import spread
 from crowd_env.routing.fields.extension import carried_along
 from crowd_env.routing.fields.field import NavigationField, OneWay, straight_field, travel_time_field
@@ -61,7 +62,6 @@ class RoutePlan:
     comfort : costs of the most comfortable route.
     closed_at_start, events : doors that are closed at first, and events that open or close doors.
     one_way : doors that people mean to pass one way only.
-    apron : m behind the jambs of an exit up to which people are bodies.
 
     Raises
     ------
@@ -82,7 +82,6 @@ class RoutePlan:
     closed_at_start: Sequence[str] = ()
     events: Sequence[DoorEvent] = ()
     one_way: Sequence[OneWay] = ()
-    apron: float = 0.0
 
     def __post_init__(self) -> None:
         _check_routes(self)
@@ -128,6 +127,7 @@ class RoutePlan:
         closed = frozenset() if is_closed else closed
         strategy = STRATEGIES[route.strategy]
         speed_map = SpeedMap(self.geometry, self.zones, self.walking_speed, self.comfort)
+        open_to = [] if via is not None else open_exits(self.geometry, exits, closed)
         found = _field_of(
             self.geometry,
             self.radius,
@@ -138,6 +138,7 @@ class RoutePlan:
             closed=closed,
             one_way=tuple(self.one_way),
         )
+        ground = self.geometry.with_ways_to(open_to)
         congestion = walls = None
         if strategy.follows_crowd:
             if self.one_way:
@@ -146,7 +147,7 @@ class RoutePlan:
                 )
             congestion = CongestionField(
                 found,
-                self.geometry.walls_when(closed)[0],
+                ground.walls_when(closed)[0],
                 speed_map.walking,
                 self.geometry.exits if via is None else None,
             )
@@ -154,7 +155,7 @@ class RoutePlan:
         elif self.target != "path" and via is None and strategy.speed is None:
             found = straight_field(found, self.geometry, _MARGINS[self.target])
         elif strategy.speed is None and not self.one_way:
-            walls = self.geometry.walls_when(closed)[0]
+            walls = ground.walls_when(closed)[0]
         return RouteField(name, found, goal, following, is_closed, congestion, route.exits, walls=walls)
 
 
@@ -186,8 +187,7 @@ class RouteSet:
     @cached_property
     def spread(self) -> "RouteSet":
         """The routes of people that keep a distance: over the whole width of openings, as the doors stand."""
-        apron = self.plan.apron
-        made = (r if r.walls is None else r._replace(field=spread(r.field, r.walls, apron=apron)) for r in self.routes)
+        made = (r if r.walls is None else r._replace(field=spread(r.field, r.walls)) for r in self.routes)
         return replace(self, routes=tuple(made))
 
     def when(self, closed: frozenset[str]) -> "RouteSet":
@@ -296,7 +296,8 @@ def _with_time_to_exit(route: RouteField, routes: Sequence[RouteField]) -> Route
     then, time = routes[route.following].field, route.field.travel_time
     on_from = then.travel_time_near(route.field.nodes())
     on_from[np.isnan(on_from)] = np.nanmax(then.travel_time)  # where closed doors lock people in
-    return route._replace(to_exit=replace(route.field, travel_time=time + carried_along(time, on_from)))
+    to_exit = replace(route.field, travel_time=time + carried_along(time, on_from), behind=then.behind)
+    return route._replace(to_exit=to_exit)
 
 
 def _with_regions_beyond(route: RouteField, routes: Sequence[RouteField], geometry: Geometry) -> RouteField:

@@ -130,6 +130,7 @@ class Scenario:
         check_fields(f"scenario {shown(self.name)}", self)
         if len(self.geometry.exits) == 0:
             raise ValueError(f"scenario {self.name!r} has no exit; name at least one")
+        object.__setattr__(self, "geometry", self.geometry.with_apron(self.apron))
         require_grid(self.geometry, self.population.radius.low)
         for part in self.population.parts:
             require_names("start region", [part.start_region], self.geometry.regions)
@@ -204,12 +205,12 @@ class Scenario:
             if part.starts is None:
                 rows, cols = np.nonzero(np.isfinite(field.travel_time))
                 at = field.origin + field.spacing * np.column_stack([cols, rows])
-                time = field.travel_time[rows, cols]
+                time = field.travel_time[rows, cols] - field.behind
                 if part.start_region is not None:
                     inside = self.geometry.contains(at, part.start_region)
                     at, time = at[inside], time[inside]
             else:
-                at, time = part.starts, field.travel_time_for(part.starts, 0.0)
+                at, time = part.starts, field.travel_time_for(part.starts, 0.0) - field.behind
             walk = float(time.max(initial=0.0)) / max(part.desired_speed.low, _SLOW) + part.response_time.high
             if walk > longest[0] and len(at):
                 longest = walk, at[np.argmax(time)]
@@ -270,7 +271,6 @@ class Scenario:
             closed_at_start=self.closed_doors,
             events=self.door_events,
             one_way=self.one_way,
-            apron=self.apron,
             walking_speed=0.5 * (self.population.desired_speed.low + self.population.desired_speed.high) or 1.0,
         ).build()
 

@@ -31,3 +31,17 @@ def test_slanting_and_curved_places_stay_in_one_piece():
         along = one.exits[:, 1] - one.exits[:, 0]
         outward = np.stack([along[:, 1], -along[:, 0]], 1) / np.hypot(*along.T)[:, None]
         assert shapely.contains_xy(area, middles + 0.59 * outward).all()
+
+
+def test_ways_end_at_the_lines_of_a_bent_exit_and_behind_those_of_a_straight_one():
+    """Around an area aprons cross, and get too narrow for bodies: straight lines have floor behind for their ways."""
+    hall = box(0, 0, 8, 6)
+    for area in (box(3, 2, 4, 4), Point(0, 0).buffer(1.0), Point(4, 3).buffer(0.5)):
+        place = Geometry.from_polygon(hall, exits=[area]).with_apron(2.0)
+        assert (place.apron_depths > 0.0).any() and not place.ways_behind.any()
+        np.testing.assert_array_equal(place.boundary.aim, place.exits)
+    halves = Geometry.from_polygon(hall, exits={"a": [(8, 1), (8, 2), (8, 4)], "b": [(0, 1), (0, 2)]}).with_apron(1.5)
+    assert set(halves.ways_behind) == {1.5}
+    np.testing.assert_allclose(np.abs(halves.boundary.aim - halves.exits), [[[1.5, 0.0]] * 2] * len(halves.exits))
+    seen = halves.with_ways_to(["a"])
+    assert seen.bounds == (0.0, 0.0, 9.5, 6.0) and halves.bounds == (0.0, 0.0, 8.0, 6.0)

@@ -127,8 +127,8 @@ def draw_crowds(scenarios: Sequence[Scenario], setting: Setting) -> Crowds:
     fields = [each.route_set(strategy) for each, strategy in zip(scenarios, strategies, strict=True)]
     which = np.repeat(np.arange(len(scenarios)), setting.draws)
     places = [each.geometry for each in scenarios]
-    pulls, aprons = [each.pulls for each in scenarios], [each.apron for each in scenarios]
-    options: dict[str, Any] = {"fields": fields, "geometry_of_env": which, "pulls": pulls, "apron": aprons}
+    pulls = [each.pulls for each in scenarios]
+    options: dict[str, Any] = {"fields": fields, "geometry_of_env": which, "pulls": pulls}
     crowds = crowds_at(places, drawn, setting, setting.draws, **options)
     for e, (bodies, position) in enumerate(drawn):
         route_set = crowds.simulation.planner.route_set(e)

@@ -40,13 +40,13 @@ def _add(digest: Any, value: Any) -> None:
         for one in sorted(value, key=repr) if isinstance(value, set | frozenset) else value:
             _add(digest, one)
     else:
-        names = _counting(value) if dataclasses.is_dataclass(value) else vars(value)
+        names = counting_fields(value) if dataclasses.is_dataclass(value) else vars(value)
         _spell(digest, f"object {type(value).__module__}.{type(value).__qualname__}", b"")
         _add(digest, {name: getattr(value, name) for name in names})
 
 
-def _counting(value: Any) -> list[str]:
-    """Return the names of the fields of a dataclass that count."""
+def counting_fields(value: Any) -> list[str]:
+    """Return the names of the fields of a dataclass that count in its `fingerprint`."""
     every = [(field.name, field.metadata) for field in dataclasses.fields(value)]
     return [name for name, noted in every if UNSAID not in noted or getattr(value, name) != noted[UNSAID]]
 

@@ -243,7 +243,7 @@ class RoutingBatch:
             exit_taken=as_grid(np.where(left, self._exit_of_row[state.exit_index], -1), rooms),
             exit_width=self._width,
             exit_distance=np.array(
-                [as_grid(field.travel_time_for(state.position, 0.0), rooms) for field in self._fields]
+                [as_grid(field.travel_time_for(state.position, 0.0) - field.behind, rooms) for field in self._fields]
             ),
             on_route=np.array([as_grid(people, rooms) for people in on_route]),
             door_open=np.asarray(env.simulation.history.door_open[:, self._door], dtype=np.bool_),

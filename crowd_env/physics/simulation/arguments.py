@@ -8,7 +8,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Bodies, Bools, Floats, Ints, check_motivation
 from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.behaviors.pulls import Pulls, pulls_of
-from crowd_env.core.checks import FINITE, NOT_NEGATIVE, Range, array, require_all
+from crowd_env.core.checks import FINITE, Range, array, require_all
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.settings import Physics, Walking, behaviors_of
@@ -105,19 +105,6 @@ def which_geometry(geometry_of_env: Any, environments: int, geometries: int) -> 
         return np.zeros(environments, dtype=np.int64)
     which = array("geometry_of_env", geometry_of_env, (environments,), "iu")
     return np.array(require_all("geometry_of_env", which, Range(0, geometries - 1)), dtype=np.int64)
-
-
-def aprons_of(apron: float | Sequence[float], geometries: int) -> list[float]:
-    """Return where the aprons of each geometry end [m], given for all or for each.
-
-    Raises
-    ------
-    ValueError
-        If it is not one number from 0 for each.
-    """
-    given = array("apron", apron, (geometries,) if np.ndim(apron) else ())
-    ends = np.broadcast_to(require_all("apron", given, NOT_NEGATIVE), (geometries,))
-    return [float(end) for end in ends]
 
 
 def vectors(name: str, values: Floats, people: int) -> Floats:

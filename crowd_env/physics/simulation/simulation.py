@@ -71,8 +71,6 @@ class Simulation:
     walking : a `Walking`, a name in ``MANNERS`` or a `Headway`, or a table of the fields of one of them; by default people walk
         at full speed whatever is in front of them.  Its pulls keep groups (``bodies.group``) together.
     fields : travel-time field or routes of each geometry; made here by default for geometries with exits.
-    apron : m, how far behind the jambs of an exit people go on being bodies, one for all geometries or one for each; by
-        default they vanish at the line.
     driving : True for pedestrians (driving force, eq 11, and social force), False for passive grains.
 
     Raises
@@ -92,7 +90,6 @@ class Simulation:
         walking: AsWalking = None,
         fields: Sequence[RouteSet | NavigationField | None] | None = None,
         geometry_of_env: Ints | None = None,
-        apron: float | Sequence[float] = 0.0,
         driving: bool = True,
     ) -> None:
         self.geometries = [geometry] if isinstance(geometry, Geometry) else list(geometry)
@@ -111,7 +108,7 @@ class Simulation:
         arguments.check_step(self.scheme, bodies, dt, self.allow_unstable, self.outline)
         self.fields = arguments.fields_of(self.geometries, fields, bodies)
         which = arguments.which_geometry(geometry_of_env, len(state.time), len(self.geometries))
-        boundary = join_boundaries(self.geometries, arguments.aprons_of(apron, len(self.geometries)))
+        boundary = join_boundaries(self.geometries)
         keep_distance = self.behaviors[Headway.NAME] is not None
         self.planner = RoutePlanner(self.fields, which, boundary, keep_distance=keep_distance)
         self._set_inertia(slice(None))

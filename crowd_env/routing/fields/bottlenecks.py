@@ -63,7 +63,7 @@ def bottlenecks_of(fields: "list[NavigationField | None]", geometries: list[Geom
 
 @lru_cache(maxsize=16)
 def _bottlenecks(field: "NavigationField | None", geometry: Geometry) -> tuple[Floats, float, Floats, Floats]:
-    """Return origin [m] and spacing [m] of a grid, and width [m] and rest [s] of its nodes (rows, cols)."""
+    """Return origin [m] and spacing [m] of a grid, and width [m] and rest [s] to the exit line of its nodes (rows, cols)."""
     if field is None:
         return np.zeros(2), 1.0, np.zeros((0, 0)), np.zeros((0, 0))
     known = int((~np.isnan(field.travel_time)).sum())
@@ -73,7 +73,7 @@ def _bottlenecks(field: "NavigationField | None", geometry: Geometry) -> tuple[F
     order, walls = np.argsort(time, axis=None, kind="stable"), geometry.walls_when()[0]
     width, rest = _widths_at_the_end(time.shape, field.origin, spacing, geometry), np.zeros(time.shape)
     _narrowest(time, direction, order, walls, field.origin, spacing, _TURN, width, rest)
-    return field.origin, spacing, width, rest
+    return field.origin, spacing, width, np.maximum(rest - field.behind, 0.0)
 
 
 def _widths_at_the_end(shape: tuple[int, ...], origin: Floats, spacing: float, geometry: Geometry) -> Floats:

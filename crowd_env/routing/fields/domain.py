@@ -56,6 +56,7 @@ class Plan(NamedTuple):
     partial: bool = False  # doors are closed: some people may be locked in
     goal: str | None = None  # region where the way leads instead of to exits
     one_way: bool = False  # some doors are passed one way only
+    behind: float = 0.0  # m  the least depth of the aprons behind the exits used
 
 
 def make_plan(
@@ -68,7 +69,7 @@ def make_plan(
 ) -> Plan:
     """Return the plan of a field that leads to the ``exits`` (names; None = all), or into the region ``goal``.
 
-    Doors that are ``closed`` are walls; an exit behind one is no exit.
+    Doors that are ``closed`` are walls; an exit behind one is no exit.  Ways lead to the ends of aprons.
 
     Raises
     ------
@@ -78,12 +79,12 @@ def make_plan(
     if not 0 < min_radius <= radius < np.inf:
         raise ValueError(f"radius {radius:g} m and min_radius {min_radius:g} m must satisfy 0 < min_radius <= radius")
     if goal is None:
-        wanted = _open_exits(geometry, exits, closed)
+        wanted = open_exits(geometry, exits, closed)
     else:
         wanted = []
         require_known("region", goal, geometry.regions)
     use = np.isin(geometry.exit_names, wanted)
-    segments, names = geometry.exits[use], [name for name in geometry.exit_names if name in wanted]
+    names = [name for name in geometry.exit_names if name in wanted]
     clear = geometry.clear_widths(2 * radius)
     widest = {name: clear[name] for name in wanted}
     for name, width in widest.items():
@@ -91,15 +92,26 @@ def make_plan(
             raise ValueError(
                 f"exit {name!r} is {width:.2f} m wide, narrower than the smallest body ({2 * min_radius:.2f} m)"
             )
+    behind = float(geometry.ways_behind[use].min()) if wanted else 0.0
+    geometry = geometry.with_ways_to(wanted)
     fixed, sides = geometry.walls_when(closed)
     walls = np.concatenate([fixed, geometry.exits[~use]])
     two_sided = np.concatenate([sides, np.zeros(int((~use).sum()), dtype=bool)])
     rows = np.flatnonzero(use)
-    return Plan(geometry, walls, two_sided, segments, rows, names, widest, radius, min_radius, bool(closed), goal)
+    lines, partial = geometry.exits[use], bool(closed)
+    return Plan(
+        geometry, walls, two_sided, lines, rows, names, widest, radius, min_radius, partial, goal, behind=behind
+    )
 
 
-def _open_exits(geometry: Geometry, exits: Iterable[str] | None, closed: Collection[str]) -> list[str]:
-    """Return the names of the ``exits`` (None = all) that no ``closed`` door shuts."""
+def open_exits(geometry: Geometry, exits: Iterable[str] | None, closed: Collection[str]) -> list[str]:
+    """Return the names of the ``exits`` (None = all) that no ``closed`` door shuts.
+
+    Raises
+    ------
+    ValueError
+        If there is none, or a name is unknown.
+    """
     known = list(dict.fromkeys(geometry.exit_names))
     if not known:
         raise ValueError("the geometry has no exit to lead to")

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.routing.fields import grid
 from crowd_env.routing.fields.directions import regions_on_the_way
 from crowd_env.routing.fields.field import NavigationField
@@ -34,11 +34,10 @@ _PARTING = 0.3  # ways part where the unit vectors of two nodes differ by more, 
 _ALIKE = 0.5  # cosine between flow and shortest way from which on people follow the flow alone
 
 
-def spread(field: NavigationField, walls: Floats, wide: float = _WIDE, *, apron: float = 0.0) -> NavigationField:
+def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> NavigationField:
     """Return ``field`` with directions that spread over openings of at least ``wide`` [m] for the middle of a body.
 
-    ``walls`` (W, 2, 2) [m] are the standing ones.  Behind each exit a passage of the length ``apron`` [m] goes on: the flow
-    out of a line in a wall would crowd at its ends.
+    ``walls`` (W, 2, 2) [m] are the standing ones.
     """
     if field.free is None:
         return field
@@ -57,7 +56,7 @@ def spread(field: NavigationField, walls: Floats, wide: float = _WIDE, *, apron:
     if not floor.any():
         return field
     # What comes through narrow openings is part of the flow beyond them.
-    flow = np.where(limited[..., None], 0.0, _drain(ends, floor, right, up, round(apron / spacing)))
+    flow = np.where(limited[..., None], 0.0, _drain(ends, floor, right, up))
     direction = _between(flow, stride, field.travel_time.shape)
     alike = (direction * field.direction).sum(axis=-1)
     spreads = field.free & (alike > 0.0) & (field.travel_time > spacing)
@@ -86,11 +85,11 @@ def _over_square(nodes: Bools, half: int, fit: Callable[..., Bools]) -> Bools:
     return nodes
 
 
-def _drain(ends: Bools, floor: Bools, right: Bools, up: Bools, behind: int) -> Floats:
+def _drain(ends: Bools, floor: Bools, right: Bools, up: Bools) -> Floats:
     """Return the unit vectors (rows, cols, 2) of the flow from every node of the ``floor``; 0 beside it.
 
     ``ends`` (rows, cols) lie next to the way out, one at least in every part; ``right`` (rows, cols - 1) and ``up``
-    (rows - 1, cols) say between which neighbors one can walk.  A passage of ``behind`` nodes goes on behind each end.
+    (rows - 1, cols) say between which neighbors one can walk.
     """
     number, phi = np.zeros(floor.shape, dtype=np.int64), np.zeros(floor.shape)
     number[floor] = np.arange(floor.sum())
@@ -99,10 +98,9 @@ def _drain(ends: Bools, floor: Bools, right: Bools, up: Bools, behind: int) -> F
         ((right, number[:, :-1], number[:, 1:]), (up, number[:-1], number[1:])),
     ):
         beside[here[link], 2 * k], beside[there[link], 2 * k + 1] = there[link], here[link]
-    beside, last = _lengthened(beside, ends[floor], behind)
     found, scratch = np.zeros(len(beside)), np.ones((3, len(beside)))
-    grid.drain(beside, last, found, scratch)
-    phi[floor] = found[: floor.sum()]
+    grid.drain(beside, ends[floor], found, scratch)
+    phi[floor] = found
     x, y = right * (phi[:, :-1] - phi[:, 1:]), up * (phi[:-1] - phi[1:])
     flow = np.zeros((*floor.shape, 2))
     flow[:, :-1, 0] += x
@@ -110,35 +108,6 @@ def _drain(ends: Bools, floor: Bools, right: Bools, up: Bools, behind: int) -> F
     flow[:-1, :, 1] += y
     flow[1:, :, 1] += y
     return _unit(flow)
-
-
-def _lengthened(beside: Ints, ends: Bools, behind: int) -> tuple[Ints, Bools]:
-    """Return the neighbors ``beside`` (K, 4) and ``ends`` (K,) with ``behind`` more nodes behind each end.
-
-    These lie side by side as the ends do.  An end is at the edge of the floor: one of its four neighbors at least is missing,
-    and the node itself in its place.
-    """
-    own = np.arange(len(beside))
-    free = beside == own[:, None]
-    at = np.flatnonzero(ends & free.any(axis=1))
-    if not behind or not len(at):
-        return beside, ends
-    rank, row = np.full(len(beside), -1), np.arange(len(at))
-    rank[at] = row
-    sides = np.where(free[at], -1, rank[beside[at]])  # (E, 4) ends next to each
-    few = (sides >= 0).sum(axis=1) <= 2
-    sides = np.sort(np.where((sides >= 0) & few[:, None] & few[sides], sides, -1), axis=1)[:, 2:]
-    layers = []
-    for k in range(behind):
-        here = len(beside) + k * len(at) + row
-        before = at if k == 0 else here - len(at)
-        after = here + len(at) if k + 1 < behind else here
-        layers.append(np.column_stack([before, after, np.where(sides >= 0, sides - row[:, None], 0) + here[:, None]]))
-    grown = beside.copy()
-    grown[at, np.argmax(free[at], axis=1)] = len(beside) + row
-    last = np.zeros(len(beside) + behind * len(at), dtype=np.bool_)
-    last[-len(at) :] = True
-    return np.concatenate([grown, *layers]), last
 
 
 def _between(vectors: Floats, stride: int, shape: tuple[int, ...]) -> Floats:

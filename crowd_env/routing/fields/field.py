@@ -93,6 +93,8 @@ class NavigationField:
         (rows, cols) whether the center of the disc can be there; None = not known.
     fits
         (rows, cols) radius of the largest body that gets out from the node [m]; nan = too near to a wall; None = not known.
+    behind
+        Part of every travel time that is spent on aprons, beyond the exit lines: the least of all exits [s].
     """
 
     travel_time: Floats
@@ -106,6 +108,7 @@ class NavigationField:
     through: Ints | None = None
     free: Bools | None = None
     fits: Floats | None = None
+    behind: float = 0.0
 
     def nodes(self) -> Floats:
         """Return where the nodes lie (rows, cols, 2) [m]."""
@@ -224,7 +227,8 @@ def join_fields(
         shape=np.array(shapes, dtype=np.int64),
         origin=np.array([field.origin for field in every], dtype=np.float64),
         spacing=np.array([field.spacing for field in every], dtype=np.float64),
-        travel_time=np.concatenate([field.travel_time.ravel() for field in every]),
+        travel_time=np.concatenate([field.travel_time.ravel() - field.behind for field in every]),
+        behind=np.array([field.behind for field in every], dtype=np.float64),
         direction=np.concatenate([field.direction.reshape(-1, 2) for field in every]),
         direct=np.concatenate([rows_in_batch(field.direct, first) for field, first in made]),
         # Looked up for each pedestrian a hundred times a second: as little to fetch from memory as possible.
@@ -289,6 +293,7 @@ def _solve(
         radius=radius,
         free=free,
         fits=fits,
+        behind=plan.behind,
     )
 
 

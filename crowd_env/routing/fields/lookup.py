@@ -29,7 +29,8 @@ class FieldArrays(NamedTuple):
     shape: Ints  # (F, 2)  rows (y), columns (x)
     origin: Floats  # (F, 2)  m   place of node [0, 0]
     spacing: Floats  # (F,)    m   between nodes
-    travel_time: Floats  # (M,)    s   at 1 m/s; nan outside of the walkable area
+    travel_time: Floats  # (M,)    s   to the exit line, at 1 m/s; nan outside of the walkable area
+    behind: Floats  # (F,)    s   from there to the end of the apron, which directions lead to
     direction: Floats  # (M, 2)  unit vector along the shortest path; 0 outside
     direct: Ints  # (M,)    row of Boundary.exit reached in a straight line; -1 = none
     cell: NDArray[np.int16]  # (M,)    cell right of and above: exit that all its corners are direct to, BLEND, ALONE
@@ -215,10 +216,10 @@ def way_at(
     if k >= 0:
         margin = field.margin[f]
         margin = margin if margin >= 0.0 else radius
-        frame = exit_frame(boundary.exit, k)
+        frame = exit_frame(boundary.aim, k)
         ex, ey = through_exit(frame, x, y, radius, margin)
         tx, ty = nearest_on_exit(frame, x, y, margin)
-        return ex, ey, np.sqrt((tx - x) ** 2 + (ty - y) ** 2)
+        return ex, ey, np.sqrt((tx - x) ** 2 + (ty - y) ** 2) - field.behind[f]
     if k == BLEND:
         plain, ex, ey = blended_direction(field.direction, first, cols, u, v)
         length = _blended_time(field.travel_time, first, cols, u, v)
