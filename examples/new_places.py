@@ -14,10 +14,11 @@ from crowd_env.agents import make_policy
 from crowd_env.agents.drivers import DrivenCrowd
 from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.evaluation.plans import routing_of
+from crowd_env.physics.pressure import INJURY
 from crowd_env.recording import Recording, record
 from crowd_env.rendering.encoding import write_gif
 from crowd_env.rendering.frames import Renderer
-from crowd_env.rendering.palette import BACKGROUND, FULL_PRESSURE
+from crowd_env.rendering.palette import BACKGROUND
 from crowd_env.scenarios.generated import conditions_of, draw_place, kind_of
 
 SHOWN = {"rooms on a corridor": "hertz", "row of rooms": "nsm2", "merging": "dem"}  # kind of place -> contact law
@@ -62,7 +63,7 @@ def frame(films: list[tuple[Renderer, Recording]], share: float) -> PIL.Image.Im
         picture = renderer.draw(
             seen.position,
             recording.radius[seen.person],
-            color_value=seen.pressure / FULL_PRESSURE,
+            color_value=seen.pressure / INJURY,
             velocity=seen.velocity,
             title=recording.facts["scheme"],
             status=f"{int(recording.inside(time))} inside, {time:.0f} s",

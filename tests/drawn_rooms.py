@@ -3,8 +3,8 @@
 import numpy as np
 
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.physics.pressure import INJURY
 from crowd_env.recording import Recording
-from crowd_env.rendering import FULL_PRESSURE
 
 ROOM = Geometry.from_polygon([(0, 0), (5, 0), (5, 5), (0, 5)], exits={"door": [(5, 2.09), (5, 2.91)]})
 
@@ -38,7 +38,7 @@ def recording(end=4.0, people=20, *, finish=True, geometry=ROOM, pressure=None, 
     leaves = np.linspace(0.3, 1.0, people) * end if finish else np.full(people, np.inf)
     frame, person = np.nonzero(time[:, None] < leaves)
     part = np.clip(time[frame] / np.minimum(leaves, end)[person], 0.0, 1.0)[:, None]
-    drawn = rng.uniform(0.0, FULL_PRESSURE, (len(time), people)) * (time > 1.0)[:, None]
+    drawn = rng.uniform(0.0, INJURY, (len(time), people)) * (time > 1.0)[:, None]
     return Recording(
         facts={"every": 0.1, "finished": True},
         walkable=geometry.walkable.wkt,

@@ -281,9 +281,8 @@ parallel_env = raw_env = CrowdParallelEnv
 class _Changing(Restorable):
     """What a wrapper of PettingZoo keeps: all of it but the environment inside."""
 
-    @property
-    def _kept(self) -> list[str]:  # type: ignore[override]
-        return [name for name in vars(self) if name != self._behind]
+    def _keep(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != self._behind}
 
 
 class _InTurn(_Changing, parallel_to_aec_wrapper):

@@ -12,9 +12,11 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import Range
 from crowd_env.geometry.parsing import SLIVER, Area, tangents
 
 APRON = 2.0  # m from the jambs to the end, the usual
+APRONS = Range(0.0, 10.0)  # m
 _INWARDS = 1e-3  # m; an apron begins this far inside, so that no gap of rounding parts it from the area
 _MIDDLE = 0.2  # m, off either end of a line: floor that is nearer to its ends does not end an apron
 _BODY = 0.15  # m, radius: a line in front of which no such body gets, as of an area drawn a hand off the wall, has none

@@ -20,7 +20,7 @@ from crowd_env.core.checks import NOT_NEGATIVE, table
 from crowd_env.core.checks import number as require_number
 from crowd_env.core.checks import text as require_text
 from crowd_env.core.files.fingerprint import UNSAID
-from crowd_env.geometry.aprons import add_aprons, depths_of_aprons, ends_of_aprons, sides_of_aprons
+from crowd_env.geometry.aprons import APRONS, add_aprons, depths_of_aprons, ends_of_aprons, sides_of_aprons
 from crowd_env.geometry.boundary import ends_together, open_boundary, solid_depth
 from crowd_env.geometry.doors import read_doors
 from crowd_env.geometry.jambs import NO_ARCS, Arcs, deepen_exits, round_jambs
@@ -268,9 +268,9 @@ class Geometry:
         Raises
         ------
         ValueError
-            If it is no number from 0.
+            If it is no number from 0 to 10.
         """
-        apron = require_number("apron", apron, NOT_NEGATIVE, "m")
+        apron = require_number("apron", apron, APRONS, "m")
         return self if apron == self.apron else replace(self, apron=apron)
 
     @cached_property

@@ -5,12 +5,10 @@ from crowd_env.rendering.figures import egress_curves, learning_curve
 from crowd_env.rendering.film import write_film, write_still, write_strip
 from crowd_env.rendering.forces import force_network, forces_of
 from crowd_env.rendering.frames import Renderer
-from crowd_env.rendering.palette import FULL_PRESSURE
 from crowd_env.rendering.survival import survival_curves
 from crowd_env.rendering.window import Window
 
 __all__ = [
-    "FULL_PRESSURE",
     "Renderer",
     "Window",
     "egress_curves",

@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 
 from crowd_env.core.files.atomic import check_suffix
+from crowd_env.physics.pressure import INJURY
 from crowd_env.recording import Recording
 from crowd_env.rendering.curves import EgressStrip, cohort_names
 from crowd_env.rendering.discs import bodies_of
 from crowd_env.rendering.encoding import write_gif, write_mp4, write_png
 from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.libraries import Image, drawing_library
-from crowd_env.rendering.palette import BACKGROUND, FULL_PRESSURE
+from crowd_env.rendering.palette import BACKGROUND
 from crowd_env.rendering.words import titles as titles_of
 
 _PANEL, _WIDEST = 480, 1280  # px, of one evacuation and of a film, if no width is asked for
@@ -191,7 +192,7 @@ def _panel(renderer: Renderer, recording: Recording, time: float, *, title: str,
     return renderer.draw(
         seen.position,
         radius,
-        color_value=seen.pressure / FULL_PRESSURE,
+        color_value=seen.pressure / INJURY,
         velocity=seen.velocity,
         bodies=bodies_of(recording, seen.position, radius, angle=seen.angle, feet=seen.memory.get("feet")),
         cohort=recording.cohort[seen.person] if cohort_names(recording) else None,

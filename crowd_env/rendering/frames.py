@@ -9,10 +9,10 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.core.behaviors.balance import places_of_feet
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.physics.pressure import contact_pressure
+from crowd_env.physics.pressure import INJURY, contact_pressure
 from crowd_env.rendering.discs import Bodies, bodies_of, put_bodies
 from crowd_env.rendering.libraries import Image
-from crowd_env.rendering.palette import EXIT, FULL_PRESSURE, INK, QUIET, RAMP, cohort_color, pressure_color
+from crowd_env.rendering.palette import EXIT, INK, QUIET, RAMP, cohort_color, pressure_color
 from crowd_env.rendering.plan import MAT, Layout, draw_plan, exit_places, fit, round_length
 from crowd_env.rendering.text import put_text, shortened, text_width
 
@@ -90,7 +90,7 @@ class Renderer:
         ----------
         position, radius : (N, 2), (N,) m.
         active : (N,), only these are drawn; default everyone.
-        color_value : (N,), how hard everyone is pressed: 0 to 1 is up to `FULL_PRESSURE`.  Without it all are calm.
+        color_value : (N,), how hard everyone is pressed: 0 to 1 is up to `INJURY`.  Without it all are calm.
         velocity : (N, 2) m/s, gives each round body that moves a heading.
         bodies : what is seen of each body, of `crowd_env.rendering.discs.bodies_of`; default a disc.
         cohort : (N,), which cohort everyone belongs to; rims are in its color.
@@ -162,7 +162,7 @@ def _put_legend(image: Image, layout: Layout) -> None:
     left, top = round(x), round(y - 0.5 * thick)
     columns = np.rint(np.linspace(0.0, len(RAMP) - 1.0, length)).astype(int)
     image.paste(PIL.Image.fromarray(np.broadcast_to(RAMP[columns], (thick, length, 3)).copy()), (left, top))
-    put_text(image, f"{FULL_PRESSURE:g} N/m", (left + length + 0.7 * size, y), size, QUIET)
+    put_text(image, f"{INJURY:g} N/m", (left + length + 0.7 * size, y), size, QUIET)
 
 
 def _put_scale_bar(image: Image, layout: Layout) -> None:
@@ -191,7 +191,7 @@ def draw_env(env: CrowdEnv, renderer: Renderer | None = None, e: int = 0) -> tup
         position,
         radius,
         active=state.active[people],
-        color_value=contact_pressure(impulse, env.decision_dt, radius) / FULL_PRESSURE,
+        color_value=contact_pressure(impulse, env.decision_dt, radius) / INJURY,
         velocity=state.velocity[people],
         bodies=bodies_of(simulation, position, radius, angle=angle, feet=feet),
         clock=float(state.time[e]),

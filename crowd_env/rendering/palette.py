@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.physics.pressure import INJURY
 
 Color = tuple[int, int, int]
 
@@ -23,7 +22,6 @@ FAINT: Color = (221, 217, 209)
 # One color a curve: they differ in print and to color-blind eyes, and none looks like a pressure.
 SERIES: tuple[Color, ...] = ((15, 118, 128), (137, 71, 145), (158, 122, 22), (74, 92, 160), (112, 112, 112))
 
-FULL_PRESSURE = INJURY  # N/m  there the ramp ends
 
 _ANCHORS: tuple[Color, ...] = ((168, 188, 205), (238, 186, 92), (222, 96, 46), (160, 16, 30))
 

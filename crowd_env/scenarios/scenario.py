@@ -13,9 +13,9 @@ from crowd_env.core.behaviors.behavior import Behavior
 from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.behaviors.outline import BodyShape, Outline, room_of
 from crowd_env.core.behaviors.pulls import Pulls
-from crowd_env.core.checks import NotNegative, Positive, Range, check_fields, flag, refuse, shown
+from crowd_env.core.checks import Positive, Range, check_fields, flag, refuse, shown
 from crowd_env.core.files.fingerprint import UNSAID
-from crowd_env.geometry.aprons import APRON
+from crowd_env.geometry.aprons import APRON, APRONS
 from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.fields.domain import require_grid
 from crowd_env.routing.fields.field import NavigationField, OneWay
@@ -118,7 +118,7 @@ class Scenario:
     pulls: Pulls = field(default_factory=Pulls)
     balance: Balancing | None = None
     max_drive: Annotated[float, _PERHAPS_NEVER] = 300.0
-    apron: NotNegative = field(default=APRON, metadata={UNSAID: 0.0})
+    apron: Annotated[float, APRONS] = field(default=APRON, metadata={UNSAID: 0.0})
     """m behind the jambs of an exit up to which people go on being bodies; 0 = they vanish at the line."""
 
     def __post_init__(self) -> None:

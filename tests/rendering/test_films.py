@@ -10,9 +10,9 @@ from drawn_rooms import recording
 from late import late
 from recordings import two_doors
 
+from crowd_env.physics.pressure import INJURY
 from crowd_env.recording import record
 from crowd_env.rendering import (
-    FULL_PRESSURE,
     egress_curves,
     learning_curve,
     save_figure,
@@ -141,7 +141,7 @@ def test_an_evacuation_that_is_over_holds_its_last_frame(tmp_path):
 
 def test_a_still_shows_the_moment_of_most_pressure(tmp_path):
     pressure = np.zeros((41, 20))
-    pressure[18:23] = FULL_PRESSURE
+    pressure[18:23] = INJURY
     assert recording(pressure=pressure).peak_time() == pytest.approx(2.0, abs=0.11)
     assert 0.0 < recording(pressure=0 * pressure).peak_time() < 4.0
 

@@ -13,7 +13,8 @@ from repository import ROOT as CHECKOUT
 from shapely import box
 
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.rendering import FULL_PRESSURE, Renderer, Window, discs
+from crowd_env.physics.pressure import INJURY
+from crowd_env.rendering import Renderer, Window, discs
 from crowd_env.rendering.palette import (
     BACKGROUND,
     EXIT,
@@ -131,7 +132,7 @@ def test_nan_positions_and_people_beyond_the_image_do_no_harm():
 @pytest.mark.more
 def test_the_same_moment_gives_the_same_image_and_leaves_the_next_alone():
     seen = recording().at(2.0)
-    kwargs = {"velocity": seen.velocity, "color_value": seen.pressure / FULL_PRESSURE}
+    kwargs = {"velocity": seen.velocity, "color_value": seen.pressure / INJURY}
     renderer = Renderer(ROOM, width=320)
     first = renderer.frame(seen.position, 0.22, title="room", clock=2.0, **kwargs)
     renderer.frame(seen.position + 0.3, 0.22, title="another", clock=3.0, **kwargs)

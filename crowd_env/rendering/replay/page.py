@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.geometry.parsing import from_wkt
+from crowd_env.physics.pressure import INJURY
 from crowd_env.recording import Recording
 from crowd_env.rendering import palette
 from crowd_env.rendering.canvas import hex_of
 from crowd_env.rendering.discs import unit_discs
 from crowd_env.rendering.pages import filled
-from crowd_env.rendering.palette import FULL_PRESSURE, Color, blend, darker, pressure_color
+from crowd_env.rendering.palette import Color, blend, darker, pressure_color
 from crowd_env.rendering.plan import holes_of, shells_of
 from crowd_env.rendering.replay.tracks import contacts_of, thinned_frames, tracks_of
 from crowd_env.rendering.words import fact_rows, outcome, titles
@@ -82,7 +83,7 @@ def write_page(
         "format": FORMAT,
         "title": title or found,
         "steps": STEPS,
-        "full_pressure": FULL_PRESSURE,
+        "full_pressure": INJURY,
         "colors": plain_colors(),
         "recordings": abouts,
     }
