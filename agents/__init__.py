@@ -1,5 +1,7 @@
 """Policies over arrays, rule-based and learned, behind one protocol."""
 
+from crowd_env.core.checks import NAMES
+
 from .policy import Policy
 from .pretrained import PRETRAINED, load
 from .rules import RandomWalk, ShortestPath, StandStill
@@ -19,6 +21,7 @@ POLICIES: dict[str, type[Policy]] = {
     "yield-when-stuck": YieldWhenStuck,
     "zipper": Zipper,
 }
+NAMES["policy"] = POLICIES
 
 
 def make_policy(policy: str | Policy) -> Policy:

@@ -10,13 +10,11 @@ from typing_extensions import Unpack
 from crowd_env import CrowdEnv, Step
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.envs.action import make_action, to_command
-from crowd_env.envs.arguments import Place
+from crowd_env.envs.arguments import MIXED, Place, drawn_share
 from crowd_env.envs.settings import EnvArguments, arguments_of
 from crowd_env.physics.settings import Walking
 
 from .policy import Policy
-
-_MIXED = 7  # second word of a run's seed, for the draw of the pedestrians that actions move
 
 
 def learned_people(seeds: Sequence[int], people: int, share: float) -> Bools:
@@ -24,13 +22,7 @@ def learned_people(seeds: Sequence[int], people: int, share: float) -> Bools:
 
     The seed of a run alone draws them: the same pedestrians under every policy and scheme.  A larger share includes a smaller.
     """
-    return np.array([_drawn(np.random.default_rng((seed, _MIXED)), people, share) for seed in seeds])
-
-
-def _drawn(rng: np.random.Generator, people: int, share: float) -> Bools:
-    found = np.zeros(people, dtype=np.bool_)
-    found[rng.permutation(people)[: max(1, round(share * people))]] = True
-    return found
+    return np.array([drawn_share(np.random.default_rng((seed, MIXED)), people, share) for seed in seeds])
 
 
 class BatchArguments(EnvArguments, total=False):
@@ -63,7 +55,7 @@ class MixedEnv(CrowdEnv):
     """
 
     learned: Bools
-    _kept = (*CrowdEnv._kept, "learned", "_rng", "_seen")
+    _kept = (*CrowdEnv._kept, "_rng", "_seen")
 
     def __init__(
         self,
@@ -73,11 +65,10 @@ class MixedEnv(CrowdEnv):
         others: Policy | None = None,
         **arguments: Unpack[BatchArguments],
     ) -> None:
-        arguments["walking"] = replace(Walking.of(arguments.get("walking")), acts_on="scripted")
+        arguments["walking"] = replace(Walking.of(arguments.get("walking")), share=share)
         super().__init__(scenario, **arguments)
-        self.share, self.others, self.learned = share, others, np.ones(self.num_people, dtype=np.bool_)
+        self.share, self.others = share, others
         self._rng = np.random.default_rng(0)  # for actions that the others draw
-        self._seeds: Sequence[int | None] | None = None
         self._seen = np.zeros((self.num_people, self.layout.size), dtype=np.float32)
         if others is not None:
             self._kind = make_action(arguments_of(others.env_options).get("action", "continuous"))
@@ -87,10 +78,8 @@ class MixedEnv(CrowdEnv):
     def reset(
         self, seed: int | Sequence[int | None] | None = None, mask: ArrayLike | None = None
     ) -> tuple[np.ndarray, dict[str, object]]:
-        """Start new episodes, as `CrowdEnv.reset` does, and draw the pedestrians that actions move."""
-        self._seeds = seed if isinstance(seed, Sequence) else None
+        """Start new episodes, as `CrowdEnv.reset` does."""
         self._seen, info = super().reset(seed, mask)
-        self._seeds = None
         return self._seen, info
 
     def step(self, action: ArrayLike | None = None, scripted: ArrayLike | None = None) -> Step:
@@ -99,24 +88,16 @@ class MixedEnv(CrowdEnv):
         self._seen = step.observation
         return step
 
-    def _restart(self, chosen: list[int]) -> None:
-        super()._restart(chosen)
-        for e in chosen:
-            people = self.people(e)
-            word = None if self._seeds is None else self._seeds[e]
-            rng = self._generators[e] if word is None else np.random.default_rng((word, _MIXED))
-            self.learned[people] = _drawn(rng, people.stop - people.start, self.share)
-
     def _command(
         self, action: ArrayLike | None, scripted: ArrayLike | None
     ) -> tuple[Floats | None, Bools | None, Bools | None]:
-        others = ~self.learned if scripted is None else ~self.learned | np.asarray(scripted)
         if self.others is None:
-            return super()._command(action, others)
+            return super()._command(action, scripted)
         if action is None:  # learned pedestrians walk at full speed
             neutral = np.asarray(self.action_kind.neutral)
             action = np.broadcast_to(neutral, (self.num_people, *neutral.shape))
-        command, in_world, gives_way = super()._command(action, others)
+        command, in_world, gives_way = super()._command(action, scripted)
+        others = ~self.learned if scripted is None else ~self.learned | np.asarray(scripted)
         rows = np.flatnonzero(others & self.active)
         acts = self.others.act(self._seen[rows], self.layout, self._rng)
         if acts is not None and command is not None:

@@ -29,6 +29,7 @@ from crowd_env.envs.protocol import WalkingBatch
 from crowd_env.envs.routing.batch import routing_arguments
 from crowd_env.envs.routing.env import RoutingVectorEnv
 from crowd_env.envs.settings import arguments_of, physics_step
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.scheme import DECISION_DT
 from crowd_env.physics.settings import Physics
@@ -36,7 +37,7 @@ from crowd_env.scenarios.generated import Conditions
 
 from . import POLICIES, make_policy
 from .evaluation.entries import RULE
-from .evaluation.evaluation import HELD_OUT_SEED, VALIDATION_SEED
+from .evaluation.evaluation import VALIDATION_SEED
 from .mixed import MixedEnv
 from .plain import Plain
 from .runs import versions
@@ -253,9 +254,10 @@ def task_config(task: str, seed: int = 0, **given: Any) -> TrainingConfig:
     if preset is None:
         usual |= ROUTING_BUDGET
     else:
-        usual |= _of(preset, "people", "dt", "envs", "steps", "start", "action", "reward", "eval_every", "eval_runs")
+        usual |= _of(preset, "people", "dt", "envs", "steps", "start", "eval_every", "eval_runs")
         usual |= {"minutes": MINUTES, "options": {**judged.options, **preset.options}}
-        usual |= {"observation": _observation(preset.terms), "ppo": preset.settings(given.get("start", preset.start))}
+        usual |= {"action": judged.action, "reward": judged.reward, "observation": _observation(judged.terms)}
+        usual |= {"ppo": preset.settings(given.get("start", preset.start))}
     if given.get("scheme", judged.scheme) != judged.scheme:
         del usual["dt"]  # the other scheme has a step of its own
     return default_config(judged.scenario, seed=seed, task=task, strategy=judged.rule, **(usual | given))

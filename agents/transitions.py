@@ -26,12 +26,12 @@ from crowd_env import CrowdEnv
 from crowd_env.core.checks import Range, whole
 from crowd_env.core.files.atomic import check_suffix, written
 from crowd_env.envs.action import plain_action
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
 from .drivers import own_arguments
-from .evaluation.evaluation import HELD_OUT_SEED
 from .policy import Policy
 from .runs import versions
-from .tasks import PRESETS, Task
+from .tasks import Task
 from .trained import columns_of
 
 _FACTS = "facts"
@@ -51,7 +51,7 @@ class RunArrays(NamedTuple):
 def runs_of(policy: Policy, task: Task, runs: int, seed: int = 0) -> Iterator[tuple[dict[str, object], RunArrays]]:
     """Yield the facts and the arrays of each run; run ``k`` is the draw ``seed + k``, and no draw is held out.
 
-    The task's preset gives the rewards, if there is one.
+    Rewards are those of the task.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def runs_of(policy: Policy, task: Task, runs: int, seed: int = 0) -> Iterator[tu
     """
     whole("runs", runs, Range(1, HELD_OUT_SEED))
     whole("seed", seed, Range(0, HELD_OUT_SEED - runs).because("later draws are held out for evaluation"))
-    reward = PRESETS[task.name].reward if task.name in PRESETS else None
+    reward = task.reward
     env = CrowdEnv(task.place(), **{**task.arguments(), "reward": reward, **own_arguments(policy)})
     neutral = np.asarray(env.action_kind.neutral)
     rule = np.broadcast_to(neutral, (env.num_people, *neutral.shape))

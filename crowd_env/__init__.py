@@ -25,6 +25,7 @@ from crowd_env.envs.parallel import CrowdParallelEnv, parallel_env
 from crowd_env.envs.reward import RewardWeights
 from crowd_env.envs.rollout import rollout
 from crowd_env.envs.settings import Routing
+from crowd_env.envs.tasks.task import TASKS, Task, make_task
 from crowd_env.envs.terms import RewardTerm
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Helbing, Hertz, SocialForce, make_scheme
@@ -62,6 +63,7 @@ __all__ = [
     "SCHEMES",
     "SOCIAL_FORCES",
     "TABLE_4",
+    "TASKS",
     "ActionKind",
     "Attraction",
     "Balance",
@@ -102,6 +104,7 @@ __all__ = [
     "SocialForce",
     "SpeedZone",
     "Step",
+    "Task",
     "Uniform",
     "Walking",
     "contact_pressure",
@@ -111,6 +114,7 @@ __all__ = [
     "make_scenario",
     "make_scheme",
     "make_state",
+    "make_task",
     "make_vec",
     "parallel_env",
     "read_starts",
@@ -131,13 +135,19 @@ def __getattr__(name: str) -> Any:
 
 
 def register() -> None:
-    """Register every scenario as ``crowd_env/<name>`` with PettingZoo (both APIs) and Gymnasium (one room and batch).
+    """Register every scenario and every task as ``crowd_env/<name>`` with PettingZoo (both APIs) and Gymnasium (room, batch).
 
     What one controller decides for all is registered with Gymnasium alone.
     """
-    for name in SCENARIOS:
+    of_tasks = {task.id: task for task in TASKS.values()}
+    for name in (*SCENARIOS, *of_tasks):
         options = {"scenario": name}
         identity = f"crowd_env/{name}"
+        if name in of_tasks and of_tasks[name].decides == "routing":
+            made_by = _CONTROLLED["crowd_env/routing-v0"]
+            if identity not in gymnasium.registry:
+                gymnasium.register(identity, **made_by, kwargs=options)
+            continue
         if identity not in gymnasium.registry:
             gymnasium.register(
                 identity,

@@ -12,8 +12,8 @@ import PIL.Image
 from crowd_env import Scenario
 from crowd_env.agents import make_policy
 from crowd_env.agents.drivers import DrivenCrowd
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.evaluation.plans import routing_of
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.physics.pressure import INJURY
 from crowd_env.recording import Recording, record
 from crowd_env.rendering.encoding import write_gif

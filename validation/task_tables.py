@@ -33,7 +33,7 @@ def _quoted(names: Iterable[str]) -> str:
 
 
 def _paid(reward: Mapping[str, Any]) -> dict[str, Any]:
-    return {"prices": _listed(reward["weights"]), "team_share": reward.get("team_share", 0.0)}
+    return {"prices": _listed(reward.get("weights", {})), "team_share": reward.get("team_share", 0.0)}
 
 
 def tasks() -> Rows:
@@ -56,9 +56,9 @@ def presets() -> Rows:
             "task": name,
             "preset": preset,
             "options": f"; {_listed(preset.options)}" if preset.options else "",
-            "terms": _quoted(preset.terms),
-            "action": preset.action if isinstance(preset.action, str) else preset.action["name"],
-            **_paid(preset.reward),
+            "terms": _quoted(TASKS[name].terms),
+            "action": action if isinstance(action := TASKS[name].action, str) else action["name"],
+            **_paid(TASKS[name].reward or {}),
         }
 
 

@@ -13,14 +13,14 @@ from typing import cast
 import numpy as np
 
 from crowd_env.analysis.figures import named
+from crowd_env.envs.tasks.task import HELD_OUT_SEED, Task
 
 from ..drivers import DrivenCrowd
 from ..mixed import MixedEnv
 from ..plain import Plain
 from ..policy import Policy
-from ..tasks.task import Task
 from .comparison import clearing_times, paired
-from .evaluation import HELD_OUT_SEED, Evaluation, evaluate_crowd
+from .evaluation import Evaluation, evaluate_crowd
 
 SHARES = (0.01, 0.05, 0.2, 0.5, 0.8)
 

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing_extensions import Unpack
 
 from crowd_env import Routing, Scenario, Walking
+from crowd_env.core.checks import of_another_kind
 from crowd_env.core.files.own import load_own, names_own
 from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.envs.settings import EnvArguments
+from crowd_env.envs.tasks.task import Task
 from crowd_env.routing.strategies import STRATEGIES
 
 from .. import POLICIES, PRETRAINED, make_policy
@@ -17,7 +19,6 @@ from ..controllers import Controller
 from ..drivers import SAMPLE, UNHINDERED, DrivenCrowd, Hindrance, own_arguments
 from ..policy import Policy
 from ..rules import ShortestPath, StrategyPolicy
-from ..tasks.task import Task
 from ..trained import SAMPLED, LearnedPolicy, load_trained, names_file
 
 RULES = "rules"
@@ -149,7 +150,10 @@ def _make(name: str, scenario: Scenario, task: Task | None, learned_share: float
     else:
         of_task = [] if task is None else [RULE]
         known = ", ".join(dict.fromkeys([*of_task, *route_set[:4], RULES, *route_set[4:], *POLICIES, *PRETRAINED]))
-        raise ValueError(f"unknown policy {name!r}; known: {known}, or the path of a learned network (.safetensors)")
+        raise ValueError(
+            f"unknown policy {name!r}; known: {known}, or the path of a learned network (.safetensors)"
+            f"{of_another_kind(name, 'policy')}"
+        )
     return policy_entry(policy, task, learned_share)
 
 

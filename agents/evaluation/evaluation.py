@@ -18,6 +18,7 @@ from crowd_env.core.executors.executor import never
 from crowd_env.core.files.json_file import json_number
 from crowd_env.envs.rollout import BatchDone, RunBatch, make_batches, simulate_batch
 from crowd_env.envs.settings import EnvArguments
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.physics import SCHEMES
 
 from ..controllers import Controller
@@ -27,8 +28,6 @@ from ..plain import Plain
 from ..policy import Policy
 from .goals import at_goals
 
-# Training draws from (seed, environment) with seeds below this; draws from here on have never been trained on.
-HELD_OUT_SEED = 1_000_000
 # Draws on which the best network of a training is chosen: neither trained on nor used for the final table.
 VALIDATION_SEED = 2_000_000
 # From here on are draws on which what did best on those is tried again, and from 10 million on those that belong to one

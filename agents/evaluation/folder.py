@@ -17,6 +17,7 @@ from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.store import Store
+from crowd_env.envs.tasks.task import Task
 from crowd_env.physics import ContactScheme
 from crowd_env.physics.settings import AsPhysics
 
@@ -24,7 +25,6 @@ from .. import PRETRAINED
 from ..networks import network_digest
 from ..plain import Plain
 from ..runs import versions
-from ..tasks.task import Task
 from ..trained import names_file
 from .comparison import clearing_times
 from .entries import Entry

@@ -21,6 +21,7 @@ from crowd_env.core.files.json_file import json_number
 from crowd_env.core.files.store import Store
 from crowd_env.envs.metrics import share_interval
 from crowd_env.envs.rollout import make_batches, simulate_batch
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.physics.pressure import INJURY, contact_pressure
 from crowd_env.scenarios.generated import VERSION, conditions_of, draw_place
 
@@ -30,7 +31,6 @@ from ..plain import Plain
 from ..policy import Policy
 from ..rules import StrategyPolicy
 from .entries import RULE
-from .evaluation import HELD_OUT_SEED
 from .folder import digest_of, source_stamp
 from .goals import at_goals
 from .report import table_of

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from crowd_env import Scenario
+from crowd_env.envs.tasks.task import Task
 
 from ..plain import Plain
-from ..tasks.task import Task
 from .comparison import rows_beside
 from .credible import credibility
 from .evaluation import Evaluation

@@ -10,11 +10,11 @@ from rich.table import Table
 from crowd_env import Scenario
 from crowd_env.core.console import say
 from crowd_env.core.executors import Executor
+from crowd_env.envs.tasks.task import Task, place_digest
 
 from ..drivers import Hindrance
 from ..plain import Plain
 from ..runs import versions
-from ..tasks.task import Task, place_digest
 from ..tasks.variations import AS_IT_STANDS, Variation, variations
 from .entries import Entry, Unsuited, make_entries
 from .evaluation import Evaluation

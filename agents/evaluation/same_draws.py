@@ -7,6 +7,7 @@ from dataclasses import replace
 from crowd_env import Physics, Scenario
 from crowd_env.core.console import notes, progress_bar, say
 from crowd_env.core.executors import Executor, Processes, Serial
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.physics.settings import AsPhysics
 
 from ..plain import Plain
@@ -14,7 +15,7 @@ from ..runs import versions
 from ..tasks import Task
 from .comparison import clearing_means, ranking, rows_beside
 from .entries import Entry
-from .evaluation import HELD_OUT_SEED, Draws, Evaluation, evaluate_crowds
+from .evaluation import Draws, Evaluation, evaluate_crowds
 from .folder import EvaluationFolder
 from .protocol import task_rows
 

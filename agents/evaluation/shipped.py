@@ -20,13 +20,13 @@ from crowd_env import Scenario, make_scheme
 from crowd_env.core.console import say
 from crowd_env.core.executors import Executor, Processes
 from crowd_env.core.files.store import Store
+from crowd_env.envs.tasks.task import HELD_OUT_SEED, Task, make_task
 from crowd_env.physics import ContactScheme
 
 from .. import POLICIES, PRETRAINED
-from ..tasks.task import Task, make_task
 from ..walking import RuleAtShare
 from .entries import RULE, make_entries, policy_entry
-from .evaluation import HELD_OUT_SEED, Evaluation
+from .evaluation import Evaluation
 from .folder import EvaluationFolder, content_of, evaluation_of, settings_of
 from .goals import strayed
 from .same_draws import compare

@@ -22,6 +22,7 @@ from crowd_env import Scenario
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.atomic import write_text
 from crowd_env.core.files.json_file import read_json
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
 from .. import PRETRAINED
 from ..networks import network_digest
@@ -31,7 +32,7 @@ from ..tasks import TASKS, Task
 from ..tasks.variations import AS_IT_STANDS, Variation, variations
 from ..walking import RuleAtShare
 from .entries import RULE, Entry
-from .evaluation import HELD_OUT_SEED, OWN_SEED, Evaluation, figures_of_runs
+from .evaluation import OWN_SEED, Evaluation, figures_of_runs
 from .protocol import task_figures
 from .robustness import Judged, Trial, facts_of_variation, judge_trial, make_trial, make_trials
 

@@ -13,6 +13,7 @@ from crowd_env.core.console import progress_bar
 from crowd_env.core.executors import Executor, Processes, Serial
 from crowd_env.core.files.json_file import json_number, write_json
 from crowd_env.envs.settings import arguments_of
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.scenarios.titles import run_title
 
 from .. import starts_from, told_start
@@ -27,7 +28,7 @@ from ..walking import HeadwayRule
 from . import shipped
 from .comparison import clearing_means, clearing_times, last_times, minus_first, paired, ratio
 from .entries import RULE, Entry, controller_entry, make_entries
-from .evaluation import HELD_OUT_SEED, VALIDATION_SEED, Evaluation, evaluate
+from .evaluation import VALIDATION_SEED, Evaluation, evaluate
 from .folder import EvaluationFolder, settings_of
 from .plans import RULES as PLAN_RULES
 from .plans import figures as plan_figures

@@ -15,8 +15,8 @@ import numpy as np
 from crowd_env import CrowdEnv, Scenario
 from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.settings import arguments_of
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
-from ..evaluation.evaluation import HELD_OUT_SEED
 from ..plain import Plain
 from ..walking import WEIGHT, Evolved, inputs
 from .callbacks import EvaluationCallback

@@ -14,10 +14,11 @@ from crowd_env.core.console import say
 from crowd_env.core.files.atomic import written
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import read_json, write_json
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
 from ..evaluation.comparison import last_times
 from ..evaluation.entries import make_entries
-from ..evaluation.evaluation import FINAL_SEED, HELD_OUT_SEED
+from ..evaluation.evaluation import FINAL_SEED
 from ..evaluation.folder import EvaluationFolder, settings_of
 from ..evaluation.same_draws import compare
 from ..networks import NETWORK

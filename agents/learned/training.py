@@ -22,8 +22,8 @@ from crowd_env.envs.action import SpeedTable, make_action
 from crowd_env.envs.adapters.sb3 import MaskedRolloutBuffer
 from crowd_env.envs.protocol import WalkingBatch
 from crowd_env.envs.routing.env import RoutingVectorEnv
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
-from ..evaluation.evaluation import HELD_OUT_SEED
 from ..networks import MLP, BetweenMLP, Network
 from ..trained import LearnedController, LearnedPolicy
 from ..training_config import PPOSettings, TrainingConfig, facts_of, make_env

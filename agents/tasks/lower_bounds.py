@@ -7,8 +7,8 @@ import numpy as np
 from crowd_env import Routing, Scenario
 from crowd_env.core.arrays.state import Floats
 from crowd_env.envs.rollout import run_episodes
+from crowd_env.envs.tasks.task import Task
 
-from .task import Task
 from .variations import AS_IT_STANDS, Variation
 
 # 1/(m s)  79 published flows through doors of 0.4 to 2.8 m, among them Kretz, Grünebohm, Schreckenberg 2006 (J. Stat. Mech.

@@ -1,4 +1,4 @@
-"""What a policy is trained with, task by task: place, people, step, action, observation, reward, algorithm and budget.
+"""What a policy is trained with, task by task: place, people, step, algorithm and budget.
 
 A preset is a start that was seen to learn, not a part of the task: what is trained is judged in the task as it stands, at its
 own physics step and with its own number of people.
@@ -11,14 +11,10 @@ from pathlib import Path
 
 from crowd_env import Scenario, make_scenario
 from crowd_env.core.checks import known, whole
-from crowd_env.envs.observation.layout import USUAL
+from crowd_env.envs.tasks.task import make_task
 from crowd_env.scenarios.generated import VERSION
 
 from ..plain import Plain
-from .task import make_task
-
-# What everyone sees: the usual terms, and of those who are nearer the exit the next one and how many they are.
-_WITH_AHEAD = (*USUAL, "ahead")
 
 
 @dataclass(frozen=True)
@@ -31,9 +27,6 @@ class Preset:
     people : how many are trained with; by and large fewer than the policy is judged with.
     dt : s, physics step of training: a longer one than the task's where that changes no distribution and saves time.
     options : of the scenario, where they are others than the task's.
-    action : kind of action.
-    terms : of the observation.
-    reward : table of `RewardWeights`.
     start : what the policy starts as: "rule", full speed along the way, "nothing", what a search from there finds, or a policy
         of `agents.POLICIES` that is cloned.
     ppo : settings of `crowd_env.agents.training_config.PPOSettings` that are others than its defaults ...
@@ -48,9 +41,6 @@ class Preset:
     people: int
     dt: float
     options: Plain
-    action: str | Plain
-    terms: tuple[str, ...]
-    reward: Plain
     start: str
     ppo: Plain
     once_cloned: Plain
@@ -85,10 +75,7 @@ GENERALIST: Plain = _READ.pop("generated")  # what one policy for all places is 
 # What a training in all places is for, as files note it: the generator at its version.
 ALL_PLACES: Plain = {"name": "generated", "version": VERSION}
 # Name of the task -> preset.
-PRESETS: Mapping[str, Preset] = {
-    name: Preset(name, **{**_USUAL, **facts, "terms": tuple(facts.get("terms", _WITH_AHEAD))})
-    for name, facts in _READ.items()
-}
+PRESETS: Mapping[str, Preset] = {name: Preset(name, **{**_USUAL, **facts}) for name, facts in _READ.items()}
 
 
 def make_preset(task: str) -> Preset:

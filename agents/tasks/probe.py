@@ -12,8 +12,7 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.atomic import write_text
 from crowd_env.envs.observation.layout import TERMS
 from crowd_env.envs.settings import EnvArguments
-
-from .task import FILE, TASKS, Task
+from crowd_env.envs.tasks.task import FILE, TASKS, Task
 
 # s: so few that the last bits of another processor stay small.  In 14 tasks, starts that differed by 1e-12 m made 1e-10 of each
 # number by then at most, and 2e-3 in one of them (nsm2, a narrow door) after 3 s.
@@ -59,6 +58,10 @@ def freeze() -> None:
     """Write digest and probe of every task, as it is now, into the file of the tasks."""
     text = FILE.read_text(encoding="utf-8")
     for name, task in TASKS.items():
-        told = f'frozen = "{task.digest()}"\nprobe = {probe(task)}\n'
-        text = re.sub(rf"(\[{name}\]\n(?:[^\[].*\n)*?)frozen = .*\n(?:probe = .*\n)?", rf"\g<1>{told}", text)
+        told = f'frozen = "{task.digest()}"\nfrozen_learned = "{task.digest_learned()}"\nprobe = {probe(task)}\n'
+        text = re.sub(
+            rf"(\[{name}\]\n(?:[^\[].*\n)*?)frozen = .*\n(?:frozen_learned = .*\n)?(?:probe = .*\n)?",
+            rf"\g<1>{told}",
+            text,
+        )
     write_text(FILE, text)

@@ -9,9 +9,10 @@ import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
+from crowd_env.envs.tasks.task import Task, make_task
+
 from ..plain import Plain
 from .lower_bounds import capacity_time, free_walk_time
-from .task import Task, make_task
 from .variations import AS_IT_STANDS, Variation, variations
 
 # Tier -> how much later than the bound the best learned policy may be.

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from crowd_env import Scenario
+from crowd_env.envs.tasks.task import TASKS, Task
 
 from ..plain import Plain
-from .task import TASKS, Task
 
 _SLOW = {"distribution": "normal", "mean": 1.0, "sd": 0.2, "low": 0.5, "high": 1.5}  # m/s  many old people
 

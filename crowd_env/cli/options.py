@@ -87,7 +87,7 @@ _CHANGES = (
 )
 Changes = Annotated[list[str] | None, of_people(_CHANGES, names=("--set",), metavar="NAME=VALUE")]
 ONE_SCHEME = f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."
-SchemeName = Annotated[str, of_physics(ONE_SCHEME, names=("--scheme",), among=SCHEMES)]
+SchemeName = Annotated[str | None, of_physics(ONE_SCHEME, names=("--scheme",), among=SCHEMES)]
 _ROUTING = (
     "How people choose their route: shortest, nearest, fastest, comfortable, or the name of a route or an exit; default the "
     "scenario's; where that says nothing the fastest of several exits."

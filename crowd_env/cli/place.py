@@ -12,6 +12,7 @@ from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.checks import Plain, at, flag, known
 from crowd_env.core.files.own import names_own, own_or_name
 from crowd_env.envs.settings import Routing
+from crowd_env.envs.tasks.task import TASKS
 from crowd_env.physics import make_scheme
 from crowd_env.physics.settings import Physics
 from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
@@ -75,11 +76,16 @@ class CrowdOptions:
         """Return the files that the options name, by the names of the options."""
         law = self.scheme.rpartition(":")[0] if names_own(self.scheme) else None
         named = {
-            "scenario": None if self.scenario in SCENARIOS else self.scenario,
+            "scenario": None if self.scenario in (*SCENARIOS, *TASKS) else self.scenario,
             "starts": self.starts,
             "scheme": law,
         }
         return {name: split_level(file)[0] for name, file in named.items() if file is not None}
+
+
+def usual_scheme(place: str) -> str:
+    """Return the contact scheme under which a place is run unless the command names another: that of a task."""
+    return TASKS[place].scheme if place in TASKS else "nsm2"
 
 
 def named_now(arguments: Plain) -> dict[str, Any]:
@@ -120,7 +126,9 @@ def setting_of(options: CrowdOptions) -> Setting:
     law = make_scheme(law, changes.get("social"))
     step, drive = numbers.pop("dt", None), numbers.pop("max_drive", None)
     place, led = read_place(options), None
-    routing = Routing(place.strategy_of_run(options.routing), flag("--set signs", _value(changes.get("signs", "yes"))))
+    task = TASKS.get(options.scenario)
+    way = task.rule if task is not None and options.routing is None else options.routing
+    routing = Routing(place.strategy_of_run(way), flag("--set signs", _value(changes.get("signs", "yes"))))
     if options.policy is not None:
         from crowd_env.agents.evaluation.entries import make_entries
 

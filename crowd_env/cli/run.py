@@ -18,7 +18,7 @@ from crowd_env.analysis.figures import FEWEST, cells, doubts, report, runs_enoug
 from crowd_env.analysis.results.crowding import CrowdingRecorder
 from crowd_env.cli import options
 from crowd_env.cli.console import show_table
-from crowd_env.cli.place import CrowdOptions, Setting, setting_of
+from crowd_env.cli.place import CrowdOptions, Setting, setting_of, usual_scheme
 from crowd_env.cli.results_folder import again, config_of, keep_in, open_folder, write_results
 from crowd_env.core.checks import counted, whole
 from crowd_env.core.console import friendly_errors, interrupted, literal_console, noted, progress_bar, say
@@ -56,7 +56,7 @@ def run(
     walking: options.WalkingName = None,
     routing: options.RoutingName = None,
     policy: options.PolicyName = None,
-    scheme: options.SchemeName = "nsm2",
+    scheme: options.SchemeName = None,
     set: options.Changes = None,
     runs: options.Runs = 50,
     until: options.Until = None,
@@ -79,7 +79,7 @@ def run(
         walking=walking,
         routing=routing,
         policy=policy,
-        scheme=scheme,
+        scheme=usual_scheme(scenario) if scheme is None else scheme,
         set=set,
         time_limit=time_limit,
     )

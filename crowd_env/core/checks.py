@@ -232,6 +232,16 @@ def table(what: str, value: Any, of: str) -> Plain:
     return value
 
 
+# Kind -> its names; each registry enters its own, so that a name of another kind is answered so.
+NAMES: dict[str, Collection[str]] = {}
+
+
+def of_another_kind(value: Any, *kinds: str) -> str:
+    """Return what a name is that is none of these ``kinds``, to end a message with; "" if nothing has the name."""
+    found = [kind for kind, names in NAMES.items() if kind not in kinds and isinstance(value, str) and value in names]
+    return f"; {value!r} is a {' and a '.join(found)}" if found else ""
+
+
 def known(what: str, value: Any, names: Iterable[str], where: str = "") -> str:
     """Return a name that is one of ``names``; ``where`` begins the message.
 
@@ -242,7 +252,8 @@ def known(what: str, value: Any, names: Iterable[str], where: str = "") -> str:
     """
     names = list(names)
     if not isinstance(value, str) or value not in names:
-        raise ValueError(f"{where}unknown {what} {shown(value)}; known: {', '.join(names) or 'none'}")
+        said = of_another_kind(value, what)
+        raise ValueError(f"{where}unknown {what} {shown(value)}; known: {', '.join(names) or 'none'}{said}")
     return str(value)
 
 
@@ -394,7 +405,7 @@ def _sentence(what: str, kind: Any, refused: Any) -> str:
     if "expected" in context:
         where, colon, name = what.rpartition(": ")
         names = context["expected"].replace(" or ", ", ").replace("'", "")
-        return f"{where}{colon}unknown {name} {shown(value)}; known: {names}"
+        return f"{where}{colon}unknown {name} {shown(value)}; known: {names}{of_another_kind(value, name)}"
     if "class" in context:
         must = " or ".join(dict.fromkeys(f"a {one['ctx']['class']}" for one in errors))
         must += ", and not a list of them" * isinstance(value, list)

@@ -22,6 +22,7 @@ Place: TypeAlias = str | Path | Plain | Scenario
 _MOST_PARTS = 1e5
 MOST_PEOPLE_IN_BATCH = 10_000_000
 NUMBERS = "biuf"  # kinds of dtype that an action may have
+MIXED = 7  # second word of a run's seed, for the draw of the pedestrians that actions move
 
 
 def scenarios_of(scenario: Any, people: int | None, num_envs: int) -> list[Scenario]:
@@ -129,6 +130,13 @@ def seed_words(seed: int | Sequence[int | None] | None, num_envs: int) -> list[l
     if len(seed) != num_envs:
         raise ValueError(f"{len(seed)} seeds for {num_envs} environments; give one each, or a single int")
     return [None if word is None else [whole("seed", word, NOT_NEGATIVE), 0] for word in seed]
+
+
+def drawn_share(rng: np.random.Generator, people: int, share: float) -> Bools:
+    """Return which of so many people (N,) are drawn: a ``share``, at least one.  A larger share includes a smaller."""
+    found = np.zeros(people, dtype=np.bool_)
+    found[rng.permutation(people)[: max(1, round(share * people))]] = True
+    return found
 
 
 def check_options(options: Any, known: Collection[str] = (), *, idle: Collection[str] = ()) -> None:

@@ -132,7 +132,7 @@ class SingleEnv(Restorable, gymnasium.Env):
     def _row(self, made: BatchStep) -> Row:
         info = _first(made.info)
         for metrics in made.metrics.values():
-            info["metrics"] = metrics._asdict()
+            info["metrics"], info["score"] = metrics._asdict(), metrics.score
         return made.observation[0], float(made.reward[0]), bool(made.terminated[0]), bool(made.truncated[0]), info
 
     def render(self) -> np.ndarray | None:
@@ -278,7 +278,8 @@ class BatchVectorEnv(Restorable, VectorEnv):
         for name, values in self.batch.info_at_reset().items():
             info[name][restarted], info[f"_{name}"][restarted] = values[restarted], True
         if over.any():
-            at_end: dict[str, Any] = {"metrics": as_columns(made.metrics, self.num_envs)}
+            score = np.array([made.metrics[e].score if e in made.metrics else 0.0 for e in range(self.num_envs)])
+            at_end: dict[str, Any] = {"metrics": as_columns(made.metrics, self.num_envs), "score": score}
             if made.final is not None:
                 at_end = {"final_obs": made.final, "final_info": made.info | at_end}
             info |= about(at_end, over)

@@ -16,8 +16,10 @@ from crowd_env.core.checks import COUNT, POSITIVE, Plain, Range, array, flag, nu
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.envs.action import ActionKind, make_action, to_command
 from crowd_env.envs.arguments import (
+    MIXED,
     Place,
     bodies_before_reset,
+    drawn_share,
     parts_of,
     scenarios_of,
     seed_words,
@@ -31,7 +33,8 @@ from crowd_env.envs.restorable import Restorable
 from crowd_env.envs.reward import RewardFunction, RewardWeights, make_weights
 from crowd_env.envs.route_choice import fit_to_ways, make_route_choice, take_routes
 from crowd_env.envs.settings import AsRouting, Routing, answers_unknown, physics_step
-from crowd_env.physics.scheme import DECISION_DT
+from crowd_env.envs.tasks.environment import made_for
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.physics.settings import AsPhysics, AsWalking, Physics, Walking
 from crowd_env.physics.simulation.arguments import check_step
 from crowd_env.physics.simulation.checkpoint import copy_arrays, write_arrays
@@ -77,8 +80,9 @@ class CrowdEnv(Restorable):
 
     Parameters
     ----------
-    scenario : name in ``SCENARIOS``, a file, a table ``{"name": "room-v0", "side": 8.0}`` of a name or file and the options of
-        that scenario, a Scenario, or a sequence of these, dealt out to the environments in turn.
+    scenario : name or id of a task, which decides all that is not given here.  Or a name in ``SCENARIOS``, a file, a table
+        ``{"name": "room-v0", "side": 8.0}`` of a name or file and the options of that scenario, a Scenario, or a sequence of
+        these, dealt out to the environments in turn.
     people : number of people in each environment, instead of the scenario's.
     num_envs : number of environments E.
     physics : a `Physics`, a name in ``SCHEMES`` or a contact scheme, or a table of the fields of one of them.
@@ -91,6 +95,11 @@ class CrowdEnv(Restorable):
     time_limit : s, replaces the scenario's.
     autoreset : start a new episode in the step in which an environment finishes; the last observations of the finished one
         are then in ``info["final_observation"]``.
+
+    Attributes
+    ----------
+    task : the `Task` that the environment is of, or None.
+    changed : what is another than in the task.
 
     Raises
     ------
@@ -109,9 +118,9 @@ class CrowdEnv(Restorable):
     """
 
     decides: Literal["walking"] = "walking"
-    learned: Bools | bool = True  # (P,)  pedestrians that actions move; a subclass may move others itself
+    learned: Bools | bool = True  # (P,)  pedestrians that actions move
     _behind = "simulation"
-    _kept: Collection[str] = ("_generators", "_started", "_interrupted")
+    _kept: Collection[str] = ("_generators", "_started", "_interrupted", "learned")
 
     @answers_unknown()
     def __init__(
@@ -120,16 +129,27 @@ class CrowdEnv(Restorable):
         *,
         people: int | None = None,
         num_envs: int = 1,
-        physics: AsPhysics = "nsm2",
+        physics: AsPhysics | None = None,
         walking: AsWalking = None,
         routing: AsRouting = None,
-        action: str | Plain | ActionKind = "continuous",
+        action: str | Plain | ActionKind | None = None,
         observation: ObservationLayout | Plain | None = None,
         reward: RewardWeights | Mapping[Any, Any] | None = None,
-        decision_dt: float = DECISION_DT,
+        decision_dt: float | None = None,
         time_limit: float | None = None,
         autoreset: bool = False,
     ) -> None:
+        given: dict[str, Any] = {
+            "physics": physics,
+            "walking": walking,
+            "routing": routing,
+            "action": action,
+            "observation": observation,
+        }
+        given |= {"reward": reward, "decision_dt": decision_dt}
+        self.task, self.changed, scenario, made = made_for(scenario, people, time_limit, given)
+        physics, walking, routing, action, observation, reward, decision_dt = made.values()
+        people = people if self.task is None else None  # the place has them
         self.num_envs = num_envs = whole("num_envs", num_envs, COUNT)
         self.physics = physics = Physics.of(physics)
         self.walking = walking = Walking.of(walking)
@@ -183,7 +203,13 @@ class CrowdEnv(Restorable):
         self._transition = init_transition(self.simulation, self.observer.view.potential, time_limits, blocked_after)
         self._reward = RewardFunction(self.reward_weights, slots)
         limits = {"time_limit": sorted({*time_limits.tolist()}), "blocked_after": sorted({*blocked_after.tolist()})}
-        decides = {"decision_dt": decision_dt, "frame": self.action_kind.frame, "dwell": dwell, **limits}
+        decides = {
+            "decision_dt": decision_dt,
+            "share": walking.share,
+            "frame": self.action_kind.frame,
+            "dwell": dwell,
+            **limits,
+        }
         pays = {getattr(term, "name", term): weight for term, weight in self.reward_weights.weights.items()}
         self._decides = {
             **decides,
@@ -191,8 +217,18 @@ class CrowdEnv(Restorable):
             "reward": pays,
             "team_share": self.reward_weights.team_share,
         }
+        self._seeds: Sequence[int | None] | None = None  # of the reset that is under way
+        if walking.share is not None:
+            self.learned = np.ones(slots, dtype=np.bool_)
         self._started = False
         self._interrupted = False  # a step began and did not end: Ctrl-C, or a crowd that diverged
+
+    @property
+    def id(self) -> str | None:
+        """Id of the task, and what is another than there; None without a task."""
+        if self.task is None:
+            return None
+        return f"{self.task.id} with another {', '.join(self.changed)}" if self.changed else self.task.id
 
     @property
     def time_limit(self) -> Floats:
@@ -239,8 +275,13 @@ class CrowdEnv(Restorable):
         chosen = np.ones(self.num_envs, dtype=np.bool_) if mask is None else array("mask", mask, (self.num_envs,), "b")
         for e, words in enumerate(seed_words(seed, self.num_envs)):
             if chosen[e] and (words is not None or not self._started):  # copies that have not begun share no draw
+                if words is not None and self.task is not None:  # never one of the draws that are held out
+                    words = [words[0] % HELD_OUT_SEED, words[1]]
                 self._generators[e] = np.random.default_rng(words)
+        if isinstance(seed, Sequence):
+            self._seeds = seed if self.task is None else [s if s is None else s % HELD_OUT_SEED for s in seed]
         self._restart(np.flatnonzero(chosen).tolist())
+        self._seeds = None
         self._started = True
         observation, transition = self.observer.observe(self.active), self._transition
         self._wait_for_the_first(chosen)
@@ -324,6 +365,14 @@ class CrowdEnv(Restorable):
         self._choice.chosen_at[:], self.observer.view.reached[:] = kept["chosen_at"], kept["reached"]
         super()._take_back({name: kept[name] for name in self._kept})
 
+    def _draw_learned(self, e: int) -> None:
+        """Draw the people of environment ``e`` whom actions move; the seed of a list alone says who they are."""
+        people, word = self.people(e), None if self._seeds is None else self._seeds[e]
+        rng = self._generators[e] if word is None else np.random.default_rng((word, MIXED))
+        cast(Bools, self.learned)[people] = drawn_share(
+            rng, people.stop - people.start, cast(float, self.walking.share)
+        )
+
     def _restart(self, chosen: list[int]) -> None:
         """Begin new episodes in ``chosen`` environments, each with a crowd that its own generator draws."""
         if not chosen:
@@ -353,6 +402,9 @@ class CrowdEnv(Restorable):
         self._choice.chosen_at[people], transition.impulse[people], transition.inside[people] = -np.inf, 0.0, True
         self.observer.view.reached[people] = np.inf, 0.0
         transition.step_start[chosen], transition.finished[chosen] = 0.0, False
+        if self.walking.share is not None:
+            for e in chosen:
+                self._draw_learned(e)
 
     def _wait_for_the_first(self, chosen: Bools | Ints) -> None:
         """Restart the wait for blocked exits at the time at which the first pedestrian could have got out."""
@@ -365,7 +417,7 @@ class CrowdEnv(Restorable):
     ) -> tuple[Floats | None, Bools | None, Bools | None]:
         if action is None:
             return None, None, None
-        controlled = self.active
+        controlled = self.active & self.learned
         if scripted is not None:
             controlled &= ~array("scripted", scripted, (self.num_people,), "b")
         command, way = to_command(action, self.action_kind, controlled)

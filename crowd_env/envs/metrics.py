@@ -30,6 +30,11 @@ class EpisodeMetrics(NamedTuple):
     residual: float  #: m/s, worst solver residual
     unconverged: int  #: physics steps that ended above the solver's tolerance
 
+    @property
+    def score(self) -> float:
+        """What tasks are judged by: when the last pedestrian got out [s]; inf if one did not."""
+        return math.inf if self.unfinished else self.evacuation_time
+
 
 class Exits(NamedTuple):
     """Exit times of one crowd, summed up."""

@@ -261,7 +261,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
 def _infos_of(agents: list[str], slots: Ints | slice, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return for each agent the terms of its reward and, if the episode is over, the metrics."""
     terms = {name: values[slots].tolist() for name, values in info.items() if name.startswith("reward/")}
-    ended = [("metrics", metrics._asdict()) for metrics in info["metrics"].values()]
+    ended = [entry for one in info["metrics"].values() for entry in (("metrics", one._asdict()), ("score", one.score))]
     rows = zip(*terms.values(), strict=True)
     return {agent: dict([*zip(terms, row, strict=True), *ended]) for agent, row in zip(agents, rows, strict=True)}
 

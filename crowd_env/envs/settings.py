@@ -106,13 +106,13 @@ class EnvArguments(TypedDict, total=False):
     """The arguments that every environment of people shares with `CrowdEnv`."""
 
     people: int | None
-    physics: AsPhysics
+    physics: AsPhysics | None
     walking: AsWalking
     routing: AsRouting
-    action: str | Plain | ActionKind
+    action: str | Plain | ActionKind | None
     observation: ObservationLayout | Plain | None
     reward: RewardWeights | Mapping[Any, Any] | None
-    decision_dt: float
+    decision_dt: float | None
     time_limit: float | None
 
 

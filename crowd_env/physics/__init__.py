@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from crowd_env.core.checks import check_keys, known, refuse
+from crowd_env.core.checks import NAMES, check_keys, known, refuse
 from crowd_env.physics.dem import DEM
 from crowd_env.physics.helbing import Helbing
 from crowd_env.physics.hertz import Hertz
@@ -25,6 +25,7 @@ SCHEMES: dict[str, ContactScheme] = {
     "hertz-literal": Hertz.literal(),
     "helbing": Helbing(),
 }
+NAMES["contact scheme"] = SCHEMES
 
 
 __all__ = [

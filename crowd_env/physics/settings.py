@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from keyword import iskeyword
-from typing import Any, Literal, Self, TypeAlias
+from typing import Annotated, Any, Literal, Self, TypeAlias
 
 from crowd_env.core.behaviors import BEHAVIORS
 from crowd_env.core.behaviors.balance import Balancing
@@ -102,6 +102,8 @@ class Walking(Part):
     manner : a name in ``MANNERS``, a `Headway`, or a table of its parameters; by default that of the scenario.
     acts_on : "everyone": pedestrians with an action too, which is then the desired motion on a free way.  "scripted": only
         pedestrians without an action; the others walk exactly by their action.
+    share : of the people in each environment, others in every episode, that actions move; all others are scripted, and
+        ``acts_on`` them alone.
     pulls : groups and attractions that pull people off their way, of all places or of each, as `Pulls` or tables of its
         fields; by default as in the scenario.
     others : behaviors that are not in ``BEHAVIORS``: objects of user classes derived from `Behavior`.
@@ -116,10 +118,13 @@ class Walking(Part):
     acts_on: Literal["everyone", "scripted"] = "everyone"
     pulls: Pulls | Mapping[str, Any] | Sequence[Pulls | Mapping[str, Any]] | None = None
     others: tuple[Behavior, ...] = ()
+    share: Annotated[float, Range(0.0, 1.0, above=True)] | None = None
 
     def __post_init__(self) -> None:
         Headway.of(self.manner)
         check_fields("walking", self)
+        if self.share is not None:
+            object.__setattr__(self, "acts_on", "scripted")
         if isinstance(self.pulls, Mapping):
             object.__setattr__(self, "pulls", Pulls.of(self.pulls))
         elif isinstance(self.pulls, list | tuple):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import NAMES
 from crowd_env.routing.speed_map import SpeedMap
 
 
@@ -35,6 +36,7 @@ STRATEGIES: dict[str, Strategy] = {
     "fastest": Strategy("the least time through the crowd as it is", speed=SpeedMap.walking, follows_crowd=True),
     "comfortable": Strategy("off stairs and corners", speed=SpeedMap.comfortable),
 }
+NAMES["strategy"] = STRATEGIES
 # The strategies of a route: its goal does not depend on the start.
 if TYPE_CHECKING:
     OfRoutes: TypeAlias = str

@@ -5,12 +5,12 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal
 
-from crowd_env.core.checks import Plain, refuse
+from crowd_env.core.checks import NAMES, Plain, of_another_kind, refuse
 from crowd_env.core.files.foreign import require_file
 from crowd_env.scenarios.file import SUFFIXES, read_scenario
 from crowd_env.scenarios.floor_plan import scenario_from_plan
 from crowd_env.scenarios.generated import draw_place
-from crowd_env.scenarios.plans.reading import PLANS, is_plan
+from crowd_env.scenarios.plans.reading import is_plan
 from crowd_env.scenarios.scenario import COMMON, Scenario, changed_place
 from crowd_env.scenarios.shipped import places
 from crowd_env.scenarios.shipped.theatre import theatre
@@ -34,6 +34,9 @@ SCENARIOS: dict[str, Callable[..., Scenario]] = {
     "floor-v0": places.floor,
     "generated-v0": draw_place,
 }
+NAMES["scenario"] = SCENARIOS
+# Name of a task -> its place; `crowd_env.envs.tasks`, which lies above, fills it.
+PLACES_OF_TASKS: dict[str, Callable[[], Scenario]] = {}
 
 
 def make_scenario(scenario: str | Path | Plain | Scenario, **options: Any) -> Scenario:
@@ -41,9 +44,10 @@ def make_scenario(scenario: str | Path | Plain | Scenario, **options: Any) -> Sc
 
     Parameters
     ----------
-    scenario : a name in ``SCENARIOS``; a scenario file (.toml or .json); or a floor plan (WKT, GeoJSON, DXF, the SQLite files
-        of JuPedSim, scenarios of Vadere) with the options of `crowd_env.scenarios.floor_plan.scenario_from_plan`; or
-        a table ``{"name": "room-v0", "side": 8.0}`` of a name or file and its options.
+    scenario : a name in ``SCENARIOS``, or of a task, for its place; a scenario file (.toml or .json); a floor plan (WKT,
+        GeoJSON, DXF, the SQLite files of JuPedSim, scenarios of Vadere) with the options of
+        `crowd_env.scenarios.floor_plan.scenario_from_plan`; or a table ``{"name": "room-v0", "side": 8.0}`` of a name or
+        file and its options.
 
     Raises
     ------
@@ -63,20 +67,21 @@ def make_scenario(scenario: str | Path | Plain | Scenario, **options: Any) -> Sc
     if not isinstance(scenario, str | Path):
         refuse("scenario", scenario, "the name of a scenario, its file or a Scenario")
     kind = kind_of_place(scenario)
-    of_kind = {"file": COMMON, "plan": scenario_from_plan.__kwdefaults__ or ()}
+    of_kind = {"file": COMMON, "task": COMMON, "plan": scenario_from_plan.__kwdefaults__ or ()}
     known = [*(of_kind[kind] if kind in of_kind else options_of(str(scenario)))]
     unknown = [option for option in options if option not in known]
     if unknown:
         near = get_close_matches(unknown[0], known, n=1)
         said = f"did you mean {near[0]!r}? known" if near else "known"
         raise ValueError(f"{scenario} has no option {unknown[0]!r}; {said}: {', '.join(known)}")
-    if kind == "file":
-        return changed_place(read_scenario(Path(scenario)), options)
+    if kind in ("file", "task"):
+        place = read_scenario(Path(scenario)) if kind == "file" else PLACES_OF_TASKS[str(scenario)]()
+        return changed_place(place, options)
     return scenario_from_plan(scenario, **options) if kind == "plan" else SCENARIOS[str(scenario)](**options)
 
 
-def kind_of_place(scenario: str | Path) -> Literal["name", "file", "plan"]:
-    """Return the kind of place that a text names: a shipped scenario, a scenario file, or a floor plan in a file.
+def kind_of_place(scenario: str | Path) -> Literal["name", "task", "file", "plan"]:
+    """Return the kind of place that a text names: a shipped scenario, that of a task, a scenario file, or a floor plan.
 
     Raises
     ------
@@ -85,14 +90,18 @@ def kind_of_place(scenario: str | Path) -> Literal["name", "file", "plan"]:
     """
     if str(scenario) in SCENARIOS:
         return "name"
+    if str(scenario) in PLACES_OF_TASKS:
+        return "task"
     require_file(Path(scenario))
     if is_plan(Path(scenario)):
         return "plan"
     if Path(scenario).suffix.lower() in SUFFIXES:
         return "file"
+    near = get_close_matches(str(scenario), [*SCENARIOS, *PLACES_OF_TASKS], n=1, cutoff=0.8)
+    said = f"; did you mean {near[0]!r}?" if near else of_another_kind(scenario, "scenario", "task")
     raise ValueError(
-        f"unknown scenario {str(scenario)!r}; known: {', '.join(SCENARIOS)}, or the path of a scenario file (.toml or .json) "
-        f"or of a floor plan: {PLANS}"
+        f"unknown scenario {str(scenario)!r}; known: {', '.join(SCENARIOS)}, a task, a scenario file (.toml, .json) or "
+        f"a floor plan (.wkt, .geojson, .dxf, .sqlite, .scenario){said}"
     )
 
 

@@ -23,7 +23,7 @@ from torchrl.envs.libs.pettingzoo import PettingZooWrapper
 from torchrl.envs.utils import ExplorationType, set_exploration_type
 
 from crowd_env import parallel_env
-from crowd_env.agents.evaluation.outside import Outside, judge_outside, line_of, training_options
+from crowd_env.agents.evaluation.outside import Outside, judge_outside, line_of
 
 ROOM = {"scenario": "room-v0", "people": 8, "time_limit": 20.0, "action": "speeds"}
 GROUP = "pedestrian"
@@ -109,7 +109,7 @@ def main(
 ) -> Experiment:
     """Train for as many rollouts of 200 decision steps; of a task, judge on so many held-out draws."""
     torch.set_num_threads(1)  # for networks this small a second thread costs more than it brings
-    named = {"name": task, "room": training_options(task)} if task else {}
+    named = {"name": task, "room": {"scenario": task}} if task else {}
     experiment = make_experiment(iterations, seed, folder, **named)
     experiment.run()
     if task:

@@ -23,7 +23,7 @@ from torchrl.objectives import ClipPPOLoss
 from torchrl.objectives.value import GAE
 
 from crowd_env import parallel_env
-from crowd_env.agents.evaluation.outside import Outside, judge_outside, line_of, training_options
+from crowd_env.agents.evaluation.outside import Outside, judge_outside, line_of
 
 ROOM = {
     "scenario": "room-v0",
@@ -85,7 +85,7 @@ def main(
     """Train for this many decision steps of the room; of a task, judge on so many held-out draws."""
     torch.manual_seed(seed)
     torch.set_num_threads(1)  # for networks this small a second thread costs more than it brings
-    room = make_room(training_options(task) if task else ROOM)
+    room = make_room({"scenario": task} if task else ROOM)
     actor, critic = make_networks(room)
     keys = {name: (GROUP, name) for name in ("reward", "done", "terminated", "advantage", "value_target")}
     advantage = GAE(gamma=0.98, lmbda=0.95, value_network=critic)

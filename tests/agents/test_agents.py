@@ -11,12 +11,13 @@ from rich.console import Console
 
 from crowd_env import SCHEMES, Physics, Uniform, make_scenario
 from crowd_env.agents import POLICIES, ShortestPath, make_policy
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate
+from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.evaluation.report import comparison_table
 from crowd_env.agents.runs import new_folder, versions
 from crowd_env.analysis.figures import report
 from crowd_env.core.files.json_file import read_json, write_json
 from crowd_env.envs.rollout import run_episodes
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
 SMALL = make_scenario("room-v0", people=6, time_limit=8.0)
 

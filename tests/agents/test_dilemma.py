@@ -14,12 +14,13 @@ from crowd_env.agents.drivers import DrivenCrowd
 from crowd_env.agents.evaluation import trained_run
 from crowd_env.agents.evaluation.dilemma import deterrent, follow, gain, payoffs, price_of_anarchy
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_crowd
+from crowd_env.agents.evaluation.evaluation import evaluate_crowd
 from crowd_env.agents.mixed import MixedEnv, learned_people
 from crowd_env.agents.rules import StandStill, StrategyPolicy
 from crowd_env.agents.tasks import TASKS, Task
 from crowd_env.agents.training_config import make_env, task_config
 from crowd_env.agents.walking import RuleAtShare
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
 PUSH, QUEUE = StrategyPolicy("shortest", name="rule"), make_policy("evolution")
 DOOR = Task(

@@ -18,11 +18,12 @@ from crowd_env import CrowdEnv, Physics
 from crowd_env.agents.controllers import FixedSplit, RandomController
 from crowd_env.agents.drivers import drive
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate, evaluate_crowd
+from crowd_env.agents.evaluation.evaluation import evaluate, evaluate_crowd
 from crowd_env.agents.evaluation.folder import _curves
 from crowd_env.agents.evaluation.report import crowding_table, exits_table, left_table, times_table
 from crowd_env.agents.training_config import check_config, default_config, make_env, task_of
 from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
 
 def test_an_evaluation_of_another_number_of_people_and_what_it_sets_by_itself():

@@ -14,11 +14,12 @@ import crowd_env
 from crowd_env import SCHEMES, Cohorts, DoorEvent, Normal, SpeedZone, Uniform, make_scenario
 from crowd_env.agents.evaluation import evaluation
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate
+from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of, source_stamp
 from crowd_env.agents.trained import LearnedController
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.geometry.geometry import box
 from crowd_env.physics import SocialForce
 

@@ -11,9 +11,9 @@ from late import late
 
 from crowd_env import CrowdEnv
 from crowd_env.agents import Evolved
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.training_config import default_config
 from crowd_env.envs.settings import arguments_of
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
 evolution, starts = late("crowd_env.agents.learned.evolution"), late("crowd_env.agents.learned.starts")
 OPTIONS = {"scheme": "nsm2", "dt": 0.01, "decision_dt": 0.1}

@@ -9,11 +9,12 @@ from cases import looped
 from evaluations import SMALL, call, hall, random_network, run
 
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_crowd
+from crowd_env.agents.evaluation.evaluation import evaluate_crowd
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.mixed import learned_people
 from crowd_env.agents.trained import LearnedController
 from crowd_env.envs.routing.batch import RoutingBatch
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
 
 def mixed(name, share, scenario=SMALL, runs=3, **options):

@@ -10,8 +10,9 @@ from evaluations import NAMES, RULED, hall, run
 from crowd_env import CrowdEnv, Uniform
 from crowd_env.agents import drivers
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_crowd
+from crowd_env.agents.evaluation.evaluation import evaluate_crowd
 from crowd_env.agents.tasks import TASKS
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.recording import record
 

@@ -12,12 +12,13 @@ from crowd_env import make_scheme
 from crowd_env.agents.evaluation import shipped
 from crowd_env.agents.evaluation.comparison import mean_times
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED, evaluate_crowd
+from crowd_env.agents.evaluation.evaluation import evaluate_crowd
 from crowd_env.agents.evaluation.protocol import task_rows
 from crowd_env.agents.tasks import TASKS
 from crowd_env.agents.walking import Follow
 from crowd_env.core.files.json_file import read_json, write_json
 from crowd_env.core.files.store import Store
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
 ROOM = TASKS["room"]
 SHIPPED = shipped.FOLDER

@@ -15,13 +15,14 @@ from typer.testing import CliRunner
 
 from crowd_env.agents import PRETRAINED
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import FINAL_SEED, HELD_OUT_SEED, OWN_SEED
+from crowd_env.agents.evaluation.evaluation import FINAL_SEED, OWN_SEED
 from crowd_env.agents.evaluation.protocol import task_rows
 from crowd_env.agents.evaluation.same_draws import compare
 from crowd_env.agents.evaluation.submission import REFERENCES, own_seed, read_submission, write_content
 from crowd_env.agents.networks import network_digest
 from crowd_env.agents.tasks import TASKS, Task
 from crowd_env.cli.agents import submit
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
 ROOM = {"scenario": "room-v0", "options": {"side": 4.0, "door_width": 1.2}, "people": 4, "scheme": "nsm2", "dt": 0.01}
 SMALL = Task("small", "four people", **ROOM, time_limit=20.0, blocked_after=5.0, runs=3, frozen="")

@@ -12,17 +12,17 @@ from rich.console import Console
 
 from crowd_env import CrowdEnv, Uniform, make_scenario, make_scheme
 from crowd_env.agents.evaluation.entries import make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.evaluation.protocol import task_rows
 from crowd_env.agents.evaluation.report import task_table
 from crowd_env.agents.tasks import TASKS, Task
 from crowd_env.agents.tasks import probe as probing
-from crowd_env.agents.tasks import task as module
 from crowd_env.agents.tasks.probe import probe
 from crowd_env.agents.trained import LearnedController
 from crowd_env.envs.routing.batch import RoutingBatch
 from crowd_env.envs.settings import physics_step
+from crowd_env.envs.tasks import task as module
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.physics.settings import Physics
 
 ROOM = {"scenario": "room-v0", "options": {"side": 4.0, "door_width": 1.2}, "people": 4, "scheme": "nsm2", "dt": 0.01}
@@ -48,6 +48,9 @@ def test_a_task_is_what_it_was_when_it_was_frozen(name):
         f"the task {name} has changed: a default of the package is another now, or the task itself.  Write the old value into "
         "the task; if it must change, raise its version and freeze the new digest.  If no evacuation of it changes (a field "
         "was added whose default does nothing), freeze the new digest alone."
+    )
+    assert task.digest_learned() == task.frozen_learned, (
+        f"{name}: what learners see, do or are paid for; raise its version"
     )
 
 

@@ -79,7 +79,7 @@ def test_infos_are_rows_of_the_people_and_numbers():
         terms = {f"reward/{name}" for name in REWARDS}
         _, _, terminated, truncated, info = env.step(None)
         over = terminated or truncated
-        assert set(info) == {*terms, "reward", "active", "diagnostics", *(["metrics"] if over else [])}
+        assert set(info) == {*terms, "reward", "active", "diagnostics", *(["metrics", "score"] if over else [])}
         assert all(info[name].shape == (6,) for name in (*terms, "active"))
         assert {type(value) for value in info["diagnostics"].values()} == {int, float}
     assert repr(info["metrics"]) == repr(env.env.metrics(0)._asdict())

@@ -13,7 +13,6 @@ from crowd_env import SCHEMES, make_scheme
 from crowd_env.agents import starts_from
 from crowd_env.agents.evaluation import plans, report, robustness
 from crowd_env.agents.evaluation.entries import RULE, make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.evaluation.protocol import credible_lines
 from crowd_env.agents.evaluation.same_draws import compare, summary
@@ -32,6 +31,7 @@ from crowd_env.core.executors import Executor, Processes, RayCluster, Serial
 from crowd_env.core.files.json_file import write_json
 from crowd_env.core.files.own import own_or_name
 from crowd_env.core.files.store import Store
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.physics.settings import check_behaviors
 from crowd_env.rendering.libraries import require_libraries
 from crowd_env.scenarios.titles import run_title, with_manner

@@ -11,7 +11,6 @@ import typer
 from crowd_env import Scenario
 from crowd_env.agents import POLICIES, PRETRAINED
 from crowd_env.agents.evaluation.entries import RULE, Entry, make_entries
-from crowd_env.agents.evaluation.evaluation import HELD_OUT_SEED
 from crowd_env.agents.tasks import TASKS, Task, make_task
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
 from crowd_env.cli.options import Exits, PeopleCount, Unit, complete_from, new_app, of_output, plain
@@ -20,6 +19,7 @@ from crowd_env.cli.recorded import FilmFps, FilmWidth, film_file, size_of
 from crowd_env.core.checks import Range, whole
 from crowd_env.core.console import friendly_errors, progress_bar, say
 from crowd_env.envs.rollout import Driver
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.scenarios import SCENARIOS
 
 # Task -> a draw in which people who follow the rule block their way out for good; 0 where none is known.

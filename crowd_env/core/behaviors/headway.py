@@ -41,7 +41,7 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.behaviors.behavior import Behavior, Words
-from crowd_env.core.checks import NotNegative, Plain, Positive, Range, Share, check_fields
+from crowd_env.core.checks import NAMES, NotNegative, Plain, Positive, Range, Share, check_fields
 
 
 class Patience(NamedTuple):
@@ -144,5 +144,6 @@ MANNERS: dict[str, Headway | None] = {
     "hurried": Headway(time_gap=0.3),  # gate, concert entrance, lecture hall
     "calm": Headway(),  # museum, corridor
 }
+NAMES["manner"] = MANNERS
 
 Headway.PRESETS = MANNERS

@@ -2,7 +2,8 @@
 
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -12,10 +13,13 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
-from crowd_env.envs.arguments import check_options
+from crowd_env.envs.arguments import Place, check_options
+from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.protocol import WalkingBatch
 from crowd_env.envs.restorable import Restorable
+from crowd_env.envs.tasks.task import Task
+from crowd_env.scenarios.scenario import Scenario
 
 KEPT_EPISODES = 1000  #: metrics of finished environments that are kept until `take_finished` is called
 
@@ -177,7 +181,8 @@ class CrowdVecEnv(BatchVecEnv):
 
     Parameters
     ----------
-    env : a batch made with ``autoreset=True``.
+    env : a batch made with ``autoreset=True``, or what `CrowdEnv` makes one of: the name of a task, a scenario, a file.
+    arguments : those of `CrowdEnv`, if it is made here.
 
     Raises
     ------
@@ -188,7 +193,9 @@ class CrowdVecEnv(BatchVecEnv):
     env: WalkingBatch
     _kept = (*BatchVecEnv._kept, "acted", "_inside")
 
-    def __init__(self, env: WalkingBatch) -> None:
+    def __init__(self, env: WalkingBatch | Place, **arguments: Any) -> None:
+        if isinstance(env, str | Path | Scenario | Task | Mapping):
+            env = CrowdEnv(env, autoreset=True, **arguments)
         if not env.autoreset:
             raise ValueError("CrowdVecEnv needs a CrowdEnv made with autoreset=True")
         self.acted = np.zeros(env.num_people, dtype=np.bool_)

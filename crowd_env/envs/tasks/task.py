@@ -10,22 +10,26 @@ everything again: figures of two versions do not stand in one table.
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, is_dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from crowd_env import FULL_SPEED, Physics, Pulls, Routing, Scenario, make_scenario, make_scheme
 from crowd_env.core.behaviors.headway import Headway, Manner
-from crowd_env.core.checks import known, whole
+from crowd_env.core.behaviors.pulls import Pulls
+from crowd_env.core.checks import NAMES, Plain, known, whole
 from crowd_env.core.files.fingerprint import counting_fields, fingerprint
-from crowd_env.envs.settings import EnvArguments
+from crowd_env.envs.observation.layout import USUAL, ObservationLayout
+from crowd_env.envs.settings import EnvArguments, Routing
+from crowd_env.physics import make_scheme
 from crowd_env.physics.scheme import DECISION_DT
-from crowd_env.physics.settings import AsPhysics
+from crowd_env.physics.settings import AsPhysics, Physics, Walking
+from crowd_env.scenarios import PLACES_OF_TASKS, SCENARIOS, make_scenario
+from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 
-from ..evaluation.evaluation import HELD_OUT_SEED
-from ..plain import Plain
-
+# Training draws from (seed, environment) with seeds below this; nobody trains on draws from here on.
+HELD_OUT_SEED = 1_000_000
 Decides = Literal["walking", "routing"]
 _WORDS = ("name", "title", "reference")  # of a scenario, which change no evacuation
 
@@ -56,8 +60,12 @@ class Task:
     selfish : everyone is paid for the own time alone.  Training keeps its last network, and not the one that serves all best.
     version : goes up with every change of the task.
     frozen : digest of this version.
+    frozen_learned : `digest_learned` of this version.
     probe : what it does in this version, see `crowd_env.agents.tasks.probe`.
     references : SHA-256 of the file of rules that submissions are held against, its first 16 digits; "" = any file.
+    action : kind of action in the environment of its name.
+    terms : of the observation there.
+    reward : table of `RewardWeights` there; None = the usual ones.
     """
 
     name: str
@@ -71,6 +79,7 @@ class Task:
     time_limit: float
     blocked_after: float
     frozen: str
+    frozen_learned: str = ""
     probe: Sequence[float] = ()
     manner: Manner = "competitive"
     rule: str = "shortest"
@@ -82,6 +91,14 @@ class Task:
     selfish: bool = False
     version: int = 1
     references: str = ""
+    action: str | Plain = "speeds"
+    terms: Sequence[str] = (*USUAL, "ahead")
+    reward: Plain | None = None
+
+    @property
+    def id(self) -> str:
+        """Name and version, by which registries list its environment after ``crowd_env/``."""
+        return f"{self.name}{'-task' if f'{self.name}-v0' in SCENARIOS else ''}-v{self.version}"
 
     @property
     def seeds(self) -> range:
@@ -115,6 +132,15 @@ class Task:
             part = replace(part, dt=self.dt)
         return {"physics": part, "routing": Routing(self.rule, signs=False), "decision_dt": self.decision_dt}
 
+    def environment(self) -> dict[str, Any]:
+        """Return the arguments of `CrowdEnv` that make the environment of the task, beside its `place`."""
+        learned = {
+            "action": self.action,
+            "observation": ObservationLayout(terms=tuple(self.terms)),
+            "reward": self.reward,
+        }
+        return {**self.arguments(), "walking": Walking(self.manner, share=self.learned_share), **learned}
+
     def configuration(self) -> Plain:
         """Return everything that decides what happens in the task, as plain data."""
         return {
@@ -129,6 +155,10 @@ class Task:
     def digest(self) -> str:
         """Return a hash of the `configuration`."""
         return fingerprint(self.configuration())
+
+    def digest_learned(self) -> str:
+        """Return a hash of what a learner sees, does and is paid for in the environment of the task."""
+        return fingerprint(_plain({"action": self.action, "terms": list(self.terms), "reward": self.reward}))
 
     def identity(self) -> dict[str, object]:
         """Return what files that were made for this very task note of it: name, version and digest."""
@@ -172,11 +202,34 @@ def _plain(value: Any) -> Any:
     return known | {_OLDER.get(name, name): _plain(getattr(value, name)) for name in names}
 
 
+def _named_place(task: Task) -> Scenario:
+    return replace(task.place(), name=task.name)
+
+
 FILE = Path(__file__).with_name("tasks.toml")
 # Name -> task.
 TASKS: dict[str, Task] = {
     name: Task(name, **facts) for name, facts in tomllib.loads(FILE.read_text(encoding="utf-8")).items()
 }
+PLACES_OF_TASKS.update({name: partial(_named_place, task) for name, task in TASKS.items()})
+NAMES["task"] = TASKS
+
+
+def named_task(place: Any) -> Task | None:
+    """Return the task that a place means: one itself, or its name or id; None if it means another place.
+
+    Raises
+    ------
+    ValueError
+        If it is the id of another version than that of today.
+    """
+    if isinstance(place, Task) or not isinstance(place, str):
+        return place if isinstance(place, Task) else None
+    name, _, version = place.rpartition("-v")
+    task = TASKS.get(place) or TASKS.get(name.removesuffix("-task"))
+    if task is None or place in (task.name, task.id) or place in SCENARIOS or not version.isdecimal():
+        return task if task is not None and place in (task.name, task.id) else None
+    raise ValueError(f"the task {task.name} is at version {task.version}, there is no {place!r}: say {task.id!r}")
 
 
 def make_task(name: str) -> Task:

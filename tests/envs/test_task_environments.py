@@ -1,0 +1,140 @@
+"""A task is an environment: by its name or id everywhere, with law, step, observation, action and reward of its own."""
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pettingzoo
+import pytest
+from cases import looped
+from gymnasium.utils.env_checker import check_env
+from pettingzoo.test import parallel_api_test
+
+from crowd_env import SCENARIOS, TASKS, CrowdEnv, Physics, make_scenario, make_task, make_vec, parallel_env
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
+
+WALKED = [name for name, task in TASKS.items() if task.people <= 150]
+
+
+@looped("name", WALKED)
+def test_it_is_made_by_its_name_and_is_as_the_task_says(name):
+    task = make_task(name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)  # nothing is another than in the task
+        env, alike = CrowdEnv(name), CrowdEnv(task)
+    assert env.task is alike.task is task and env.id == alike.id == task.id and not env.changed
+    assert env.num_people == task.people and env.decision_dt == task.decision_dt
+    assert env.physics.law.info.name == task.scheme and env.simulation.dt == task.dt
+    assert env.time_limit.tolist() == [task.time_limit] and list(env.layout.names) == list(task.terms)
+    assert env.reward_weights.weights == task.reward["weights"]
+    assert env.walking.share == task.learned_share
+
+
+@looped("name", [name for name in WALKED if TASKS[name].decides == "walking"], quick=3)
+def test_the_checkers_of_the_libraries_accept_it(name):
+    parallel_api_test(parallel_env(name), num_cycles=3)
+    check_env(gymnasium.make(f"crowd_env/{TASKS[name].id}").unwrapped, skip_render_check=True)
+
+
+@looped("name", [name for name in WALKED if TASKS[name].decides == "routing"], quick=2)
+def test_one_controller_has_a_task_of_routes(name):
+    env = gymnasium.make(f"crowd_env/{TASKS[name].id}")
+    check_env(env.unwrapped, skip_render_check=True)
+    inner = env.unwrapped.batch.env
+    assert inner.num_people == TASKS[name].people and inner.physics.law.info.name == TASKS[name].scheme
+
+
+def test_registries_list_every_task_under_a_name_that_is_no_version_of_a_scenario():
+    ids = {f"crowd_env/{task.id}" for task in TASKS.values()}
+    assert ids <= set(gymnasium.registry)
+    walked = {f"crowd_env/{task.id}" for task in TASKS.values() if task.decides == "walking"}
+    assert walked <= set(pettingzoo.parallel_registry) and walked <= set(pettingzoo.aec_registry)
+    base = [identity.rpartition("-v")[0] for identity in gymnasium.registry if identity.startswith("crowd_env/")]
+    assert len(base) == len(set(base))
+
+
+def test_what_is_another_than_in_the_task_is_said_and_the_id_marks_it():
+    with pytest.warns(
+        UserWarning, match="narrow-door-v. with another physics, reward, people: its figures do not stand"
+    ):
+        env = CrowdEnv("narrow-door", people=20, physics="dem", reward={"time": 1.0}, observation=None)
+    assert env.id == f"{make_task('narrow-door').id} with another physics, reward, people"
+    assert env.num_people == 20 and env.physics.law.info.name == "dem"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        assert not CrowdEnv("narrow-door", physics={"threads": 2}, people=80, time_limit=60.0).changed
+        slow = CrowdEnv("hertz-room", physics={"threads": 2})
+    assert slow.physics.law.info.name == "hertz" and slow.simulation.dt == 0.005
+    with pytest.warns(UserWarning, match="another physics"):
+        assert CrowdEnv("hertz-room", physics=Physics("hertz", dt=0.01)).changed == ("physics",)
+
+
+@looped("make", [CrowdEnv, lambda name: gymnasium.make(f"crowd_env/{make_task(name).id}").unwrapped.env])
+def test_no_seed_draws_what_is_held_out(make):
+    """A draw that is judged is never trained on: its seed gives another here."""
+    task, env = make_task("narrow-door"), make("narrow-door")
+    judged = CrowdEnv(task.place(), **task.arguments())
+    for seed in (task.seeds.start, task.seeds.stop - 1):
+        judged.reset([seed])
+        env.reset([seed])
+        assert not np.array_equal(judged.simulation.state.position, env.simulation.state.position)
+        env.reset([seed % HELD_OUT_SEED])
+        again = env.simulation.state.position.copy()
+        env.reset([seed])
+        np.testing.assert_array_equal(env.simulation.state.position, again)
+
+
+@looped("leave", [True, False])
+def test_the_info_of_the_end_holds_the_score(leave):
+    """When the last pedestrian got out; inf if one is left: at full speed this door blocks."""
+    if leave:
+        with pytest.warns(UserWarning, match="another people"):
+            env = parallel_env("narrow-door", people=4)
+    else:
+        env = parallel_env("narrow-door")
+    env.reset(seed=0)
+    fast = env.action_space(env.possible_agents[0]).n - 1
+    infos = {}
+    while env.agents:
+        *_, infos = env.step(dict.fromkeys(env.agents, fast))
+    scores = {info["score"] for info in infos.values()}
+    metrics = next(iter(infos.values()))["metrics"]
+    assert scores == ({metrics["evacuation_time"]} if leave else {np.inf})
+    assert (metrics["unfinished"] == 0) == leave
+
+
+def test_the_score_of_a_batch_stands_in_its_row():
+    env = make_vec("narrow-door", num_envs=3, autoreset_mode="Disabled")
+    env.reset(seed=0)
+    fast = np.full(env.action_space.shape, 4)
+    ended = np.zeros(3, bool)
+    while not ended.all():
+        *_, terminated, truncated, info = env.step(fast)
+        ended = terminated | truncated
+        if ended.any():
+            assert (np.isinf(info["score"]) == (info["metrics"]["unfinished"] > 0))[ended].all()
+            break
+
+
+@looped(
+    "where, name, said",
+    [
+        (CrowdEnv, "hurried", "'hurried' is a manner"),
+        (CrowdEnv, "follow", "'follow' is a policy"),
+        (lambda name: CrowdEnv("room-v0", physics=name), "narrow-door", "'narrow-door' is a task"),
+        (lambda name: CrowdEnv("room-v0", walking=name), "dem", "'dem' is a contact scheme"),
+        (make_task, "room-v0", "'room-v0' is a scenario"),
+        (CrowdEnv, "narrow-door-v1", "the task narrow-door is at version"),
+    ],
+)
+def test_a_name_of_another_kind_is_answered_so(where, name, said):
+    import crowd_env.agents  # noqa: F401  # knows the policies
+
+    with pytest.raises(ValueError, match=said):
+        where(name)
+
+
+def test_the_place_of_a_task_is_a_place():
+    place = make_scenario("narrow-door", people=10)
+    assert place.name == "narrow-door" and place.population.people == 10
+    assert "narrow-door" not in SCENARIOS
