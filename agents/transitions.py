@@ -51,7 +51,7 @@ class RunArrays(NamedTuple):
 def runs_of(policy: Policy, task: Task, runs: int, seed: int = 0) -> Iterator[tuple[dict[str, object], RunArrays]]:
     """Yield the facts and the arrays of each run; run ``k`` is the draw ``seed + k``, and no draw is held out.
 
-    Rewards are those of the task.
+    The task gives the rewards.
 
     Raises
     ------

@@ -12,10 +12,10 @@ from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.checks import Plain, at, flag, known
 from crowd_env.core.files.own import names_own, own_or_name
 from crowd_env.envs.settings import Routing
-from crowd_env.envs.tasks.task import TASKS
+from crowd_env.envs.tasks.task import named_task
 from crowd_env.physics import make_scheme
 from crowd_env.physics.settings import Physics
-from crowd_env.scenarios import SCENARIOS, kind_of_place, make_scenario
+from crowd_env.scenarios import PLACES_OF_TASKS, SCENARIOS, kind_of_place, make_scenario
 from crowd_env.scenarios.floor_plan import people_on, scenario_on
 from crowd_env.scenarios.plans.reading import read_plan, split_level
 from crowd_env.scenarios.plans.units import unit_in_meters
@@ -76,7 +76,7 @@ class CrowdOptions:
         """Return the files that the options name, by the names of the options."""
         law = self.scheme.rpartition(":")[0] if names_own(self.scheme) else None
         named = {
-            "scenario": None if self.scenario in (*SCENARIOS, *TASKS) else self.scenario,
+            "scenario": None if self.scenario in (*SCENARIOS, *PLACES_OF_TASKS) else self.scenario,
             "starts": self.starts,
             "scheme": law,
         }
@@ -85,7 +85,8 @@ class CrowdOptions:
 
 def usual_scheme(place: str) -> str:
     """Return the contact scheme under which a place is run unless the command names another: that of a task."""
-    return TASKS[place].scheme if place in TASKS else "nsm2"
+    task = named_task(place)
+    return "nsm2" if task is None else task.scheme
 
 
 def named_now(arguments: Plain) -> dict[str, Any]:
@@ -126,9 +127,14 @@ def setting_of(options: CrowdOptions) -> Setting:
     law = make_scheme(law, changes.get("social"))
     step, drive = numbers.pop("dt", None), numbers.pop("max_drive", None)
     place, led = read_place(options), None
-    task = TASKS.get(options.scenario)
+    task = named_task(options.scenario)
     way = task.rule if task is not None and options.routing is None else options.routing
     routing = Routing(place.strategy_of_run(way), flag("--set signs", _value(changes.get("signs", "yes"))))
+    names = ("people", "walking", "routing", "set", "starts", "time_limit")
+    others = [name for name in names if getattr(options, name) is not None]
+    if task is not None and (others := others + ["scheme"] * (law.info.name != task.scheme)):
+        said = f"{task.id} with another {', '.join(others)}: its figures do not stand beside those of the task"
+        warnings.warn(said, stacklevel=2)
     if options.policy is not None:
         from crowd_env.agents.evaluation.entries import make_entries
 

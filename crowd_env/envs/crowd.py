@@ -366,7 +366,7 @@ class CrowdEnv(Restorable):
         super()._take_back({name: kept[name] for name in self._kept})
 
     def _draw_learned(self, e: int) -> None:
-        """Draw the people of environment ``e`` whom actions move; the seed of a list alone says who they are."""
+        """Draw the people of environment ``e`` that actions move, by the seed of a list alone."""
         people, word = self.people(e), None if self._seeds is None else self._seeds[e]
         rng = self._generators[e] if word is None else np.random.default_rng((word, MIXED))
         cast(Bools, self.learned)[people] = drawn_share(

@@ -11,7 +11,7 @@ import shapely
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from crowd_env.core.arrays.state import Floats
+from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.checks import Range
 from crowd_env.geometry.parsing import SLIVER, Area, tangents
 
@@ -22,6 +22,7 @@ _MIDDLE = 0.2  # m, off either end of a line: floor that is nearer to its ends d
 _BODY = 0.15  # m, radius: a line in front of which no such body gets, as of an area drawn a hand off the wall, has none
 _PARALLEL = 0.98  # cosine between the sides of a passage and its axis
 _SAME = 1e-9  # m
+_SHARP = 0.5  # cosine: lines that turn by more, as around an area, do not converge but cross
 
 
 def add_aprons(walkable: Area, exits: Floats, depth: float | Floats) -> Area:
@@ -38,11 +39,27 @@ def depths_of_aprons(walkable: Area, walls: Floats, exits: Floats, length: float
     ----------
     walkable : the drawn area.
     walls, exits : (W, 2, 2) and (X, 2, 2) m, with the area to their left.
-    length : m, from the jambs to the end of an apron; an unreachable line has none.
+    length : m, from the jambs to the end of an apron.  An unreachable line has none, nor have lines bent into the area.
     """
     if not length or not len(exits):
         return np.zeros(len(exits))
-    return _free_depths(walkable, exits, np.maximum(length - _passages(walls, exits), 0.0))
+    wanted = wanted_depths(walls, exits, length)
+    found = _free_depths(walkable, exits, wanted)
+    return np.where(_converge(exits) & (found == wanted), 0.0, found)
+
+
+def wanted_depths(walls: Floats, exits: Floats, length: float) -> Floats:
+    """Return the depth (X,) [m] of the apron behind each exit where nothing lies behind the line."""
+    return np.maximum(length - _passages(walls, exits), 0.0)
+
+
+def _converge(exits: Floats) -> Bools:
+    """Return (X,) which lines meet another at a small angle whose apron leans towards theirs: people would wedge there."""
+    along, _ = tangents(exits)
+    follows = np.hypot(*(exits[:, None, 1] - exits[None, :, 0]).T).T < _SAME  # line i ends where j begins
+    turn = along[:, None, 0] * along[None, :, 1] - along[:, None, 1] * along[None, :, 0]
+    lean = follows & (turn < -_SAME) & (along @ along.T > _SHARP)
+    return np.asarray(lean.any(axis=1) | lean.any(axis=0))
 
 
 def ends_of_aprons(exits: Floats, depths: Floats) -> Floats:

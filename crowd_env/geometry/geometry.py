@@ -20,7 +20,14 @@ from crowd_env.core.checks import NOT_NEGATIVE, table
 from crowd_env.core.checks import number as require_number
 from crowd_env.core.checks import text as require_text
 from crowd_env.core.files.fingerprint import UNSAID
-from crowd_env.geometry.aprons import APRONS, add_aprons, depths_of_aprons, ends_of_aprons, sides_of_aprons
+from crowd_env.geometry.aprons import (
+    APRONS,
+    add_aprons,
+    depths_of_aprons,
+    ends_of_aprons,
+    sides_of_aprons,
+    wanted_depths,
+)
 from crowd_env.geometry.boundary import ends_together, open_boundary, solid_depth
 from crowd_env.geometry.doors import read_doors
 from crowd_env.geometry.jambs import NO_ARCS, Arcs, deepen_exits, round_jambs
@@ -283,13 +290,15 @@ class Geometry:
     def ways_behind(self) -> Floats:
         """The length (X,) [m] of the ways on each apron: its depth.
 
-        Ways end at the line itself where an exit is bent, as around an area: aprons cross there.
+        Ways end at the line itself where floor ends the apron before, and where an exit is bent, as around an area.
         """
         along, _ = tangents(self.exits)
         names, ends = np.array(self.exit_names), self.exits
         meet = (np.hypot(*(ends[:, None, :, None] - ends[None, :, None]).T) < SLIVER).any(axis=(0, 1))
-        bent = meet & (names[:, None] == names) & (along @ along.T < _STRAIGHT)
-        return np.where(bent.any(axis=1), 0.0, self.apron_depths)
+        bent = (meet & (names[:, None] == names) & (along @ along.T < _STRAIGHT)).any(axis=1)
+        drawn = len(self.walls) - self.arcs.chords
+        shortened = self.apron_depths < wanted_depths(self.walls[:drawn], self.exits, self.apron)
+        return np.where(bent | shortened, 0.0, self.apron_depths)
 
     def with_ways_to(self, exits: Collection[str]) -> "Geometry":
         """Return the place as if the aprons of these ``exits`` were drawn, on which there are ways: lines are at the ends."""

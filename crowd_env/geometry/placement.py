@@ -100,7 +100,7 @@ def _usable(geometry: Geometry, points: Floats, region: str | None, standing: St
 
 
 def _walls_of(geometry: Geometry) -> Walls:
-    return geometry.boundary.wall, geometry.boundary.two_sided, geometry.boundary.exit
+    return geometry.walls, geometry.two_sided, geometry.exits
 
 
 @kernel

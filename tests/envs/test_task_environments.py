@@ -138,3 +138,27 @@ def test_the_place_of_a_task_is_a_place():
     place = make_scenario("narrow-door", people=10)
     assert place.name == "narrow-door" and place.population.people == 10
     assert "narrow-door" not in SCENARIOS
+
+
+@looped("place", [["hertz-room"], {"name": "hertz-room"}, ["room-v0", {"name": "narrow-door", "people": 5}]])
+def test_a_task_within_a_list_or_a_table_is_refused(place):
+    with pytest.raises(ValueError, match="stands alone, not in a list or a table: say scenario="):
+        CrowdEnv(place, num_envs=2)
+
+
+def test_a_task_of_routes_says_what_is_another_too():
+    with pytest.warns(UserWarning, match="two-exit-hall-task-v. with another physics, people"):
+        env = gymnasium.make(f"crowd_env/{TASKS['two-exit-hall'].id}", people=50, physics="dem").unwrapped
+    assert env.env.changed == ("physics", "people") and env.env.num_people == 50
+
+
+def test_a_vec_env_has_the_score_too():
+    from crowd_env.envs.adapters.sb3 import CrowdVecEnv
+
+    with pytest.warns(UserWarning, match="another people"):
+        env = CrowdVecEnv("narrow-door", num_envs=1, people=4)
+    env.reset()
+    dones = np.zeros(4, bool)
+    while not dones.any():
+        _, _, dones, infos = env.step(np.full(4, 4))
+    assert {info["score"] for info in infos} == {env.take_finished()[0].evacuation_time}

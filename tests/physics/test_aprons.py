@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from cases import looped
 from crowds import every_scheme, people, scatter
-from shapely.geometry import box
+from shapely.affinity import rotate
+from shapely.geometry import LineString, Point, Polygon, box
 from simulations import simulate
 
 from crowd_env import MANNERS, CrowdEnv, Geometry, Population, Scenario, Simulation, make_bodies, make_state
@@ -140,6 +141,59 @@ def test_everybody_leaves_and_nobody_comes_back(where):
             break
     assert np.isfinite(known).all() and not simulation.escaped.any()
     assert not state.present.any()
+
+
+COURT = Polygon([(0, 0), (10, 0), (10, 8), (7, 8), (7, 3), (3, 3), (3, 8), (0, 8)])
+
+
+@looped("floor, line", [(box(0, 0, 6, 6), [(6, 2.5), (6, 3.5)]), (COURT, [(4, 3), (5.2, 3)])])
+@looped("angle", [0.0, 5.0, 30.0, 45.0, 200.0])
+def test_people_start_on_the_floor_and_on_all_of_it(floor, line, angle):
+    """Wherever the apron lies: its walls are none of the outline that people are drawn within."""
+    turned = rotate(floor, angle, origin=(0, 0))
+    door = list(rotate(LineString(line), angle, origin=(0, 0)).coords)
+    places = [
+        Scenario("turned", Geometry.from_polygon(turned, exits={"door": door}), Population(40), 60.0, apron=apron)
+        for apron in (0.0, APRON)
+    ]
+    drawn = [place.population.draw(np.random.default_rng(5), place.geometry)[1] for place in places]
+    assert places[1].geometry.contains(drawn[1]).all()
+    np.testing.assert_array_equal(*drawn)
+
+
+def test_behind_lines_bent_into_the_room_people_vanish():
+    """Aprons that lean towards each other would wedge them."""
+    angle = np.radians(np.linspace(135.0, 225.0, 9))
+    bay = [(7.0 + np.cos(a), 3.0 + np.sin(a)) for a in angle]
+    floor = Polygon([(0, 0), (bay[-1][0], 0), *bay[::-1], (bay[0][0], 6), (0, 6)])
+    place = Geometry.from_polygon(floor, exits={"bay": bay}).with_apron(APRON)
+    assert not place.apron_depths.any()
+    out = Geometry.from_polygon(Point(0, 0).buffer(5, quad_segs=40), exits={"arc": box(3, -1, 6, 1)}).with_apron(APRON)
+    assert out.apron_depths.all()
+
+
+def test_a_room_close_behind_an_exit_does_not_block_it():
+    place = Geometry.from_polygon(
+        [box(0, 0, 6, 6), box(6.3, 0, 9, 6)], exits={"a": [(6, 2.5), (6, 3.5)], "b": [(9, 2), (9, 3)]}
+    )
+    env = CrowdEnv(Scenario("close", place, Population(10), 60.0), physics="dem")
+    env.reset(0)
+    while not env.finished.all():
+        env.step(None)
+    assert env.metrics(0).unfinished == 0 and env.metrics(0).escaped == 0
+
+
+@looped("strategy, exits", [("shortest", 2), ("comfortable", 1)])  # costs of comfort differ by exit
+def test_travel_times_end_at_the_line(strategy, exits):
+    doors = {"a": [(12, 3), (12, 5)], "b": [(0, 3), (0, 4)]}
+    place = Geometry.from_polygon(box(0, 0, 12, 8), exits=dict([*doors.items()][:exits]))
+    env = CrowdEnv(Scenario("hall", place, Population(20), 60.0), physics="dem", routing=strategy)
+    env.reset(0)
+    while not env.finished.all():
+        before = env.simulation.bodies.desired_speed * env._transition.fields.travel_time_before
+        step = env.step(None)
+        if step.terminated.any():
+            assert (before[step.terminated] < 0.35).all()  # m: not further than a step
 
 
 # ------------------------------------------------------------------------------------------- batches and moments

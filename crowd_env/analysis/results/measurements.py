@@ -57,7 +57,8 @@ class Density:
     """Measures the floor that people have, and draws how dense they stand; see `crowd_env.geometry.voronoi`."""
 
     def __init__(self, geometry: Geometry, grid: Grid) -> None:
-        self._boundary, self._walls = geometry.boundary, make_wall_grid(geometry.boundary, 2.0 * REACH)
+        self._boundary = geometry.with_apron(0.0).boundary
+        self._walls = make_wall_grid(self._boundary, 2.0 * REACH)
         self._rays, self._grid = make_rays(), grid
 
     def __call__(self, env: CrowdEnv, inside: Bools, density: NDArray[np.float32]) -> Floats:

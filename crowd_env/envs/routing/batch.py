@@ -21,7 +21,7 @@ from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.routing.regions import grid_regions, named_regions
 from crowd_env.envs.routing.terms import RoutingLayout, RoutingView, make_terms, make_weights
 from crowd_env.envs.settings import Routing, answers_unknown, arguments_of
-from crowd_env.envs.tasks.task import named_task
+from crowd_env.envs.tasks.environment import made_for
 from crowd_env.envs.terms import RewardTerm
 from crowd_env.physics.settings import AsPhysics, AsWalking, Physics
 
@@ -68,10 +68,8 @@ class RoutingBatch:
         self.weights = make_weights(reward)
         terms = make_terms(observation)
         interval = number("the interval between decisions", interval, POSITIVE, "s")
-        task = named_task(scenario)
-        if task is not None:
-            scenario, people, physics = task.place(people), None, task.arguments(physics)["physics"]
-        physics = Physics.of("nsm2" if physics is None else physics)
+        task, changed, scenario, made = made_for(scenario, people, time_limit, {"physics": physics, "walking": walking})
+        people, walking, physics = people if task is None else None, made["walking"], Physics.of(made["physics"])
         parts_of("interval", interval, "physics steps of dt", physics.dt or physics.law.info.default_dt)
         sample_dt = interval if sample_dt is None else number("sample_dt", sample_dt, POSITIVE, "s")
         self.samples = parts_of("interval", interval, "samples of sample_dt", sample_dt)
@@ -86,7 +84,7 @@ class RoutingBatch:
             observation=ObservationLayout(terms=("desired_speed",)),  # not used
             time_limit=time_limit,
         )
-        self.env.task = task  # its held-out draws are not drawn
+        self.env.task, self.env.changed = task, changed  # its held-out draws are not drawn
         self.scenario = self.env.scenarios[0]
         geometry, route_set = self.scenario.geometry, self.env.route_set[0]
         exits, ways = self.scenario.exits, self.scenario.ways

@@ -1,1 +1,1 @@
-"""Tasks: environments that are fixed once and for all, so that figures of one policy stand beside those of another."""
+"""Tasks: environments that are fixed once and for all, so that figures of different policies stand side by side."""

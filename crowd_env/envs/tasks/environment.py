@@ -34,7 +34,7 @@ def made_for(
     Raises
     ------
     ValueError
-        If so many people do not fit, or a part of the physics, walking or routing is refused.
+        If the people do not fit, or a part of the physics, walking or routing is refused.
 
     Warns
     -----
@@ -42,6 +42,7 @@ def made_for(
         If something is another than in the task.
     """
     task = named_task(place)
+    _refuse_within(place)
     if task is None:
         return None, (), place, {name: _USUAL[name] if value is None else value for name, value in given.items()}
     own: dict[str, Any] = {**_USUAL, **task.environment()}
@@ -55,6 +56,18 @@ def made_for(
             stacklevel=4,
         )
     return task, tuple(others), task.place(people), made
+
+
+def _refuse_within(place: Any) -> None:
+    """Refuse a task in a list of places or in a table: the rest of it would get lost."""
+    listed = place if isinstance(place, list | tuple) else [place] if isinstance(place, Mapping) else []
+    for one in listed:
+        name = one.get("name") if isinstance(one, Mapping) else one
+        if (task := named_task(name)) is not None:
+            raise ValueError(
+                f"the task {task.name} stands alone, not in a list or a table: say scenario={task.name!r}, and what is "
+                f"another beside it; its place alone is make_scenario({task.name!r})"
+            )
 
 
 def _instead(name: str, value: Any, own: Mapping[str, Any], task: Task) -> Any:

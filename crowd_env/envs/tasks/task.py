@@ -28,7 +28,7 @@ from crowd_env.physics.settings import AsPhysics, Physics, Walking
 from crowd_env.scenarios import PLACES_OF_TASKS, SCENARIOS, make_scenario
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
 
-# Training draws from (seed, environment) with seeds below this; nobody trains on draws from here on.
+# Training draws from (seed, environment) with seeds below this; from here on draws are held out.
 HELD_OUT_SEED = 1_000_000
 Decides = Literal["walking", "routing"]
 _WORDS = ("name", "title", "reference")  # of a scenario, which change no evacuation
@@ -211,7 +211,7 @@ FILE = Path(__file__).with_name("tasks.toml")
 TASKS: dict[str, Task] = {
     name: Task(name, **facts) for name, facts in tomllib.loads(FILE.read_text(encoding="utf-8")).items()
 }
-PLACES_OF_TASKS.update({name: partial(_named_place, task) for name, task in TASKS.items()})
+PLACES_OF_TASKS.update({said: partial(_named_place, task) for task in TASKS.values() for said in (task.name, task.id)})
 NAMES["task"] = TASKS
 
 

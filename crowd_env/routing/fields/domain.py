@@ -56,7 +56,7 @@ class Plan(NamedTuple):
     partial: bool = False  # doors are closed: some people may be locked in
     goal: str | None = None  # region where the way leads instead of to exits
     one_way: bool = False  # some doors are passed one way only
-    behind: float = 0.0  # m  the least depth of the aprons behind the exits used
+    drawn: Floats | None = None  # (X, 2, 2)  m   the lines of these exits, where `exits` lie at the ends of aprons
 
 
 def make_plan(
@@ -92,16 +92,14 @@ def make_plan(
             raise ValueError(
                 f"exit {name!r} is {width:.2f} m wide, narrower than the smallest body ({2 * min_radius:.2f} m)"
             )
-    behind = float(geometry.ways_behind[use].min()) if wanted else 0.0
+    drawn = geometry.exits[use] if geometry.ways_behind[use].any() else None
     geometry = geometry.with_ways_to(wanted)
     fixed, sides = geometry.walls_when(closed)
     walls = np.concatenate([fixed, geometry.exits[~use]])
     two_sided = np.concatenate([sides, np.zeros(int((~use).sum()), dtype=bool)])
     rows = np.flatnonzero(use)
     lines, partial = geometry.exits[use], bool(closed)
-    return Plan(
-        geometry, walls, two_sided, lines, rows, names, widest, radius, min_radius, partial, goal, behind=behind
-    )
+    return Plan(geometry, walls, two_sided, lines, rows, names, widest, radius, min_radius, partial, goal, drawn=drawn)
 
 
 def open_exits(geometry: Geometry, exits: Iterable[str] | None, closed: Collection[str]) -> list[str]:

@@ -293,8 +293,18 @@ def _solve(
         radius=radius,
         free=free,
         fits=fits,
-        behind=plan.behind,
+        behind=_behind(plan, time, nodes, speed),
     )
+
+
+def _behind(plan: Plan, time: Floats, nodes: Grid, speed: Floats | None) -> float:
+    """Return the least travel time [s] from the middle of a drawn line to the end of its apron."""
+    if plan.drawn is None:
+        return 0.0
+    middle = plan.drawn.mean(axis=1)
+    if speed is None:
+        return float(np.hypot(*(plan.exits.mean(axis=1) - middle).T).min())
+    return float(time[grid.nearest_known(middle, time, nodes.origin, nodes.spacing)].min())
 
 
 def _march(

@@ -171,8 +171,9 @@ class CrowdVecEnv(BatchVecEnv):
     ``done``.
 
     The info of a slot, in the step in which its environment finishes, holds ``episode`` (return ``r`` and length ``l`` of the
-    environment's episode), ``steps_inside`` (decision steps until the pedestrian left), ``is_success`` (whether the pedestrian
-    left), ``terminal_observation`` and ``TimeLimit.truncated``; in other steps it is empty.
+    environment's episode), ``score`` (when the last one got out [s]; inf if one did not), ``steps_inside`` (decision steps
+    until the pedestrian left), ``is_success`` (whether the pedestrian left), ``terminal_observation`` and
+    ``TimeLimit.truncated``; in other steps it is empty.
 
     Attributes
     ----------
@@ -182,7 +183,7 @@ class CrowdVecEnv(BatchVecEnv):
     Parameters
     ----------
     env : a batch made with ``autoreset=True``, or what `CrowdEnv` makes one of: the name of a task, a scenario, a file.
-    arguments : those of `CrowdEnv`, if it is made here.
+    arguments : of `CrowdEnv`, if it is made here.
 
     Raises
     ------
@@ -216,7 +217,8 @@ class CrowdVecEnv(BatchVecEnv):
         last_observation = step.info.get("final_observation", step.observation)
         infos = self._close_episodes(step.reward, done, step.truncated, last_observation)
         for i in np.flatnonzero(done):
-            infos[i] |= {"is_success": not step.truncated[i], "steps_inside": int(self._inside[i])}
+            score = step.info["metrics"][int(env.env_of_person[i])].score
+            infos[i] |= {"is_success": not step.truncated[i], "steps_inside": int(self._inside[i]), "score": score}
         self._inside[done] = 0
         self.finished_episodes.extend(step.info["metrics"].values())
         share = env.reward_weights.team_share
