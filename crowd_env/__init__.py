@@ -25,7 +25,7 @@ from crowd_env.envs.parallel import CrowdParallelEnv, parallel_env
 from crowd_env.envs.reward import RewardWeights
 from crowd_env.envs.rollout import rollout
 from crowd_env.envs.settings import Routing
-from crowd_env.envs.tasks.task import TASKS, Task, make_task
+from crowd_env.envs.tasks.task import TASKS, make_task
 from crowd_env.envs.terms import RewardTerm
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import DEM, NSM1, NSM2, SCHEMES, SOCIAL_FORCES, Helbing, Hertz, SocialForce, make_scheme
@@ -104,7 +104,6 @@ __all__ = [
     "SocialForce",
     "SpeedZone",
     "Step",
-    "Task",
     "Uniform",
     "Walking",
     "contact_pressure",

@@ -207,7 +207,7 @@ def _named_place(task: Task) -> Scenario:
 
 
 FILE = Path(__file__).with_name("tasks.toml")
-# Name -> task.
+#: name -> task
 TASKS: dict[str, Task] = {
     name: Task(name, **facts) for name, facts in tomllib.loads(FILE.read_text(encoding="utf-8")).items()
 }
