@@ -120,7 +120,6 @@ def test_the_score_of_a_batch_stands_in_its_row():
     "where, name, said",
     [
         (CrowdEnv, "hurried", "'hurried' is a manner"),
-        (CrowdEnv, "follow", "'follow' is a policy"),
         (lambda name: CrowdEnv("room-v0", physics=name), "narrow-door", "'narrow-door' is a task"),
         (lambda name: CrowdEnv("room-v0", walking=name), "dem", "'dem' is a contact scheme"),
         (make_task, "room-v0", "'room-v0' is a scenario"),
@@ -128,8 +127,6 @@ def test_the_score_of_a_batch_stands_in_its_row():
     ],
 )
 def test_a_name_of_another_kind_is_answered_so(where, name, said):
-    import crowd_env.agents  # noqa: F401  # knows the policies
-
     with pytest.raises(ValueError, match=said):
         where(name)
 

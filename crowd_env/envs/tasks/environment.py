@@ -5,9 +5,10 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
+from crowd_env.envs.settings import Routing
 from crowd_env.envs.tasks.task import Task, named_task
 from crowd_env.physics.scheme import DECISION_DT
-from crowd_env.physics.settings import Part, Physics
+from crowd_env.physics.settings import Physics, Walking
 
 # What environments are made with that are of no task.
 _USUAL: Mapping[str, Any] = {
@@ -73,9 +74,9 @@ def _refuse_within(place: Any) -> None:
 def _instead(name: str, value: Any, own: Mapping[str, Any], task: Task) -> Any:
     """Return an argument that is given in place of that of the task; a table of a part changes no other fields."""
     part = own[name]
-    if isinstance(part, Part):
-        if isinstance(value, Mapping) and set(value) <= {field.name for field in fields(part)}:  # type: ignore[arg-type]
-            value = replace(part, **value)  # type: ignore[type-var]
+    if isinstance(part, Physics | Walking | Routing):
+        if isinstance(value, Mapping) and set(value) <= {field.name for field in fields(part)}:
+            value = replace(part, **value)
         value = type(part).of(value)
     return task.arguments(value)["physics"] if isinstance(value, Physics) else value
 
