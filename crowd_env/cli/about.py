@@ -12,6 +12,7 @@ from crowd_env.cli.options import AsJson, WalkingName, new_app, plain
 from crowd_env.cli.place import walking_of
 from crowd_env.core.console import friendly_errors, progress_bar, say
 from crowd_env.core.files.atomic import check_suffix, write_text
+from crowd_env.envs.tasks.task import TASKS
 from crowd_env.physics import SCHEMES, make_scheme
 from crowd_env.scenarios import SCENARIOS, make_scenario
 
@@ -20,12 +21,13 @@ app = new_app()
 
 @app.command("list")
 def list_names(as_json: AsJson = False) -> None:
-    """List the scenarios, contact schemes and policies."""
+    """List the scenarios, tasks, contact schemes and policies."""
     from crowd_env.agents import POLICIES, PRETRAINED
 
     places = {name: make_scenario(name) for name in SCENARIOS}
     names = {
         "scenarios": {name: f"{place.title} ({place.reference})" for name, place in places.items()},
+        "tasks": {task.id: task.about for task in TASKS.values()},
         "contact schemes": {name: f"{one.info.title} ({one.info.reference})" for name, one in SCHEMES.items()},
         "policies": {**dict.fromkeys(POLICIES, "rule"), **dict.fromkeys(PRETRAINED, "trained network")},
     }

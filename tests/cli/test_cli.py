@@ -15,6 +15,7 @@ from crowd_env.agents import POLICIES, PRETRAINED
 from crowd_env.analysis.figures import doubts, report
 from crowd_env.cli.main import app
 from crowd_env.envs.rollout import run_episodes
+from crowd_env.envs.tasks.task import TASKS
 from crowd_env.scenarios import make_scenario
 
 FILES = {
@@ -154,8 +155,11 @@ def test_list_names_everything():
     told = json.loads(call("list --json").stdout)
     assert set(told["scenarios"]) == set(SCENARIOS) and set(told["schemes"]) == set(SCHEMES)
     assert set(told["policies"]) == {*POLICIES, *PRETRAINED}
+    assert told["tasks"] == {task.id: task.about for task in TASKS.values()}
+    names = [name for found in told.values() for name in found]
+    assert len(names) == len(set(names))
     table = call("list").stdout
-    assert all(name in table for name in (*SCENARIOS, *SCHEMES, *POLICIES))
+    assert all(name in table for name in names)
 
 
 @pytest.mark.more

@@ -233,11 +233,11 @@ def named_task(place: Any) -> Task | None:
 
 
 def make_task(name: str) -> Task:
-    """Return the task of a name in `TASKS`.
+    """Return the task of a name in `TASKS`, or of its id.
 
     Raises
     ------
     ValueError
         If it is unknown; the message lists the known ones.
     """
-    return TASKS[known("task", name, TASKS)]
+    return named_task(name) or TASKS[known("task", name, TASKS)]
