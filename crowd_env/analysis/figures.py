@@ -185,10 +185,14 @@ def peak_flow(times: Floats) -> float:
     return max(flow_slope(times), float(following.max(initial=0)) / PEAK)  # nan stays nan: it comes first
 
 
-def named(values: np.ndarray) -> dict[str, Any]:
-    """Return mean, spread and interval of the mean of the finite values, ready for JSON."""
-    mean, sd, ci95 = summarise(values)
-    return {"mean": json_number(mean), "sd": json_number(sd), "ci95": [json_number(bound) for bound in ci95]}
+def named(values: np.ndarray, least: float = 0.0) -> dict[str, Any]:
+    """Return mean, spread and interval of the mean of the finite values, ready for JSON.
+
+    No value can be below ``least``: nor is the interval, as the t interval of two runs often is.
+    """
+    mean, sd, (low, high) = summarise(values)
+    bounds = [json_number(bound) for bound in (np.maximum(low, least), high)]
+    return {"mean": json_number(mean), "sd": json_number(sd), "ci95": bounds}
 
 
 def median_time(times: Floats) -> float | None:

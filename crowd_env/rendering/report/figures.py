@@ -192,7 +192,7 @@ def _minus(one: Runs, first: Runs) -> dict[str, Any]:
     found: dict[str, Any] = {**head, "shared_seeds": len(pairs)}
     for name in COMPARED:
         gap = np.array([_value(a, name) - _value(b, name) for a, b in pairs])
-        found[name] = {**named(gap), "pairs": int(np.isfinite(gap).sum())}
+        found[name] = {**named(gap, least=-np.inf), "pairs": int(np.isfinite(gap).sum())}
     return found
 
 

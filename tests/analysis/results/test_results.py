@@ -12,7 +12,7 @@ from repository import ROOT
 
 from crowd_env import Cohorts, Geometry, Population, Scenario, make_scenario
 from crowd_env.analysis.exit_times import read_exits
-from crowd_env.analysis.figures import cells, exits_of, peak_flow, report, time_of_share
+from crowd_env.analysis.figures import cells, exits_of, named, peak_flow, report, time_of_share
 from crowd_env.analysis.results.config import FREE, run_config
 from crowd_env.analysis.results.crowding import CrowdingRecorder
 from crowd_env.analysis.results.folder import ResultsFolder, egress, write_curve, write_tables
@@ -44,6 +44,18 @@ def place():
 @pytest.fixture(scope="module")
 def episodes(place):
     return run_episodes(place, 3, scheme="dem", seed=2, strategy="nearest")
+
+
+def test_no_interval_of_what_is_never_negative_reaches_below_zero():
+    """The t interval of two runs is mean ± 6.4 times their distance."""
+    assert named(np.array([2.0, 4.0]))["ci95"] == [0.0, pytest.approx(3.0 + 12.7062, rel=1e-5)]
+    assert named(np.array([2.0, 4.0]), least=-np.inf)["ci95"][0] == pytest.approx(3.0 - 12.7062, rel=1e-5)
+    assert named(np.array([NAN, 4.0]))["ci95"] == [None, None]
+    few = run_episodes(hall(), 2, scheme="dem", seed=2, strategy="nearest")
+    figures = report(hall(), "dem", few)
+    ends = [one for each in figures["exits"].values() for one in each.values() if isinstance(one, dict)]
+    bounds = [one["ci95"][0] for one in (*figures.values(), *ends) if isinstance(one, dict) and "ci95" in one]
+    assert len(bounds) > 10 and min(low for low in bounds if low is not None) >= 0.0
 
 
 def difference(there, here):
