@@ -461,7 +461,8 @@ def resumed(config: TrainingConfig, given: Plain, curve: Sequence[Mapping[str, f
     routing = config.routing or {}
     begun = {**config.as_table(), **routing, "exit": config.options.get("exits"), "unit": config.options.get("unit")}
     begun |= {"place": config.task or config.scenario, "decides": "routing" if routing else "walking"}
-    words = {"manner": "walking", "place": "task", "dt": "set dt", "outline": "set outline"}
+    kind = "task" if given.get("place") in (*TASKS, GENERATED) else "scenario"
+    words = {"manner": "walking", "place": kind, "dt": "set dt", "outline": "set outline"}
     budget = {option: given[option] for option in ("minutes", "steps") if option in given}
     for option, value in given.items():
         if option not in budget and value != begun.get(option):

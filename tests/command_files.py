@@ -93,6 +93,7 @@ BAD = {
     "closed.toml": scenario(top='closed_doors = "door"'),
     "radius.toml": scenario(people="people = 5\nradius = 1e-9"),
     "time.toml": scenario(top="time_limit = nan"),
+    "apron.toml": scenario(top="apron = 50"),
     "broken.toml": "[geometry\n",
     "broken.json": "{,}",
     "plan.toml": ROOM,

@@ -20,10 +20,11 @@ from crowd_env.cli import options
 from crowd_env.cli.console import show_table
 from crowd_env.cli.place import CrowdOptions, Setting, setting_of, usual_scheme
 from crowd_env.cli.results_folder import again, config_of, keep_in, open_folder, write_results
-from crowd_env.core.checks import counted, whole
+from crowd_env.core.checks import Range, counted, whole
 from crowd_env.core.console import friendly_errors, interrupted, literal_console, noted, progress_bar, say
 from crowd_env.core.executors import Processes, all_cores
 from crowd_env.envs.rollout import Episode, Recorder, Recorders, RunsInterrupted, run_episodes
+from crowd_env.envs.tasks.task import HELD_OUT_SEED, named_task
 from crowd_env.scenarios.titles import run_title
 
 app = options.new_app()
@@ -85,6 +86,9 @@ def run(
     )
     with friendly_errors():
         recorded, share = _recorded(record, runs, out), _share(until)
+        if named_task(scenario) is not None:  # as its environment, which folds such seeds
+            free = Range(0, HELD_OUT_SEED - runs).because("later draws are held out, see crowd-env evaluate and show")
+            whole("--seed", seed, free)
         with noted() as notes:
             setting = setting_of(asked)
         place, physics, ways, led = setting

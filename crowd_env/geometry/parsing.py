@@ -200,7 +200,7 @@ def parse_exit(text: str) -> BaseGeometry:
     ValueError
         If the text has none of these forms.
     """
-    if text.strip()[:1].isalpha():
+    if text.strip()[:1].isalpha() and "(" in text:
         shape = from_wkt(text, f"exit {text!r}")
         if shape.geom_type not in _LINES + _POLYGONS:
             raise ValueError(f"exit {text!r} is a {shape.geom_type}; it must be {_EXIT_FORMS}")

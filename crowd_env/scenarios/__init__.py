@@ -93,7 +93,7 @@ def kind_of_place(scenario: str | Path) -> Literal["name", "task", "file", "plan
     if str(scenario) in PLACES_OF_TASKS:
         return "task"
     require_file(Path(scenario))
-    if is_plan(Path(scenario)):
+    if str(scenario) and is_plan(Path(scenario)):  # the path of no name is the folder here
         return "plan"
     if Path(scenario).suffix.lower() in SUFFIXES:
         return "file"

@@ -257,7 +257,7 @@ def test_a_folder_holds_one_task_of_one_version(tmp_path):
 @looped(
     ("arguments", "message"),
     [
-        (("--task", "moon"), r"unknown scenario 'moon'; known: room-v0"),
+        (("--task", "moon"), r"unknown task 'moon'; known: competitive-door"),
         (
             ("--task", "small", "--policies", "evolve"),
             r"unknown policy 'evolve'; known: rule, .*zipper, .*or the path of",

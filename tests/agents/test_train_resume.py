@@ -90,7 +90,7 @@ def test_a_budget_beside_resume_is_honoured(root, monkeypatch):
     [
         (("--envs", 4), "--envs 4 2 another run"),
         (("--scheme", "dem"), "--scheme dem nsm2 another run"),
-        (("--scenario", "bottleneck-v0"), "--task room-v0 another run"),
+        (("--scenario", "bottleneck-v0"), "--scenario bottleneck-v0 room-v0 another run"),
         (("--seed", 8), "--seed 8 3 another run"),
         (("--set", "dt=0.005"), "--set dt 0.005 0.01 another run"),
         (("--out", "other"), "--out --resume"),

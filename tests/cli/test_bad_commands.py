@@ -11,10 +11,23 @@ from typer.testing import CliRunner
 from crowd_env.cli.main import app
 
 DOOR = "--exit 6,2,6,3"
+OF_BOTH = ("evaluate", "train")
+OF_TASKS = (*OF_BOTH, "submit --policy rule", "benchmark", "export rule --transitions runs.npz")
 
 CASES = [
     # names, numbers and options
     ("run moon-v0", "unknown scenario 'moon-v0' room-v0 .wkt"),
+    ("run ''", "unknown scenario '' room-v0 .wkt"),
+    ("plan '' --out out.png", "unknown scenario '' room-v0 .wkt"),
+    ("show ''", "unknown task '' narrow-door"),
+    ("evaluate --scenario ''", "unknown scenario '' room-v0 .wkt"),
+    ("train --scenario ''", "unknown scenario '' room-v0 .wkt"),
+    ("run narrow-door --seed 1000000 --runs 5", "--seed 1000000 0 to 999995 held out"),
+    ("run narrow-door-v3 --seed 999996 --runs 5", "--seed 999996 0 to 999995 held out"),
+    *((f"{command} --task room-v0", "unknown task 'room-v0' narrow-door is a scenario") for command in OF_TASKS),
+    *((f"{command} --task good.toml", "unknown task 'good.toml' narrow-door") for command in OF_TASKS),
+    *((f"{command} --scenario narrow-door", "unknown scenario 'narrow-door' is a task --task") for command in OF_BOTH),
+    *((f"{command} --task room --scenario room-v0", "--task room --scenario room-v0 one") for command in OF_BOTH),
     ("run --scheme glue", "glue nsm2"),
     ("run --set social=glue", "glue"),
     ("run --scheme law.py", "--scheme law.py law.py:NAME"),
@@ -67,7 +80,8 @@ CASES = [
     ("run plan.wkt --exit 6,2,6,nan", "exit finite"),
     ("run plan.wkt --exit 6,2,6,2", "length 0 m 0.02"),
     ("run plan.wkt --exit 6,2,6,2.2", "0.20 m narrower 0.30 m"),
-    ("run plan.wkt --exit door", "plan.wkt door"),
+    *((f"{command} plan.wkt --exit door", "plan.wkt 'door' x1,y1,x2,y2") for command in ("run", "plan")),
+    *((f"{command} plan.wkt --exit a,b,c,d", "plan.wkt 'a,b,c,d' x1,y1,x2,y2") for command in ("run", "plan")),
     ("run plan.wkt --exit 'POINT (6 2)'", "Point LINESTRING"),
     ("run plan.wkt --exit 'POLYGON ((8 0, 9 0, 9 1, 8 1, 8 0))'", "does not touch 2 m"),
     ("run plan.wkt --exit 'POLYGON ((-1 -1, 9 -1, 9 9, -1 9, -1 -1))'", "exits leave no walkable area"),
@@ -173,6 +187,7 @@ CASES = [
     ("run closed.toml", "closed_doors tuple"),
     ("run radius.toml", "radius 1e-09 larger bodies"),
     ("run time.toml", "time_limit finite"),
+    ("run apron.toml", "apron 50 [0, 10]"),
     ("run broken.toml", "broken.toml"),
     ("run broken.json", "broken.json"),
     ("run plan.toml", "plan.toml"),

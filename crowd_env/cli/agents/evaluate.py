@@ -21,7 +21,7 @@ from crowd_env.agents.tasks import TASKS
 from crowd_env.agents.tasks.presets import ALL_PLACES
 from crowd_env.agents.training_config import GENERATED, RUNS
 from crowd_env.cli.agents.lists_of_names import ListsOfNames
-from crowd_env.cli.agents.options import People, Place, Policies, changes
+from crowd_env.cli.agents.options import People, PlaceName, Policies, TaskName, changes, task_or_place
 from crowd_env.cli.options import AsJson, Exits, Unit, WalkingName, new_app, of_output, of_people, of_physics, of_runs
 from crowd_env.cli.place import CrowdOptions, read_place, walking_of
 from crowd_env.core.behaviors.outline import Outline
@@ -58,7 +58,8 @@ app = new_app()
 @app.command(cls=ListsOfNames)
 def main(
     context: typer.Context,
-    place: Place = None,
+    task_name: TaskName = None,
+    scenario: PlaceName = None,
     exit: Exits = None,
     unit: Unit = None,
     people: People = None,
@@ -92,6 +93,7 @@ def main(
     crowd-env evaluate --scenario my_plan.wkt --exit 6,2,6,3 --people 40 --policies shortest --runs 20
     """
     with friendly_errors("" if out is None else "the same command goes on"):
+        place = task_or_place(task_name, scenario)
         task = TASKS.get(place or "")
         changed = changes(set, _SET)
         threads = whole("--set threads", changed.pop("threads", 1))
@@ -133,7 +135,9 @@ def main(
             _tell(figures, None if out is None else out / "robustness.json", as_json, [table], lines)
             return
         if task is None:
-            where = read_place(CrowdOptions(scenario=place or _SCENARIO, exit=exit, unit=unit, people=people))
+            where = read_place(
+                CrowdOptions(scenario=_SCENARIO if place is None else place, exit=exit, unit=unit, people=people)
+            )
         elif beside := _first_given({"--exit": exit, "--unit": unit}):
             raise ValueError(f"{beside} is for floor plans in files, but --task {task.name} says where people walk")
         else:

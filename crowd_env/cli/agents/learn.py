@@ -14,7 +14,7 @@ from crowd_env.agents.evaluation.trained_run import draw, judge, judge_in_plans,
 from crowd_env.agents.runs import new_folder
 from crowd_env.agents.tasks import TASKS
 from crowd_env.agents.training_config import TrainingConfig
-from crowd_env.cli.agents.options import People, Place, Threads, changes, of_learning
+from crowd_env.cli.agents.options import People, PlaceName, TaskName, Threads, changes, of_learning, task_or_place
 from crowd_env.cli.options import ONE_SCHEME, Exits, Unit, WalkingName, of_output, of_people, of_physics, of_runs
 from crowd_env.cli.place import plan_options, walking_of
 from crowd_env.core.checks import known, number, whole
@@ -85,7 +85,8 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     context: typer.Context,
-    place: Place = None,
+    task: TaskName = None,
+    scenario: PlaceName = None,
     exit: Exits = None,
     unit: Unit = None,
     people: People = None,
@@ -134,7 +135,10 @@ def main(
         training_config.check_libraries()
         require_libraries(".png")
         given = _given(context) | changes(set, _SET)
-        given.pop("set", None)
+        if (place := task_or_place(task, scenario)) is not None:
+            given["place"] = place
+        for name in ("set", "task", "scenario"):
+            given.pop(name, None)
         if "dt" in given:
             number("--set dt", given["dt"], training_config.LEAST_DT, "s")
         far = {"runners": whole("--set runners", given.pop("runners"))} if "runners" in given else {}

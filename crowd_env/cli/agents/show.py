@@ -19,7 +19,7 @@ from crowd_env.cli.recorded import FilmFps, FilmWidth, film_file, size_of
 from crowd_env.core.checks import Range, whole
 from crowd_env.core.console import friendly_errors, progress_bar, say
 from crowd_env.envs.rollout import Driver
-from crowd_env.envs.tasks.task import HELD_OUT_SEED
+from crowd_env.envs.tasks.task import HELD_OUT_SEED, named_task
 from crowd_env.scenarios import SCENARIOS
 
 # Task -> a draw in which people who follow the rule block their way out for good; 0 where none is known.
@@ -63,9 +63,9 @@ def main(
     crowd-env show examples/office.dxf --people 40 --policies fastest competitive-door/ppo
     """
     with friendly_errors():
+        chosen = named_task(task) or (None if _is_place(task) else make_task(task))
+        task = name = task if chosen is None else chosen.name
         seed = whole("--seed", DRAWS.get(task, 0) if seed is None else seed, Range(0, HELD_OUT_SEED - 1))
-        chosen = None if task not in TASKS and _is_place(task) else make_task(task)
-        name = task
         if chosen is None:
             place = read_place(CrowdOptions(scenario=task, exit=exit, unit=unit, people=people))
             name = place.name
@@ -91,7 +91,7 @@ def main(
 
 
 def _is_place(name: str) -> bool:
-    return name in SCENARIOS or Path(name).exists()
+    return name in SCENARIOS or (name != "" and Path(name).exists())
 
 
 def _of_task(task: str) -> list[str]:
