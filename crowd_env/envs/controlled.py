@@ -1,10 +1,12 @@
 """The bases of this package's Gymnasium environments: E evacuations with one controller each, one alone or all in arrays."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
@@ -69,7 +71,24 @@ def frame_rate(duration: float) -> float:
     return round(rate) if abs(rate - round(rate)) < 1e-9 * rate else rate
 
 
-class SingleEnv(Restorable, gymnasium.Env):
+class _Specified:
+    """An environment whose Gymnasium spec has the id of a task only if nothing is another than there."""
+
+    env: CrowdEnv
+    _spec: EnvSpec | None = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How Gymnasium made it."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        marked = f"crowd_env/{self.env.id}".replace(",", "").replace(" ", "-")
+        self._spec = replace(spec, id=marked) if spec is not None and self.env.changed else spec
+
+
+class SingleEnv(_Specified, Restorable, gymnasium.Env):
     """One environment of a `Batch`.
 
     Parameters
@@ -156,7 +175,7 @@ def _first(values: Mapping[str, Any]) -> dict[str, Any]:
     return row
 
 
-class BatchVectorEnv(Restorable, VectorEnv):
+class BatchVectorEnv(_Specified, Restorable, VectorEnv):
     """The E environments of a `Batch`, with the infos of `gymnasium.vector.SyncVectorEnv` around E single ones.
 
     Every entry of an info is an array (E, ...), or a dictionary of such, and has a mask ``_<name>`` (E,) bool of the
@@ -207,7 +226,7 @@ class BatchVectorEnv(Restorable, VectorEnv):
         self.autoreset_mode = mode = AutoresetMode(autoreset_mode)
         batch = make(autoreset=mode is AutoresetMode.SAME_STEP)
         if max_episode_steps is not None:
-            batch.env.time_limit[:] = whole("max_episode_steps", max_episode_steps) * batch.duration
+            batch.env.cut_off(whole("max_episode_steps", max_episode_steps) * batch.duration)
         self.batch, self.env, self.layout = batch, batch.env, batch.layout
         self.render_mode = None
         self.num_envs = num_envs = batch.env.num_envs

@@ -250,10 +250,21 @@ class CrowdEnv(Restorable):
         """Pedestrians still inside (P,): a copy, which later steps do not change."""
         return self.simulation.state.active.copy()
 
+    @property
+    def moved(self) -> dict[str, Bools]:
+        """``learned`` (P,), a copy, where actions move a share of the people; else nothing."""
+        return {} if self.walking.share is None else {"learned": np.array(self.learned)}
+
     def people(self, e: int) -> slice:
         """Return the slots of environment ``e``, 0 to E - 1."""
         e = whole("environment", e, Range(0, self.num_envs - 1))
         return slice(int(self.env_start[e]), int(self.env_start[e + 1]))
+
+    def cut_off(self, after: float) -> None:
+        """Let every episode end after so long [s] at the latest, which may be another time limit than in the task."""
+        self.time_limit[:] = after
+        if self.task is not None and after != self.scenarios[0].time_limit and "time_limit" not in self.changed:
+            self.changed = (*self.changed, "time_limit")
 
     def go_on_drawing(self, other: "CrowdEnv") -> None:
         """Draw the next episodes from the generators of another environment, so that one seed fixes a series over places."""

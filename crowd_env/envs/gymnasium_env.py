@@ -45,8 +45,9 @@ class CrowdBatch:
         return self.env.decision_dt
 
     def info_at_reset(self) -> dict[str, np.ndarray]:
-        """Return ``active`` (E, N): all are inside."""
-        return {"active": np.ones((self.env.num_envs, self.env.num_people // self.env.num_envs), dtype=np.bool_)}
+        """Return ``active`` (E, N): all are inside; and where actions move a share of them, ``learned`` (E, N)."""
+        everyone = {"active": np.ones(self.env.num_people, dtype=np.bool_)} | self.env.moved
+        return {name: as_grid(values, self.env.num_envs) for name, values in everyone.items()}
 
     def reset(self, seed: int | Sequence[int | None] | None = None, mask: Bools | None = None) -> np.ndarray:
         """Start new episodes everywhere, or where ``mask`` (E,) is true; return all observations (E, N, D)."""
@@ -54,7 +55,7 @@ class CrowdBatch:
 
     def step(self, actions: np.ndarray | None) -> BatchStep:
         """Advance by one decision step; without actions (E, N, ...) all pedestrians are scripted."""
-        env, rooms = self.env, self.env.num_envs
+        env, rooms, moved = self.env, self.env.num_envs, self.env.moved
         step = env.step(None if actions is None else actions.reshape(env.num_people, *actions.shape[2:]))
         final, active = step.info.get("final_observation"), env.active
         if final is not None:  # a restarted room was empty at the end
@@ -64,6 +65,7 @@ class CrowdBatch:
             name: as_grid(values, rooms) for name, values in step.info.items() if name.startswith("reward/")
         }
         info |= {"reward": as_grid(step.reward, rooms)}
+        info |= {name: as_grid(values, rooms) for name, values in moved.items()}
         info |= {"active": as_grid(active, rooms), "diagnostics": step.info["diagnostics"]._asdict()}
         return BatchStep(
             as_grid(step.observation, rooms),
@@ -86,7 +88,7 @@ class CrowdGymEnv(SingleEnv):
     The info of a step holds the reward of each as ``reward`` (N,) and its terms, unweighted, as ``reward/<name>`` (N,);
     ``active`` (N,), true for people inside; ``diagnostics``, a dictionary of overlaps and of the solver's residual and
     iterations; and in the last step of an episode ``metrics``, the fields of `EpisodeMetrics` as a dictionary.  The info of a
-    reset holds ``active``.
+    reset holds ``active``.  Where actions move a share of the people, both hold ``learned`` (N,), true for these.
 
     Parameters
     ----------

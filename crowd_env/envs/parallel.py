@@ -34,7 +34,8 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
     the time limit all agents that are left are truncated.  After the end, ``step`` returns five empty dictionaries.
 
     The info of an agent holds the terms of its reward, unweighted, as ``reward/<name>``, and in the last step of an episode
-    the ``metrics`` of the episode.
+    the ``metrics`` of the episode.  Where actions move a share of the people, it says whether they move this one: ``learned``,
+    also at the reset.
 
     Parameters
     ----------
@@ -110,7 +111,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
     @max_cycles.setter
     def max_cycles(self, cycles: int) -> None:
         self._cycles = whole("max_cycles", cycles)
-        self.env.time_limit[:] = self._cycles * self.env.decision_dt
+        self.env.cut_off(self._cycles * self.env.decision_dt)
 
     # Every agent has its own space, made once: seeding one must not seed another.
     def observation_space(self, agent: str) -> gymnasium.spaces.Box:
@@ -155,7 +156,8 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
         self.agents, self._slots = self.possible_agents[: self.env.num_people], slice(None)
         if self.render_mode == "human":
             self.render()
-        return dict(zip(self.agents, observation, strict=True)), {agent: {} for agent in self.agents}
+        infos = [{name: values[i].item() for name, values in self.env.moved.items()} for i in range(len(self.agents))]
+        return dict(zip(self.agents, observation, strict=True)), dict(zip(self.agents, infos, strict=True))
 
     def step(
         self, actions: Mapping[str, Any]
@@ -178,7 +180,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
         rewards, terminations, truncations = (
             dict(zip(agents, values[slots].tolist(), strict=True)) for values in step[1:4]
         )
-        infos = _infos_of(agents, slots, step.info)
+        infos = _infos_of(agents, slots, step.info | self.env.moved)
         if (step.terminated | step.truncated).any():
             stay = np.flatnonzero(self.env.active)
             self.agents, self._slots = [self.possible_agents[i] for i in stay.tolist()], stay
@@ -259,8 +261,9 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
 
 
 def _infos_of(agents: list[str], slots: Ints | slice, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return for each agent the terms of its reward and, if the episode is over, the metrics."""
-    terms = {name: values[slots].tolist() for name, values in info.items() if name.startswith("reward/")}
+    """Return for each agent the terms of its reward, whether actions move it and, if the episode is over, the metrics."""
+    of_each = [name for name in info if name == "learned" or name.startswith("reward/")]
+    terms = {name: info[name][slots].tolist() for name in of_each}
     ended = [entry for one in info["metrics"].values() for entry in (("metrics", one._asdict()), ("score", one.score))]
     rows = zip(*terms.values(), strict=True)
     return {agent: dict([*zip(terms, row, strict=True), *ended]) for agent, row in zip(agents, rows, strict=True)}

@@ -69,6 +69,74 @@ def test_what_is_another_than_in_the_task_is_said_and_the_id_marks_it():
         assert CrowdEnv("hertz-room", physics=Physics("hertz", dt=0.01)).changed == ("physics",)
 
 
+MIXED_ID = f"crowd_env/{TASKS['dilemma-mixed'].id}"
+
+
+@looped(
+    "make",
+    [
+        lambda: gymnasium.make(MIXED_ID, people=9).unwrapped,
+        lambda: gymnasium.make_vec(MIXED_ID, num_envs=2, people=9, physics="dem"),
+        lambda: gymnasium.make_vec(MIXED_ID, num_envs=2, max_episode_steps=9),
+        lambda: gymnasium.make(f"crowd_env/{TASKS['two-exit-hall'].id}", people=50).unwrapped,
+    ],
+)
+@pytest.mark.filterwarnings("ignore:.*with another:UserWarning")
+def test_the_spec_of_what_is_another_names_no_task(make):
+    env = make()
+    assert env.spec.id not in gymnasium.registry and env.env.changed
+    assert env.spec.id == f"crowd_env/{env.env.id}".replace(",", "").replace(" ", "-")
+    again = gymnasium.make(env.spec) if isinstance(env, gymnasium.Env) else gymnasium.make_vec(env.spec)
+    assert again.unwrapped.spec.id == env.spec.id and again.unwrapped.env.num_people == env.env.num_people
+
+
+def test_the_spec_of_a_task_and_of_a_place_is_theirs():
+    for name in (MIXED_ID, "crowd_env/room-v0"):
+        for env in (gymnasium.make(name), gymnasium.make_vec(name, num_envs=2)):
+            assert env.unwrapped.spec.id == env.spec.id == name
+
+
+def test_other_cycles_are_another_time_limit():
+    env = parallel_env("narrow-door", max_cycles=5)
+    assert env.env.changed == ("time_limit",) and env.env.id.endswith("with another time_limit")
+    env = parallel_env("narrow-door", max_cycles=600)
+    assert not env.env.changed
+
+
+def test_infos_say_whom_actions_move():
+    """Where a share of the people is: at resets and steps, each in the draw of its episode."""
+    env = parallel_env("dilemma-mixed")
+    seen = []
+    for seed in (0, 1):
+        _, infos = env.reset(seed=seed)
+        moved = [infos[agent]["learned"] for agent in env.possible_agents]
+        assert moved == env.env.learned.tolist() and 0 < sum(moved) < len(moved)
+        *_, infos = env.step({})
+        assert [infos[agent]["learned"] for agent in env.possible_agents] == moved
+        seen.append(moved)
+    assert seen[0] != seen[1]
+    env = parallel_env("room-v0")
+    assert not any(env.reset(seed=0)[1].values()) and "learned" not in env.step({})[4]["pedestrian_0"]
+
+
+@looped("mode", ["SameStep", "NextStep", "Disabled"])
+def test_infos_of_batches_say_whom_actions_move(mode):
+    env = make_vec("room-v0", 2, people=8, time_limit=0.3, walking={"share": 0.5}, autoreset_mode=mode)
+    _, info = env.reset(seed=0)
+    first = info["learned"].copy()
+    assert (first == env.env.learned.reshape(2, 8)).all() and (first.sum(axis=1) == 4).all()
+    for _ in range(3):
+        *_, info = env.step(np.ones(env.action_space.shape))
+    if mode == "SameStep":  # the next episode has begun
+        assert (info["final_info"]["learned"] == first).all() and (info["learned"] != first).any()
+    else:
+        assert (info["learned"] == first).all()
+        if mode == "NextStep":
+            *_, info = env.step(np.ones(env.action_space.shape))
+            assert (info["learned"] != first).any()
+    assert (info["learned"] == env.env.learned.reshape(2, 8)).all() and info["_learned"].all()
+
+
 @looped("make", [CrowdEnv, lambda name: gymnasium.make(f"crowd_env/{make_task(name).id}").unwrapped.env])
 def test_no_seed_draws_what_is_held_out(make):
     """A draw that is judged is never trained on: its seed gives another here."""
