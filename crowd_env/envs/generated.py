@@ -10,7 +10,8 @@ from crowd_env.core.arrays.state import Bools, Ints
 from crowd_env.core.checks import COUNT, Range, number, whole
 from crowd_env.envs.crowd import CrowdEnv, Reset, Step, require_same_spaces
 from crowd_env.envs.metrics import EpisodeMetrics
-from crowd_env.envs.settings import physics_step
+from crowd_env.envs.restorable import Restorable
+from crowd_env.envs.settings import Routing, physics_step
 from crowd_env.physics.scheme import DECISION_DT
 from crowd_env.physics.settings import Physics
 from crowd_env.scenarios.generated import Conditions, conditions_of, draw_place
@@ -51,7 +52,7 @@ class _Part(NamedTuple):
     environments: list[tuple[int, int]]  # of `GeneratedCrowds`, and of the crowd
 
 
-class GeneratedCrowds:
+class GeneratedCrowds(Restorable):
     """A batch of places that `crowd_env.scenarios.generated` draws, to train in: a `CrowdEnv` with ``autoreset`` to a learner.
 
     Each environment has ``people`` slots; those that a place leaves empty are never inside.  An environment that is over goes
@@ -92,6 +93,8 @@ class GeneratedCrowds:
     decides: Literal["walking"] = "walking"
     autoreset = True
     learned = True  # all are moved by actions
+    _behind = "_first"
+    _kept = ("_rng", "_ahead", "_turns", "_parts", "finished")  # whole places: they come and go
 
     def __init__(
         self,
@@ -165,6 +168,7 @@ class GeneratedCrowds:
             self._rng = np.random.default_rng(seed)
         self._ahead.clear()
         self._turns = [self._next() for _ in range(self.num_envs)]
+        self._agree()
         observation = np.zeros((self.num_people, self.layout.size), dtype=np.float32)
         self._enter(range(self.num_envs), observation)
         self.finished[:] = False
@@ -174,6 +178,7 @@ class GeneratedCrowds:
         """Advance every place by one decision step; see `CrowdEnv.step`."""
         if not self._turns:
             raise ValueError("call reset before the first step")
+        self._check_whole()
         observation = np.zeros((self.num_people, self.layout.size), dtype=np.float32)
         reward, flags = np.zeros(self.num_people), np.zeros((2, self.num_people), dtype=np.bool_)
         finished, metrics = np.zeros(self.num_envs, dtype=np.bool_), dict[int, EpisodeMetrics]()
@@ -200,6 +205,18 @@ class GeneratedCrowds:
                 self._turns[e] = self._next()
             self._enter(over, observation)
         return Step(observation, reward, flags[0], flags[1], info)
+
+    @property
+    def times_restored(self) -> int:
+        """How often a place alone went back to a moment."""
+        crowds = {id(crowd): crowd for crowd in (self._first, *(turn.crowd for turn in self._turns))}
+        return sum(crowd.times_restored for crowd in crowds.values() if crowd is not None)
+
+    def _made_by(self) -> dict[str, Any]:
+        drawn = {"people": self.slots, "seeds": self.seeds, "share": self._share}
+        drawn |= {"beside": [(place.name, conditions) for place, conditions in self._beside]}
+        others = {"routing": Routing.of(self._options.get("routing")), "observation": self.layout}
+        return {**super()._made_by(), "num_envs": self.num_envs, **drawn, **others}
 
     def _enter(self, environments: Sequence[int], observation: np.ndarray) -> None:
         """Begin the turns of some environments, and write what their people see into their rows of all (P, D)."""

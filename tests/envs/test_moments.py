@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from late import late
 
-from crowd_env import CrowdEnv, make_vec, parallel_env
+from crowd_env import CrowdEnv, GeneratedCrowds, make_scenario, make_vec, parallel_env
 from crowd_env.envs.parallel import env as aec_env
+from crowd_env.scenarios.generated import Conditions
 
 CrowdVecEnv, VectorVecEnv = late("crowd_env.envs.adapters.sb3", "CrowdVecEnv", "VectorVecEnv")
 MixedEnv = late("crowd_env.agents.mixed", "MixedEnv")
@@ -33,6 +34,13 @@ def controllers(**options):
     return gymnasium.make_vec("crowd_env/routing-v0", 2, people=8, physics="dem", time_limit=30.0, **options)
 
 
+def places(**options):
+    """Two places that take turns, most of them a room in which a turn takes 0.8 s; what is seen there is disturbed."""
+    room = make_scenario("room-v0", people=6, time_limit=0.8)
+    beside = [(room, Conditions("dem", "competitive", 0.05))]
+    return GeneratedCrowds(2, **{"people": 12, "seeds": 300, "beside": beside, "share": 0.8, **options})
+
+
 MADE = {  # each by its options; every one of two rooms of 6 people, or of one
     "arrays": crowd,
     "mixed": lambda **options: MixedEnv("room-v0", num_envs=2, share=0.5, autoreset=True, **{**CROWD, **options}),
@@ -46,6 +54,8 @@ MADE = {  # each by its options; every one of two rooms of 6 people, or of one
     "routings": controllers,
     "sb3": lambda **options: CrowdVecEnv(crowd(**options)),
     "sb3 of rooms": lambda **options: VectorVecEnv(rooms("SameStep", **options)),
+    "generated": places,
+    "sb3 of places": lambda **options: CrowdVecEnv(places(**options)),
     "footbridge": lambda **options: (
         gymnasium.make("crowd_env/footbridge-gate-v0", people=20, time_limit=9.0, **options).unwrapped
     ),
@@ -76,9 +86,11 @@ def step(name, env, k):
         if not env.agents:
             env.reset()
         return seen
-    if name in ("arrays", "mixed", "sb3"):
+    if name in ("generated", "sb3 of places"):
+        action = np.tile(action, (2, 1))[: getattr(env, "num_people", env.num_envs)]
+    if name in ("arrays", "mixed", "generated", "sb3", "sb3 of places"):
         made = env.step(action)
-        return made[:4] if name == "sb3" else (*made[:4], made[4]["finished"])
+        return made[:4] if name.startswith("sb3") else (*made[:4], made[4]["finished"])
     if name in ("gymnasium", "routing", "footbridge"):
         few = env.action_space.shape
         chosen = (
@@ -137,11 +149,22 @@ def test_an_interface_does_not_go_on_when_what_is_behind_it_was_restored_alone(n
     step(name, env, 0)
 
 
+def test_places_do_not_go_on_when_one_of_them_was_restored_alone():
+    env = places()
+    env.reset(seed=3)
+    crowd = env._turns[1].crowd
+    crowd.restore(crowd.checkpoint())
+    with pytest.raises(ValueError, match=r"^the CrowdEnv alone was restored, the GeneratedCrowds was not"):
+        env.step(None)
+
+
 OTHER = {"reward": {"time": 2.0}}
 REFUSED = {name: [OTHER, {"walking": {"manner": "calm", "acts_on": "scripted"}}] for name in MADE} | {
     "mixed": [OTHER],
     "routing": [{"reward": {"mean": 2.0}}, {"interval": 1.0}],
     "routings": [{"reward": {"mean": 2.0}}],
+    "generated": [OTHER, {"people": 10}, {"share": 0.4}, {"beside": ()}, {"observation": {"terms": ["velocity"]}}],
+    "sb3 of places": [{"routing": "nearest"}],
     "footbridge": [{"weight": 1.0}, {"coupling": "pendulum"}],
 }
 
