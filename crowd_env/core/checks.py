@@ -58,8 +58,12 @@ class Range(NamedTuple):
 
     def __get_pydantic_json_schema__(self, core: Any, schema_of: Any) -> dict[str, Any]:
         """Return the JSON Schema of an annotated number."""
+        return {**schema_of(core), **self.in_schema()}
+
+    def in_schema(self) -> dict[str, float]:
+        """Return the bounds in the words of JSON Schema."""
         bounds = {"exclusiveMinimum" if self.above else "minimum": self.low, "maximum": self.high}
-        return {**schema_of(core), **{name: bound for name, bound in bounds.items() if math.isfinite(bound)}}
+        return {name: bound for name, bound in bounds.items() if math.isfinite(bound)}
 
     def because(self, why: str) -> "Range":
         """Return the same numbers with a reason, which ends the message."""

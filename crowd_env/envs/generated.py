@@ -213,7 +213,7 @@ class GeneratedCrowds(Restorable):
         return sum(crowd.times_restored for crowd in crowds.values() if crowd is not None)
 
     def _made_by(self) -> dict[str, Any]:
-        drawn = {"people": self.slots, "seeds": self.seeds, "share": self._share}
+        drawn: dict[str, Any] = {"people": self.slots, "seeds": self.seeds, "share": self._share}
         drawn |= {"beside": [(place.name, conditions) for place, conditions in self._beside]}
         others = {"routing": Routing.of(self._options.get("routing")), "observation": self.layout}
         return {**super()._made_by(), "num_envs": self.num_envs, **drawn, **others}

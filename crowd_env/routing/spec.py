@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from crowd_env.core.checks import NOT_NEGATIVE, check_fields, shown
+from crowd_env.core.checks import Natural, NotNegative, check_fields, shown
 from crowd_env.routing.strategies import OfRoutes
 
 OUT = "out"  # name of the route of all people by default: all exits
@@ -41,15 +41,15 @@ class ControlRule:
     """number of people in the region that switches the rule on."""
     route: str
     """name of the route or exit that people elsewhere take while the rule is on."""
-    below: int | None = None
+    below: Natural | None = None
     """the rule switches off when fewer people than this are in the region; by default ``at_least``."""
-    hold: float = 0.0
+    hold: NotNegative = 0.0
     """s, the shortest time for which the rule stays on."""
     commits: bool = False
     """whether redirected people keep to their new route after the rule has switched off."""
 
     def __post_init__(self) -> None:
-        check_fields(f"control rule on {shown(self.region)}", self, below=NOT_NEGATIVE, hold=NOT_NEGATIVE)
+        check_fields(f"control rule on {shown(self.region)}", self)
         if self.below is not None and self.below > self.at_least:
             raise ValueError(
                 f"control rule on {self.region!r}: below is {self.below}; it must be from 0 to at_least, {self.at_least}"
@@ -64,7 +64,7 @@ class DoorEvent:
     """name of the door."""
     opens: bool
     """true opens the door, false closes it."""
-    at: float | None = None
+    at: NotNegative | None = None
     """s, the time of the event; give either this or ``at_least``."""
     at_least: int | None = None
     """number of people in ``region``, or out by ``exit``, at which the event happens."""
@@ -74,7 +74,7 @@ class DoorEvent:
     """name of the exit at which leaving people are counted, for ``at_least``."""
 
     def __post_init__(self) -> None:
-        check_fields(f"event of door {shown(self.door)}", self, at=NOT_NEGATIVE)
+        check_fields(f"event of door {shown(self.door)}", self)
         counted = (self.region is not None) + (self.exit is not None)
         by_time = self.at is not None and self.at_least is None and counted == 0
         by_count = self.at is None and self.at_least is not None and counted == 1

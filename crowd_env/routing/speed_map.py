@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from crowd_env.core.arrays.state import MAX_SPEED, Floats
-from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Range, check_fields, shown
+from crowd_env.core.checks import NotNegative, Positive, Range, check_fields, shown
 from crowd_env.geometry.geometry import Boundary, Geometry
 
 _NOT_GIVEN = float("nan")
@@ -18,33 +19,32 @@ class SpeedZone:
 
     region: str
     """name of the region."""
-    speed: float | None = None
+    speed: Annotated[float, Range(0.0, MAX_SPEED, above=True)] | None = None
     """m/s, the desired speed of everyone in the region; by default as elsewhere."""
-    factor: float = _NOT_GIVEN
-    """number > 0, at most 10, by which the desired speed in the region is multiplied; 1 by default."""
+    factor: Annotated[float, Range(0.0, 10.0, above=True)] = _NOT_GIVEN
+    """number by which the desired speed in the region is multiplied; 1 by default."""
 
     def __post_init__(self) -> None:
         if self.factor is _NOT_GIVEN:  # a factor of 1 that is given may be one of several that are tried
             if self.speed is None:
                 raise ValueError(f"speed zone {shown(self.region)} changes nothing; give it a speed or a factor")
             object.__setattr__(self, "factor", 1.0)
-        speed, factor = Range(0.0, MAX_SPEED, above=True), Range(0.0, 10.0, above=True)
-        check_fields(f"speed zone {shown(self.region)}", self, speed=speed, factor=factor)
+        check_fields(f"speed zone {shown(self.region)}", self)
 
 
 @dataclass(frozen=True)
 class Comfort:
     """What the most comfortable way costs, in meters of plain floor."""
 
-    stairs: float = 3.0
+    stairs: NotNegative = 3.0
     """number of meters that a meter in a slow zone costs in addition, be it stairs or other slow ground."""
-    turn: float = 1.0
+    turn: NotNegative = 1.0
     """number of meters that passing a corner costs, if it juts into the way."""
-    reach: float = 0.6
+    reach: Positive = 0.6
     """m, the distance from a corner over which its cost is spread, which also keeps the way off the corner."""
 
     def __post_init__(self) -> None:
-        check_fields("comfort", self, stairs=NOT_NEGATIVE, turn=NOT_NEGATIVE, reach=POSITIVE)
+        check_fields("comfort", self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,10 @@ import numpy as np
 
 from crowd_env.core.arrays.state import MOTIVATION, Bodies, Floats, join_bodies, make_bodies
 from crowd_env.core.behaviors.pulls import ALONE
-from crowd_env.core.checks import at, check_fields, refuse
+from crowd_env.core.checks import at, check_fields, refuse, whole
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.placement import sample_positions
-from crowd_env.scenarios.population import DRAWN, Population, check_people, population_of
+from crowd_env.scenarios.population import CROWD, DRAWN, Population, population_of
 from crowd_env.scenarios.starts import check_starts
 
 
@@ -61,7 +61,7 @@ class Cohorts:
         twice = [name for k, name in enumerate(names) if name in names[:k]]
         if twice:
             raise ValueError(f"two cohorts have the name {twice[0]!r}")
-        check_people("cohorts: people in all", self.people)
+        whole("cohorts: people in all", self.people, CROWD)
         for name in DRAWN:
             laws = [getattr(part, name) for part in self.parts]
             object.__setattr__(self, name, Bounds(min(law.low for law in laws), max(law.high for law in laws)))
@@ -83,7 +83,7 @@ class Cohorts:
         other = [name for name, value in options.items() if name not in common and value is not None]
         if other:
             raise ValueError(f"cohorts cannot share {other[0]!r}; give them people or one of {', '.join(common)}")
-        everyone = None if people is None else check_people("cohorts: people", people)
+        everyone = None if people is None else whole("cohorts: people", people, CROWD)
         counts = [part.people for part in self.parts] if everyone is None else self._shares(everyone)
         shared = {name: value for name, value in options.items() if name in common}
         return Cohorts(tuple(part.changed(people=n, **shared) for part, n in zip(self.parts, counts, strict=True)))

@@ -9,7 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.checks import at, check_fields, from_table, known, number, refuse
+from crowd_env.core.checks import NotNegative, Positive, at, check_fields, from_table, known, number, refuse
 
 _LEAST_SHARE = 0.01  # of the draws has to lie within the bounds: a draw outside is repeated
 
@@ -58,7 +58,7 @@ class Normal:
 
     mean: float
     """the mean before values outside the bounds are drawn again."""
-    sd: float
+    sd: NotNegative
     """the standard deviation before values outside the bounds are drawn again."""
     low: float
     """the smallest possible value."""
@@ -67,10 +67,9 @@ class Normal:
 
     def __post_init__(self) -> None:
         check_fields("normal distribution", self)
-        if not (self.sd >= 0 and self.low <= self.mean <= self.high and self.low < self.high):
+        if not (self.low <= self.mean <= self.high and self.low < self.high):
             raise ValueError(
-                f"normal distribution with mean {self.mean:g}, sd {self.sd:g}: the mean must lie in "
-                f"[{self.low:g}, {self.high:g}] and the sd must be >= 0"
+                f"normal distribution with mean {self.mean:g}: the mean must lie in [{self.low:g}, {self.high:g}]"
             )
         if self.sd > 0:
             _require_share("normal", self.low, self.high, *((x - self.mean) / self.sd for x in (self.low, self.high)))
@@ -84,25 +83,21 @@ class Normal:
 class LogNormal:
     """Log-normal distribution, the usual one for response times; values outside [low, high] are drawn again."""
 
-    median: float
+    median: Positive
     """the median before values outside the bounds are drawn again."""
-    sigma: float
+    sigma: NotNegative
     """the standard deviation of the logarithm: about two thirds of all values lie between ``median / exp(sigma)`` and ``median
     * exp(sigma)``."""
     high: float
     """the largest possible value."""
-    low: float = 0.0
+    low: NotNegative = 0.0
     """the smallest possible value."""
 
     def __post_init__(self) -> None:
         check_fields("log-normal distribution", self)
-        what = f"log-normal distribution with median {self.median:g}, sigma {self.sigma:g}"
-        if not (
-            self.median > 0 and self.sigma >= 0 and 0 <= self.low <= self.median <= self.high and self.low < self.high
-        ):
+        if not (self.low <= self.median <= self.high and self.low < self.high):
             raise ValueError(
-                f"{what}: the median must be > 0 and lie in [{self.low:g}, {self.high:g}], the sigma must be >= 0, and "
-                "the lower bound >= 0"
+                f"log-normal distribution with median {self.median:g}: it must lie in [{self.low:g}, {self.high:g}]"
             )
         if self.sigma > 0:
             ends = (-math.inf if x == 0 else math.log(x / self.median) / self.sigma for x in (self.low, self.high))

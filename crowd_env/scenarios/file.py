@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from shapely.geometry import Polygon
 
-from crowd_env.core.checks import POSITIVE, Plain, at, check_keys, from_table, number, table
+from crowd_env.core.checks import POSITIVE, NotNegative, Plain, Positive, at, check_keys, from_table, number, table
 from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.cohorts import Cohorts, People
@@ -44,7 +44,7 @@ class Box:
 class Circle:
     """A circle."""
 
-    circle: tuple[float, float, float]
+    circle: tuple[float, float, Positive]
     """[x, y, radius] in m; it has 32 corners."""
 
 
@@ -68,7 +68,7 @@ class Plan:
     """name = area or list of areas, for starts, rules and zones."""
     doors: dict[str, str | Line] | None = None
     """name = line across a passage, or the name of an exit that can be closed."""
-    jamb_radius: float = 0.0
+    jamb_radius: NotNegative = 0.0
     """m, radius of all corners that jut into the walkable area; 0 = sharp."""
 
 

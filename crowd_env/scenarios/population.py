@@ -11,7 +11,6 @@ from crowd_env.core.arrays.state import MAX_SPEED, MOTIVATION, Bodies, Floats, I
 from crowd_env.core.behaviors.pulls import ALONE
 from crowd_env.core.checks import (
     COUNT,
-    NOT_NEGATIVE,
     POSITIVE,
     Plain,
     Range,
@@ -19,7 +18,6 @@ from crowd_env.core.checks import (
     from_table,
     known,
     plain_name,
-    whole,
 )
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import ROUNDED
@@ -30,15 +28,17 @@ from crowd_env.scenarios.starts import as_positions, check_starts
 
 __all__ = ["TABLE_4", "Distribution", "LogNormal", "Normal", "Population", "Uniform"]
 
-_MOST_PEOPLE = 500_000  # a neighbor's number has 19 bits
+# Of one environment: a neighbor's number has 19 bits.
+CROWD = Range(1, 500_000).because("more people do not fit into one environment")
 # The drawn values of each person, in this order, and their allowed ranges.
 DRAWN = {
     "radius": POSITIVE,
     "mass": Range(0.0, 1000.0, above=True),  # kg
-    "desired_speed": NOT_NEGATIVE,
+    "desired_speed": Range(0.0, MAX_SPEED),
     "relaxation_time": POSITIVE,
     "response_time": Range(0.0, 86_400.0),  # s
 }
+BOUNDS = DRAWN | MOTIVATION | {"group_size": COUNT}
 
 # People of Pécol et al. 2011, Table 4, uniform within the ranges: `Population(20, **TABLE_4)`.
 TABLE_4: Mapping[str, Any] = {"radius": Uniform(0.2, 0.25), "desired_speed": Uniform(1.2, 2.0)}
@@ -65,7 +65,7 @@ class Population:
         If a field is of a wrong type or out of range, or two contradict each other.
     """
 
-    people: Annotated[int, COUNT]
+    people: Annotated[int, CROWD]
     """number of people."""
     radius: Distribution = field(default_factory=lambda: Uniform(0.15, 0.19))
     """m, the radius of a body; uniform from 0.15 to 0.19 by default."""
@@ -98,8 +98,7 @@ class Population:
     def __post_init__(self) -> None:
         check_fields("population", self)
         object.__setattr__(self, "name", self.name and plain_name("population: name", self.name))
-        check_people("population: people", self.people)
-        for name, allowed in (DRAWN | MOTIVATION | {"group_size": COUNT}).items():
+        for name, allowed in BOUNDS.items():
             if getattr(self, name) is None and name not in DRAWN:
                 continue
             law = as_distribution(f"population: {name}", getattr(self, name))
@@ -108,11 +107,6 @@ class Population:
                 if bound not in allowed:
                     must = str(allowed).removesuffix(" and finite")
                     raise ValueError(f"population: {name} must be {must}, but can be as {extreme} as {bound:g}")
-        if self.desired_speed.high > MAX_SPEED:
-            most = self.desired_speed.high
-            raise ValueError(
-                f"population: desired_speed must be at most {MAX_SPEED} m/s, but can be as high as {most:g}"
-            )
         if self.group_size is not None and round(self.group_size.low) > self.people > 1:
             least = self.group_size.low
             raise ValueError(
@@ -203,12 +197,6 @@ def population_of(where: str, table: Plain) -> Population:
         starts = as_positions(table["starts"])
         table = {"people": len(starts), **table, "starts": starts}
     return from_table(where, Population, table)
-
-
-def check_people(what: str, people: Any) -> int:
-    """Return a number of people; raise ValueError unless one environment can hold them."""
-    whole(what, people)
-    return whole(what, people, Range(1, _MOST_PEOPLE).because("more people do not fit into one environment"))
 
 
 def require_names(kind: str, names: Iterable[str | None], allowed: Iterable[str]) -> None:

@@ -12,10 +12,12 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticOmit, core_schema
 
 from crowd_env.core.behaviors import BEHAVIORS
+from crowd_env.core.checks import COUNT
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.cohorts import Cohorts
 from crowd_env.scenarios.distributions import LAWS, Distribution
 from crowd_env.scenarios.file import OLDER, Line, Plan
+from crowd_env.scenarios.population import BOUNDS
 from crowd_env.scenarios.scenario import Scenario
 
 _Law = LAWS["uniform"] | LAWS["normal"] | LAWS["lognormal"]
@@ -33,6 +35,9 @@ class _InFiles(GenerateJsonSchema):
 
     def field_title_should_be_set(self, schema: Any) -> bool:
         return False
+
+    def int_schema(self, schema: core_schema.IntSchema) -> JsonSchemaValue:
+        return {**super().int_schema(schema), **COUNT.in_schema()}  # as `check_fields` has it
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
         return self.generate_inner(schema["schema"])
@@ -73,6 +78,10 @@ def json_schema() -> dict[str, Any]:
     scenario = _core(Scenario).json_schema(ref_template="#/definitions/{model}", schema_generator=_InFiles)
     definitions = _draft_7(scenario.pop("$defs"))
     del definitions["Population"]["required"]  # recorded starts have a number; cohorts share the rest
+    for name, allowed in BOUNDS.items():
+        single, pair, *_ = definitions["Population"]["properties"][name]["anyOf"]
+        for form in (single, pair["items"]):
+            form |= allowed.in_schema()
     for name, behavior in BEHAVIORS.items():
         scenario["properties"][name]["description"] = behavior.ABOUT
     own = {
@@ -103,12 +112,13 @@ def json_schema() -> dict[str, Any]:
 
 
 def _draft_7(schema: Any) -> Any:
-    """Return a part of a schema in draft 7, which has no ``prefixItems``: all numbers of a point are of one kind."""
+    """Return a part of a schema in draft 7, which has no ``prefixItems``."""
     if isinstance(schema, list):
         return [_draft_7(one) for one in schema]
     if not isinstance(schema, dict):
         return schema
-    return {
-        "items" if key == "prefixItems" else key: _draft_7(one[0] if key == "prefixItems" else one)
-        for key, one in schema.items()
-    }
+    found = {"items" if key == "prefixItems" else key: _draft_7(one) for key, one in schema.items()}
+    items = found.get("items")
+    if isinstance(items, list) and items.count(items[0]) == len(items):  # the numbers of a point are of one kind
+        found["items"] = items[0]
+    return found

@@ -54,7 +54,7 @@ CASES = [
     ("run --set radius=1e-9", "radius 1e-09 larger bodies"),
     ("run --set radius=9", "do not fit"),
     ("run --set radius=0.6 --people 3", "door 0.82 m narrower 1.20 m"),
-    ("run --set speed=-1", "speed >= 0"),
+    ("run --set speed=-1", "speed [0, 12.5]"),
     ("run --set speed=inf", "inf finite"),
     ("run --set speed=,", "--set speed=,"),
     ("run --set dt=0", "dt > 0"),

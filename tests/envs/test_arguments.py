@@ -69,7 +69,7 @@ DISTRIBUTIONS = [
     *[row for k in ("median", "sigma", "low", "high")
       for row in numeric(f"LogNormal.{k}", lambda x, k=k: LogNormal(**{**LOG_NORMAL, k: x}), "finite")],
     ("Uniform upside down", lambda: Uniform(2.0, 1.0), ("from 2 to 1", "must not be larger")),
-    ("Normal sd<0", lambda: Normal(1.0, -1.0, 0.0, 2.0), ("sd -1", "the sd must be >= 0")),
+    ("Normal sd<0", lambda: Normal(1.0, -1.0, 0.0, 2.0), ("sd is -1", "it must be >= 0")),
 ]  # fmt: skip
 
 POPULATION = [
@@ -219,13 +219,15 @@ PHYSICS = [
 
 # Sentences that say more than the argument, its value and its bounds.
 SENTENCES = {
-    "normal distribution with mean 5, sd 1: the mean must lie in [0, 2]": lambda: Normal(5.0, 1.0, 0.0, 2.0),
+    "normal distribution with mean 5: the mean must lie in [0, 2]": lambda: Normal(5.0, 1.0, 0.0, 2.0),
     "normal distribution: only ": lambda: Normal(3.0, 1.0, 3.0, 3.0001),
     "log-normal distribution: only ": lambda: LogNormal(3.0, 1.0, 3.0001, low=3.0),
-    "log-normal distribution with median 0, sigma 1: the median must be > 0": lambda: LogNormal(0.0, 1.0, 5.0),
-    "the sigma must be >= 0": lambda: LogNormal(3.0, -1.0, 5.0),
+    "log-normal distribution: median is 0.0; it must be > 0": lambda: LogNormal(0.0, 1.0, 5.0),
+    "log-normal distribution: sigma is -1.0; it must be >= 0": lambda: LogNormal(3.0, -1.0, 5.0),
     "lie in [0, 5]": lambda: LogNormal(6.0, 1.0, 5.0),
-    "population: desired_speed must be >= 0, but can be as low as -0.5": lambda: Population(3, desired_speed=(-0.5, 1)),
+    "population: desired_speed must be in [0, 12.5], but can be as low as -0.5": lambda: Population(
+        3, desired_speed=(-0.5, 1)
+    ),
     "population: response_time must be in [0, 86400], but can be as low as -1": lambda: Population(
         3, response_time=(-1, 1)
     ),

@@ -202,7 +202,7 @@ def test_desired_speeds_above_what_anyone_ran_are_refused():
         make_bodies([0.2, 0.2], 80.0, desired_speed=[1.0, 13.0])
 
     with pytest.raises(
-        ValueError, match=r"population: desired_speed must be at most 12\.5 m/s, but can be as high as 1e\+06"
+        ValueError, match=r"population: desired_speed must be in \[0, 12\.5\], but can be as high as 1e\+06"
     ):
         Population(20, desired_speed=(1.0, 1e6))
     with pytest.raises(ValueError, match=r"speed zone 'stairs': speed is 40\.0; it must be above 0 and at most 12\.5"):

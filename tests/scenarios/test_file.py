@@ -3,7 +3,8 @@
 import json
 import re
 import tomllib
-from dataclasses import fields
+from dataclasses import fields, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,7 +14,20 @@ from repository import ROOT
 from shapely.geometry import Polygon, box
 from typer.testing import CliRunner
 
-from crowd_env import CrowdEnv, LogNormal, Normal, Population, Uniform, make_scenario
+from crowd_env import (
+    Attraction,
+    Balance,
+    CrowdEnv,
+    Geometry,
+    GroupCohesion,
+    Headway,
+    LogNormal,
+    Normal,
+    Outline,
+    Population,
+    Uniform,
+    make_scenario,
+)
 from crowd_env.cli.main import app
 from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
@@ -254,7 +268,10 @@ MISTAKES = {
         ("people = 5.5", r"population: people is 5\.5; it must be a whole number"),
         ("people = true", r"population: people is True; it must be a whole number"),
         ('people = "five"', r"population: people is 'five'; it must be a whole number"),
-        ("people = 0", r"^my\.toml: population: people is 0; it must be at least 1$"),
+        (
+            "people = 0",
+            r"^my\.toml: population: people is 0; it must be 1 to 500000: more people do not fit into one environment$",
+        ),
         ("count = 5", r"^my\.toml: population: unknown key 'count'; known: people"),
         ("people = 900", r"my\.toml: 900 people do not fit"),
         ("starts = [[1, 1], [1.2, 1]]", r"my\.toml: starts 0 and 1 overlap by 0\.180 m"),
@@ -415,11 +432,14 @@ def accepts(schema, value, whole):
     kinds = {"object": dict, "array": list, "string": str, "boolean": bool, "number": (int, float), "integer": int}
     wanted = schema.get("type", [])
     wanted = [wanted] if isinstance(wanted, str) else wanted
-    if wanted and not any(isinstance(value, kinds[one]) for one in wanted):
+    whole_number = "integer" in wanted and isinstance(value, float) and value % 1.0 == 0.0
+    if wanted and not whole_number and not any(isinstance(value, kinds[one]) for one in wanted):
         return False
     if isinstance(value, list):
         size = schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value))
-        return size and all(accepts(schema.get("items", {}), one, whole) for one in value)
+        items = schema.get("items", {})
+        each = items if isinstance(items, list) else [items] * len(value)  # one by one, or all alike
+        return size and all(accepts(item, one, whole) for item, one in zip(each, value, strict=True))
     if isinstance(value, dict):
         properties, others = schema.get("properties", {}), schema.get("additionalProperties", True)
         if not set(schema.get("required", ())) <= set(value) or (others is False and not set(value) <= set(properties)):
@@ -457,6 +477,96 @@ def test_the_schema_takes_what_the_reader_takes_and_refuses_what_it_refuses():
         {"population": {"people": 3, "radius": {"distribution": "gauss", "mean": 0.2}}},
     ):
         assert not accepts(schema, {**content, **wrong}, schema)
+
+
+# Table -> what it is made by, and the numbers of it that others bound too: these are refused by more than the schema.
+TABLES = {
+    "": (lambda **key: replace(make_scenario("room-v0"), **key), ()),
+    "Attraction": (partial(Attraction, **{"x": 1.0, "y": 1.0, "strength": 1.0}), ()),
+    "Balance": (Balance, ("step", "base", "arms")),
+    "Box": (None, ()),
+    "Circle": (None, ()),
+    "Comfort": (Comfort, ()),
+    "ControlRule": (partial(ControlRule, **{"region": "a", "at_least": 10**9, "route": "b"}), ()),
+    "DoorEvent": (lambda **key: DoorEvent("a", True, region="b" if "at_least" in key else None, **key), ()),
+    "GroupCohesion": (GroupCohesion, ()),
+    "Headway": (Headway, ()),
+    "LogNormal": (partial(LogNormal, **{"median": 2.0, "sigma": 0.0, "high": 3.0}), ("median", "high", "low")),
+    "Normal": (partial(Normal, **{"mean": 0.0, "sd": 0.0, "low": -1.0, "high": 1.0}), ("mean", "sd", "low", "high")),
+    "OneWay": (None, ()),
+    "Outline": (partial(Outline, ((0.0, 0.0, 1.0),)), ()),
+    "Plan": (
+        lambda **key: Geometry.from_polygon(box(0, 0, 900, 900), exits={"a": [(900, 400), (900, 500)]}, **key),
+        ("jamb_radius",),
+    ),
+    "Population": (lambda **key: Population(**{"people": 10**4, **key}), ("group_size",)),
+    "Pulls": (None, ()),
+    "Route": (None, ()),
+    "SpeedZone": (partial(SpeedZone, "a"), ()),
+    "Uniform": (partial(Uniform, **{"low": 0.0, "high": 1.0}), ("low", "high")),
+}
+PROBES = (
+    -2,
+    -1.0,
+    -0.5,
+    0,
+    0.0,
+    1e-3,
+    0.5,
+    1,
+    1.0,
+    1.5,
+    2,
+    2.5,
+    3,
+    9.5,
+    10.5,
+    12,
+    13.0,
+    999.0,
+    1001.0,
+    86_401.0,
+    1e6,
+    1e9,
+)
+
+
+def taken(make):
+    try:
+        make()
+    except ValueError:
+        return False
+    return True
+
+
+@pytest.mark.more
+@looped("name", TABLES)
+def test_the_schema_bounds_each_number_as_the_code_does(name):
+    schema = json_schema()
+    make, together = TABLES[name]
+    for key, one in tables(schema)[name]["properties"].items():
+        forms = [one.get("type"), *(form.get("type") for form in one.get("anyOf", ()))]
+        if one.get("deprecated") or not {"number", "integer"} & {*forms}:
+            continue
+        for probe in PROBES:
+            given = [probe] + [[probe, probe]] * ("anyOf" in one)
+            for value in given:
+                said, done = accepts(one, value, schema), taken(lambda: make(**{key: value}))  # noqa: B023  # at once
+                assert done <= said and (key in together or done == said), (
+                    f"{key} = {value}: schema {said}, code {done}"
+                )
+
+
+@looped(("where", "value"), [("Disc", [0.0, 0.0, 0.0]), ("Circle", {"circle": [1.0, 1.0, -1.0]})])
+def test_the_schema_refuses_discs_of_no_size(where, value):
+    schema = json_schema()
+    assert not accepts(schema["definitions"][where], value, schema)
+    whole = [1.0, 1.0, 1.0]
+    assert accepts(schema["definitions"][where], whole if where == "Disc" else {"circle": whole}, schema)
+
+
+def test_every_table_of_the_schema_is_compared():
+    assert TABLES.keys() >= tables(json_schema()).keys()
 
 
 def test_a_file_may_name_its_schema(tmp_path):

@@ -141,7 +141,7 @@ def test_routes_and_rules_of_a_scenario_may_be_tables():
         ({"mass": {**NORMAL, "maen": 1}}, "mass: unknown key 'maen'; known: mean"),
         ({"mass": {"distribution": "gauss"}}, "mass: unknown distribution 'gauss'; known: uniform, normal, lognormal"),
         ({"mass": {"mean": 3}}, "mass: unknown distribution None; known: uniform"),
-        ({"mass": {**NORMAL, "sd": -1}}, "mass: normal distribution with mean 0.22, sd -1"),
+        ({"mass": {**NORMAL, "sd": -1}}, "mass: normal distribution: sd is -1"),
     ],
 )
 def test_a_mistake_in_a_table_of_people_is_one_sentence(options, message):

@@ -16,13 +16,13 @@ import itertools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, TypeAlias
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.behaviors.behavior import Behavior, Words
-from crowd_env.core.checks import POSITIVE, Plain, Range, array, check_fields, plain_choice, require_all
+from crowd_env.core.checks import POSITIVE, Plain, Positive, Range, array, check_fields, plain_choice, require_all
 
 MOST_DISCS = 16
 _PERHAPS_NEVER = Range(0.0, above=True, infinite=True)
@@ -34,7 +34,7 @@ class Disc(NamedTuple):
 
     x: float  # m, forwards
     y: float  # m, to the left
-    radius: float  # m
+    radius: Positive  # m
 
 
 class UnitShape(NamedTuple):
@@ -115,9 +115,9 @@ class Outline(Behavior):
 
     discs: tuple[Disc, ...]
     """a `Disc` or three numbers each, of a person of any size: they are scaled."""
-    turning_time: float = 0.45
+    turning_time: Annotated[float, _PERHAPS_NEVER] = 0.45
     """s, ``t``, in which a body turns into its way; infinite = nothing but contacts turns it."""
-    max_torque: float = 20.0
+    max_torque: Annotated[float, _PERHAPS_NEVER] = 20.0
     """N m, ``M_max``, of what turns a body into its way, so that contacts can turn a shoulder."""
 
     NAME = "outline"
@@ -141,7 +141,7 @@ class Outline(Behavior):
         require_all("outline: discs", values, Range())
         require_all("outline: radius of discs", values[:, 2], POSITIVE)
         object.__setattr__(self, "discs", tuple(Disc(*row) for row in values.tolist()))
-        check_fields("outline", self, turning_time=_PERHAPS_NEVER, max_torque=_PERHAPS_NEVER)
+        check_fields("outline", self)
 
     @cached_property
     def shape(self) -> UnitShape:
