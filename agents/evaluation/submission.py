@@ -42,6 +42,7 @@ OWN_DRAWS = Variation("own-draws", "draws of its own")
 _PART = 4  # of the draws of a task: as many are a policy's own
 _CHECKED = 10  # draws of the rule that are held against those that lie there
 _MIXED = ("mean_exit_learned", "mean_exit_others")  # figures of mixed crowds
+_NOT_ALWAYS = (*_MIXED, "last_time", "mean_exit", "flow")  # what a run may lack
 # Column of a run -> its digits.  The first four are numbers of people; of ``blocked``, whether the run was.
 _DIGITS = {
     **dict.fromkeys(("unfinished", "blocked", "escaped", "crushed", "last_time", "mean_exit", "contact_impulse"), 5),
@@ -319,8 +320,10 @@ def _contradiction(runs: Mapping[str, Floats], people: int) -> str:
     some = {name: values[np.isfinite(values)] for name, values in runs.items()}
     for name in ("unfinished", "escaped", "crushed", "blocked"):
         most = 1 if name == "blocked" else people
-        if len(some[name]) < len(last) or not np.isin(some[name], np.arange(most + 1)).all():
+        if not np.isin(runs[name], np.arange(most + 1)).all():
             return f"{name} must be whole numbers from 0 to {most}"
+    if less := [name for name in runs if name not in _NOT_ALWAYS and len(some[name]) < len(last)]:
+        return f"{less[0]} must be a number in every run"
     if below := [name for name, values in some.items() if (values < 0.0).any()]:
         return f"{below[0]} must not be negative"
     if (

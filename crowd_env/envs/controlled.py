@@ -72,7 +72,7 @@ def frame_rate(duration: float) -> float:
 
 
 class _Specified:
-    """An environment whose Gymnasium spec has the id of a task only if nothing is another than there."""
+    """An environment with the id of a task in its Gymnasium spec only if nothing is another than there."""
 
     env: CrowdEnv
     _spec: EnvSpec | None = None

@@ -34,8 +34,8 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
     the time limit all agents that are left are truncated.  After the end, ``step`` returns five empty dictionaries.
 
     The info of an agent holds the terms of its reward, unweighted, as ``reward/<name>``, and in the last step of an episode
-    the ``metrics`` of the episode.  Where actions move a share of the people, it says whether they move this one: ``learned``,
-    also at the reset.
+    the ``metrics`` of the episode.  Where actions move a share of the people, ``learned`` is whether they move this one, also
+    at the reset.
 
     Parameters
     ----------
@@ -171,6 +171,10 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
         """
         self._check_begun("the first step")
         self._check_whole()
+        if len(self.agents) != np.count_nonzero(self.env.simulation.state.active):
+            raise ValueError(
+                "env.agents was changed by hand; a step takes out pedestrians outside, a reset brings all back"
+            )
         action, scripted = self._gather(actions)
         if not self.agents:
             return {}, {}, {}, {}, {}

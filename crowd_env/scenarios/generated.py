@@ -120,7 +120,7 @@ def draw_place(
         geometry,
         Cohorts(tuple(cohorts)) if len(cohorts) > 1 else cohorts[0],
         float(np.ceil(60.0 + walk + queue + late)),
-        f"place {seed}: {plan.about}, {crowd.number} people",
+        f"place {seed}: {plan.about}",
         f"drawn by version {VERSION} of crowd_env.scenarios.generated from the seed {seed}",
         **{**FULL_SPEED, "strategy": None, "blocked_after": 30.0 + late},
     )

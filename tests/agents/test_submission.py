@@ -194,6 +194,7 @@ def test_what_does_not_fit_is_refused(files, tmp_path, change, message):
         ("blocked", "2", "blocked must be whole numbers from 0 to 1"),
         ("mean_exit", "500", "mean_exit must not be above last_time"),
         ("flow", "0.001", "flow must not be below the people over last_time"),
+        *((name, "-", f"{name} must be a number in every run") for name in ("max_pressure", "walked", "hurry")),
         (None, None, "two runs are the same"),
     ],
 )

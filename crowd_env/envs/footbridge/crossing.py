@@ -149,7 +149,7 @@ class Footbridge(Restorable):
         elif isinstance(coupling, Pendulum):
             steps = round(duration / _PENDULUM)
             self._state = advance_pendulum(self.deck, coupling, self._walkers, psi, self._state, _PENDULUM, steps)
-        if not np.isfinite(self._state[0]):
+        if not np.isfinite([self._state[0], *self._pace]).all():
             raise FloatingPointError(
                 "the motion of the deck is not finite any more; take a heavier or less damped deck"
             )

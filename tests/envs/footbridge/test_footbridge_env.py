@@ -10,6 +10,7 @@ from gymnasium.utils.env_checker import check_env
 from crowd_env.envs.footbridge.crossing import Footbridge
 from crowd_env.envs.footbridge.deck import Deck
 from crowd_env.envs.footbridge.env import COMFORT, DeckLayout, FootbridgeEnv
+from crowd_env.envs.footbridge.pendulum import Pendulum
 from crowd_env.envs.footbridge.synchrony import Synchrony
 from crowd_env.envs.footbridge.walkers import DECK
 
@@ -125,6 +126,18 @@ def test_a_checkpoint_takes_crowd_and_deck_back(coupling):
 def test_what_no_bridge_can_do_is_refused(call, words):
     with pytest.raises(ValueError, match=words):
         call()
+
+
+@pytest.mark.parametrize(
+    "coupling", [Synchrony(force=1e9), Synchrony(sensitivity=1e300), Pendulum(height=1e-9), Pendulum(mass=1e12)]
+)
+def test_a_deck_that_nothing_holds_ends_in_a_sentence(coupling):
+    with np.errstate(all="ignore"), pytest.raises(FloatingPointError, match=r"^the motion of the deck is not finite"):
+        env = FootbridgeEnv(20, coupling=coupling)
+        env.reset(seed=0)
+        for _ in range(20):
+            observation, reward, *_ = env.step(1)
+            assert np.isfinite([*observation, reward]).all()
 
 
 def _bridge(**options):
