@@ -1,6 +1,8 @@
 """`examples/one_file.py` computes what the package computes: steps, the first second, observations, rewards, exit times."""
 
 import ast
+import importlib.util
+import sys
 from functools import cache, partial
 
 import numba
@@ -10,9 +12,8 @@ from repository import ROOT
 
 from crowd_env import DEM, NSM1, CrowdEnv, ObservationLayout
 
-# By itself the file is compiled at each start; here it is kept, under its name in the tests.
-with pytest.MonkeyPatch.context() as patch:
-    patch.setattr(numba, "njit", partial(numba.njit, cache=True))
+with pytest.MonkeyPatch.context() as patch:  # to compile it takes ten times as long as these few steps in plain Python
+    patch.setattr(numba, "njit", lambda function: function)
     from examples import one_file
 
 SCHEMES = {one_file.DEM: DEM(), one_file.NSM1: NSM1(tolerance=1e-12, max_iterations=100_000)}
@@ -20,9 +21,20 @@ LAWS = pytest.mark.parametrize("law", SCHEMES, ids=["dem", "nsm1"])
 
 
 @cache
-def square():
+def compiled():
+    """Return the file compiled, as it runs by itself; here what is compiled is kept."""
+    spec = importlib.util.spec_from_file_location("compiled_one_file", one_file.__file__)
+    file = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(numba, "njit", partial(numba.njit, cache=True))
+        spec.loader.exec_module(file)
+    return file
+
+
+@cache
+def square(file=one_file):
     """Return the room of `room-v0` as the one file has it."""
-    return one_file.make_room(5.0, 0.82)
+    return file.make_room(5.0, 0.82)
 
 
 def room(law, decision_dt=one_file.H, **options):
@@ -61,7 +73,7 @@ def test_single_steps_from_recorded_states(law):
 
 def test_the_first_second_of_soft_discs():
     env = room(one_file.DEM, decision_dt=0.1)
-    for draw in range(20):
+    for draw in range(5):
         env.reset(seed=draw)
         crowd, state = copy_of(env.simulation), env.simulation.state
         for _ in range(100):
@@ -94,6 +106,7 @@ def test_what_people_see_and_are_paid():
 @LAWS
 def test_exit_times_have_the_same_distribution(law, draws=60):
     """Kolmogorov and Smirnov, over draws: the time by which half are out, and all."""
+    one_file = compiled()
     env = CrowdEnv("room-v0", num_envs=draws, physics=("dem", "nsm1")[law])
     env.reset(seed=0)
     while not env.finished.all():
@@ -101,9 +114,9 @@ def test_exit_times_have_the_same_distribution(law, draws=60):
     theirs = np.nan_to_num(env.simulation.state.exit_time.reshape(draws, 20), nan=60.0)
     ours = np.full((draws, 20), 60.0)
     for draw in range(draws):
-        crowd = one_file.draw_crowd(square(), 20, np.random.default_rng(draw))
+        crowd = one_file.draw_crowd(square(one_file), 20, np.random.default_rng(draw))
         while crowd.inside.any() and crowd.clock[0] < 60.0:
-            one_file.step(square(), crowd, np.ones(20), law, tolerance=1e-2)
+            one_file.step(square(one_file), crowd, np.ones(20), law, tolerance=1e-2)
         ours[draw, ~crowd.inside] = crowd.exit_time[~crowd.inside]
     for a, b in (
         (np.median(times, axis=1) for times in (ours, theirs)),
@@ -117,17 +130,19 @@ def test_exit_times_have_the_same_distribution(law, draws=60):
 @pytest.mark.more
 def test_a_few_rollouts_and_a_picture():
     pytest.importorskip("torch")
-    act = one_file.learn(square(), 6, seed=0, rollouts=2, rooms=2, decisions=8)
-    crowd = one_file.evacuate(square(), 6, 0, act, until=1.0)
+    one_file = compiled()
+    act = one_file.learn(square(one_file), 6, seed=0, rollouts=2, rooms=2, decisions=8)
+    crowd = one_file.evacuate(square(one_file), 6, 0, act, until=1.0)
     assert crowd.clock[0] == pytest.approx(1.0)
     assert set(act(np.zeros((50, one_file.SEEN), np.float32), np.random.default_rng(0))) <= set(one_file.SPEEDS)
-    assert "".join(one_file.picture(square(), crowd)).count("o") == 6
+    assert "".join(one_file.picture(square(one_file), crowd)).count("o") == 6
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_learned_crowd_leaves_nobody_inside(seed, capsys):
     pytest.importorskip("torch")
+    one_file = compiled()
     one_file.main(seed)
     table = capsys.readouterr().out.splitlines()
     blocked = {line[:10].strip(): int(line.split(" of ")[0].split()[-1]) for line in table if " of 20 " in line}
