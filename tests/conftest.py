@@ -3,11 +3,14 @@
 The workers of pytest-xdist and the programs that tests start inherit these settings.
 """
 
+import gc
+import io
 import os
 import pickle
 import sys
 import warnings
-from functools import wraps
+from dataclasses import fields
+from functools import lru_cache, wraps
 
 import pytest
 
@@ -26,37 +29,63 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 
-@pytest.fixture(scope="session", autouse=True)
-def fields_of_a_place_are_made_once():
-    """Give equal places one travel-time field: half of what tests of environments took went into making it anew.
+def pytest_collection_finish():
+    """Leave out of every later search for garbage what lives to the end: a twentieth of all the time went into that."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(5_000, 10, 10)
 
-    Tests of the fields call `travel_time_field` by its own name, and get a new one each time.
-    """
-    from crowd_env.physics.simulation import arguments
-    from crowd_env.routing import route_set
-    from crowd_env.routing.fields.field import travel_time_field
 
+class _Spelt(pickle.Pickler):
+    """Spells a place by its fields, not by what it has found out since."""
+
+    def reducer_override(self, thing):
+        if type(thing).__name__ != "Geometry":
+            return NotImplemented
+        return type(thing), tuple(getattr(thing, field.name) for field in fields(thing))
+
+
+def _once(make):
+    """Return ``make``, which returns what it has made of equal arguments before."""
     known = {}
 
-    @wraps(travel_time_field)
-    def once(*place, **options):
+    @wraps(make)
+    def once(*given, **options):
+        spelt = io.BytesIO()
         try:
-            key = pickle.dumps((place, options))
-        except (AttributeError, TypeError, pickle.PicklingError):  # a speed that is a function of a test
-            return travel_time_field(*place, **options)
+            _Spelt(spelt).dump((given, options))
+        except (AttributeError, TypeError, pickle.PicklingError):  # a function of a test, a generator
+            return make(*given, **options)
+        key = spelt.getvalue()
         if key not in known:
-            with warnings.catch_warnings(record=True) as said:
-                warnings.simplefilter("always")
-                field = travel_time_field(*place, **options)
-            if said:  # each time
-                return travel_time_field(*place, **options)
-            known[key] = field
-            if len(known) > 300:
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("error")
+                    made = make(*given, **options)
+            except Exception:  # what it warns of or refuses is said each time
+                return make(*given, **options)
+            known[key] = made
+            if len(known) > 100:
                 del known[next(iter(known))]
         known[key] = known.pop(key)  # the last to go
         return known[key]
 
+    return once
+
+
+@pytest.fixture(scope="session", autouse=True)
+def equal_places_are_made_once():
+    """Make equal plans, and the ways in them, once: half of what tests of environments took went into making them anew.
+
+    Tests of the fields call `travel_time_field` by its own name, and get a new one each time.
+    """
+    from crowd_env import Geometry
+    from crowd_env.physics.simulation import arguments
+    from crowd_env.routing.route_set import RoutePlan
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(arguments, "travel_time_field", once)
-        patch.setattr(route_set, "_field_of", once)
+        patch.setattr(arguments, "travel_time_field", _once(arguments.travel_time_field))
+        patch.setattr(RoutePlan, "build", _once(RoutePlan.build))
+        patch.setattr(Geometry, "with_apron", lru_cache(300)(Geometry.with_apron))
+        patch.setattr(Geometry, "from_polygon", _once(Geometry.from_polygon))
         yield
