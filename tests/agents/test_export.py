@@ -198,7 +198,7 @@ def test_a_kind_of_network_without_a_graph_is_refused():
 
 def test_the_rule_of_a_task_is_exported_by_the_name_that_tables_give_it(tmp_path):
     for name in ("rule", "shortest"):
-        told = call(name, "--transitions", tmp_path / f"{name}.npz", "--task", "competitive-door", "--runs", "1")
+        told = call(name, "--transitions", tmp_path / f"{name}.npz", "--task", "room", "--runs", "1")
         assert told.exit_code == 0, told.output
     rule, shortest = (np.load(tmp_path / f"{name}.npz")["0/reward"] for name in ("rule", "shortest"))
     np.testing.assert_array_equal(rule, shortest)

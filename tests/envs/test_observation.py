@@ -1,5 +1,6 @@
 """What pedestrians perceive, against brute force over all pairs and against shapely's rays."""
 
+from functools import cache
 from itertools import islice
 
 import numpy as np
@@ -355,24 +356,29 @@ def test_a_turned_room_is_perceived_as_turned(frame):
         np.testing.assert_allclose(turned_left, expected, atol=1e-5, err_msg=name)
 
 
+WITHOUT_DIRECTION = ObservationLayout(tuple(name for name in TERMS if name != "direction"), neighbors=4)
+
+
+@cache
+def meeting(angle, mirrored):
+    """Return what people perceive in ten steps of a turned place, and the layout, which knows the number of routes."""
+    env = CrowdEnv(MEETING.turned(angle, mirrored), physics="dem", observation=WITHOUT_DIRECTION)
+    env.reset(seed=0)
+    return np.array([env.step(None).observation for _ in range(10)]).astype(float), env.layout
+
+
 @looped("mirrored", [False, True])
 @looped("angle", [0.0, 90.0, 137.0, 180.0])
 def test_nothing_but_direction_tells_how_a_place_lies(angle, mirrored):
     """A place that is turned, mirrored and moved is perceived as it was, with left and right exchanged in a mirror."""
-    layout = ObservationLayout(tuple(name for name in TERMS if name != "direction"), neighbors=4)
-    shows = []
-    for turn in ((0.0, False), (np.radians(angle), mirrored)):
-        env = CrowdEnv(MEETING.turned(*turn), physics="dem", observation=layout)
-        env.reset(seed=0)
-        shows.append(np.array([env.step(None).observation for _ in range(10)]).astype(float))
-    layout = env.layout  # it knows the number of routes
-    expected = {name: shows[0][..., layout[name]].copy() for name in layout.terms}
+    (plain, _), (seen, layout) = meeting(0.0, False), meeting(np.radians(angle), mirrored)
+    expected = {name: plain[..., layout[name]].copy() for name in layout.terms}
     if mirrored:
         for name, columns in {"velocity": [1], "push": [1], "neighbors": [*range(1, 20, 5), *range(3, 20, 5)]}.items():
             expected[name][..., columns] *= -1.0
         expected["walls"] = expected["walls"][..., -np.arange(layout.rays)]
     for name, wanted in expected.items():
-        found = shows[1][..., layout[name]]
+        found = seen[..., layout[name]]
         if name == "opening":
             # Its nodes lie 0.1 m apart, along x and y: where a passage is about as narrow for a while, either end may count
             # as the narrowest.  Its first column is that of the other within a tenth; tests/routing/fields turns doors.
@@ -383,12 +389,18 @@ def test_nothing_but_direction_tells_how_a_place_lies(angle, mirrored):
 # ------------------------------------------------------------------------------------------------------------ layout
 
 
+@cache
+def whole():
+    """Return all that is perceived at the moments of `crowds`."""
+    return [observation.copy() for _, observation in crowds()]
+
+
 @looped("term", TERMS)
 def test_each_term_can_be_had_alone_and_is_the_same_then(term):
     single = ObservationLayout(terms=(term,), neighbors=7, rays=12)
-    for (_, whole), (env, part) in zip(crowds(), crowds(layout=single), strict=True):
+    for every, (env, part) in zip(whole(), crowds(layout=single), strict=True):
         assert env.layout[term] == slice(0, part.shape[1])
-        np.testing.assert_array_equal(part, whole[:, FULL[term]])
+        np.testing.assert_array_equal(part, every[:, FULL[term]])
 
 
 def test_columns_follow_the_order_of_the_terms_without_gaps():

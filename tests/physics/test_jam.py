@@ -81,7 +81,7 @@ def test_a_jam_of_100_stays_within_the_stated_overlap_and_residual(name, goal):
         worst.append(deepest(geometry, bodies, state))
         inside.append(geometry.contains(state.position[state.active]).all())
 
-    simulation = press(geometry, bodies, state, np.array(goal), scheme, 400, watch)
+    simulation = press(geometry, bodies, state, np.array(goal), scheme, 300, watch)
     totals = simulation.diagnostics
     assert (simulation.contacts().gap < 1e-3).sum() > 20  # it is a jam, also where a social force keeps many apart
     assert all(inside)

@@ -51,7 +51,7 @@ def test_a_turn_costs_little_if_it_does_so_at_every_width():
     assert not corner.costs_little(straight * np.nan, straight)
 
 
-@looped("manner", ["hurried", "calm", "eager"], quick=2)
+@looped("manner", ["hurried", "calm", "eager"], quick=1)
 def test_a_turn_costs_a_crowd_little(manner):
     """By the way that people take by default; when the outer ones cut across, 15 to 55 %."""
     turned, straight = corner.times(Setting("dem", manner, draws=12))
