@@ -80,11 +80,13 @@ def equal_places_are_made_once():
     Tests of the fields call `travel_time_field` by its own name, and get a new one each time.
     """
     from crowd_env import Geometry
-    from crowd_env.physics.simulation import arguments
+    from crowd_env.physics.simulation import arguments, simulation
     from crowd_env.routing.route_set import RoutePlan
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(arguments, "travel_time_field", _once(arguments.travel_time_field))
+        patch.setattr(simulation, "make_wall_grid", _once(simulation.make_wall_grid))
+        patch.setattr(simulation, "border_of", _once(simulation.border_of))
         patch.setattr(RoutePlan, "build", _once(RoutePlan.build))
         patch.setattr(Geometry, "with_apron", lru_cache(300)(Geometry.with_apron))
         patch.setattr(Geometry, "from_polygon", _once(Geometry.from_polygon))

@@ -99,17 +99,16 @@ PLANS = {
 def scatter(rng: np.random.Generator, geometry: Geometry, radius: np.ndarray, *, gap: float = 0.0) -> np.ndarray:
     """Return random positions with at least ``gap`` (which may be negative) between bodies and to walls."""
     x_low, y_low, x_high, y_high = geometry.bounds
-    placed: list[np.ndarray] = []
+    placed = np.empty((len(radius), 2))
     for i in range(len(radius)):
         while True:
             point = rng.uniform((x_low, y_low), (x_high, y_high))
-            if not geometry.contains(point) or geometry.clearance(point)[0] < radius[i] + gap:
+            if (np.hypot(*(placed[:i] - point).T) < radius[:i] + radius[i] + gap).any():
                 continue
-            others = np.array(placed).reshape(-1, 2)
-            if (np.hypot(*(others - point).T) >= radius[:i] + radius[i] + gap).all():
-                placed.append(point)
+            if geometry.contains(point) and geometry.clearance(point)[0] >= radius[i] + gap:
+                placed[i] = point
                 break
-    return np.array(placed)
+    return placed
 
 
 def people(rng: np.random.Generator, count: int) -> Bodies:
