@@ -89,5 +89,5 @@ def equal_places_are_made_once():
         patch.setattr(simulation, "border_of", _once(simulation.border_of))
         patch.setattr(RoutePlan, "build", _once(RoutePlan.build))
         patch.setattr(Geometry, "with_apron", lru_cache(300)(Geometry.with_apron))
-        patch.setattr(Geometry, "from_polygon", _once(Geometry.from_polygon))
+        patch.setattr(Geometry, "from_polygon", staticmethod(_once(Geometry.from_polygon)))
         yield
