@@ -20,14 +20,13 @@ from crowd_env.routing.fields.domain import SOURCE
 from crowd_env.routing.fields.drain import spread
 from crowd_env.routing.fields.extension import fill_from_nearest
 from crowd_env.routing.fields.field import NavigationField
-from crowd_env.routing.fields.fronts import Fronts
+from crowd_env.routing.fields.fronts import NARROW, Fronts
 from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram, weidmann
 
 SPACING = 0.2  # m, or four fifths of the radius: the band along a thin wall must hold a node
 _EVERY = 1.0  # s, how often a fastest way is found again, counted from the start of each environment
 _NODES = 200_000  # that are marched again each second at most
 _ALIKE = 0.5  # cosine between two directions that lead the same way
-_WIDE = 1.6  # m, for the middle of a body, of openings over which density alone does not spread people; fitted
 _ABREAST = 0.7  # the same cosine, for people that spread: a larger turn leads around a crowd
 _AT_EXIT = 1.0  # s, at 1 m/s
 _TIP = 2.0  # nodes that a corner may reach beyond the discs that fit into it
@@ -98,10 +97,10 @@ class CongestionField:
         replace the marched field.
         """
         stride = round(self.spacing / self._fine.spacing)
-        direction = spread(self._fine, self._walls, _WIDE).direction[::stride, ::stride]
+        direction = spread(self._fine, self._walls, NARROW).direction[::stride, ::stride]
         same = (direction == self._shortest).all(axis=-1)
         direct = np.where(same, self._template.direct, -1)
-        sure = self._narrow | ~same | (self._fronts.outlets == 1)  # all ways share the one
+        sure = self._narrow | ~same | self._fronts.shared
         return direction, cell_kinds(self._template.travel_time, direct, self._blocked), sure
 
     def density(self, position: Floats) -> Floats:

@@ -16,6 +16,7 @@ from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram
 from crowd_env.routing.fields.grid import RIGHT, UP, connected_parts
 
 DEPTH = 0.5  # m on plain floor
+NARROW = 1.6  # m, for the middle of a body, of openings over which density alone does not spread people; fitted
 _BESIDE = 3  # nodes between a wall and where the middle of a body has room
 
 
@@ -35,7 +36,7 @@ class Fronts:
     Attributes
     ----------
     front : (rows, cols) number of the front that a node lies in, or is next to.
-    outlets : number of fronts beside the way out.
+    shared : (rows, cols) where all ways out lead through one opening: the only front beside the way out, or a narrow one.
     """
 
     def __init__(
@@ -65,7 +66,6 @@ class Fronts:
         by, row = np.unique(np.stack([front[seen >= 0], seen[seen >= 0]]), axis=1)
         through = np.bincount(by, width[row], count)
         self._first = np.flatnonzero(band_of == 0)
-        self.outlets = len(self._first)
         leads_out = self._first[np.isin(self._first, by)]
         self._width[leads_out] = np.minimum(self._width, through)[leads_out]
         self._width = np.maximum(self._width, 1e-6)
@@ -82,6 +82,38 @@ class Fronts:
         self._steps = [self._step(list(fronts)) for _, fronts in groupby(self._by_band, band_of.__getitem__)]
         self._steps = [step for step in self._steps if len(step[0])]
         self.front = _spread(front, open_right, open_up)
+        narrow = size * spacing**2 / self._length <= NARROW
+        self.shared = np.asarray(self._behind(narrow)[self.front] | (len(self._first) == 1))
+
+    def _behind(self, narrow: Bools) -> Bools:
+        """Return which fronts (K,) a single ``narrow`` one parts from the way out (cut vertices; Tarjan 1972)."""
+        count, root = len(self._band), len(self._band)
+        beside = [*map(list, self._beside), self._first.tolist()]  # the way out is a front more, beside the first ones
+        for n in self._first.tolist():
+            beside[n].append(root)
+        number, low, parent = np.full(count + 1, -1), np.zeros(count + 1, dtype=np.int64), np.full(count + 1, -1)
+        order, stack = list[int](), [root]
+        while stack:  # in depth
+            n = stack[-1]
+            if number[n] < 0:
+                number[n] = low[n] = len(order)
+                order.append(n)
+            if not beside[n]:
+                stack.pop()
+                if n != root:
+                    low[parent[n]] = min(low[parent[n]], low[n])
+                continue
+            other = beside[n].pop()
+            if number[other] < 0:
+                parent[other] = n
+                stack.append(other)
+            elif other != parent[n]:
+                low[n] = min(low[n], number[other])
+        behind = np.zeros(count + 1, dtype=np.bool_)
+        for n in order[1:]:
+            on = parent[n]
+            behind[n] = behind[on] or (on != root and narrow[on] and low[n] >= number[on])
+        return behind[:count]
 
     def _step(self, fronts: list[int]) -> tuple[Ints, Ints, Floats, Ints]:
         """Return the pairs of these fronts and the fronts ahead of them: behind, ahead, share, first.

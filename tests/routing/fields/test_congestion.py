@@ -5,7 +5,7 @@ import pytest
 from cases import looped
 from shapely.geometry import box
 
-from crowd_env import make_scenario
+from crowd_env import Population, Scenario, make_scenario
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram, weidmann
 from crowd_env.routing.route_set import RoutePlan
@@ -68,11 +68,18 @@ def test_a_large_place_is_marched_less_often(monkeypatch):
     assert congestion.every == congestion.march().travel_time.size / 100 > 1.0
 
 
-@looped("name", ["bottleneck-v0", "l-corridor-v0", "pillar-v0"], quick=1)
+def a_passage_to_two_exits():
+    rooms = [box(0, 0, 8, 8), box(8, 3.6, 10, 4.4), box(10, 0, 14, 8)]
+    exits = {"right": [(14, 0.5), (14, 1.5)], "left": [(14, 6.5), (14, 7.5)]}
+    place = Geometry.from_polygon(rooms, exits=exits, regions={"room": rooms[0]})
+    return Scenario("passage", place, Population(60, start_region="room"), 300.0)
+
+
+@looped("name", ["passage", "bottleneck-v0", "l-corridor-v0", "pillar-v0"], quick=2)
 def test_where_all_ways_share_one_opening_the_fastest_is_no_slower_than_the_shortest(name):
-    took = []
+    took, place = [], a_passage_to_two_exits() if name == "passage" else make_scenario(name)
     for strategy in ("shortest", "fastest"):
-        crowds = draw_crowds([make_scenario(name)], Setting("dem", "hurried", draws=4, strategy=strategy))
+        crowds = draw_crowds([place], Setting("dem", "hurried", draws=4, strategy=strategy))
         out = crowds.walk(200.0).exit_time
         took.append(crowds.means([out[crowds.people(e)].max() for e in range(crowds.count)])[0])
-    assert took[1] < 1.04 * took[0]  # the marched field alone takes 9 % more at the bottleneck
+    assert took[1] < 1.04 * took[0]  # the marched field alone takes 9 to 12 % more

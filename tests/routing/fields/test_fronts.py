@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from shapely.geometry import Point, box
 
 from crowd_env import make_scenario
@@ -81,3 +83,32 @@ def test_fronts_do_not_reach_through_walls():
     fronts = make_scenario("theatre-v0").route_set("fastest").routes[1].congestion._fronts
     jumps = [abs(fronts._band[n] - fronts._band[p]) for n, near in enumerate(fronts._beside) for p in near]
     assert max(jumps) <= 5  # at the edge of stairs; through a wall it was 30
+
+
+@pytest.mark.parametrize("name", ["passage", "theatre-v0", "stadium-sector-v0"])
+def test_what_a_front_parts_from_the_way_out_is_what_cannot_be_reached_without_it(name):
+    geometry = two_ways_behind_a_passage() if name == "passage" else make_scenario(name).geometry
+    fronts = congestion_of(geometry)._fronts
+    pairs = np.array([(n, other) for n, beside in enumerate(fronts._beside) for other in beside])
+    count, rng = len(fronts._band), np.random.default_rng(0)
+    for only in rng.choice(np.arange(1, count), 40):
+        narrow = np.arange(count) == only
+        kept = pairs[(pairs != only).all(axis=1)]
+        graph = coo_array((np.ones(len(kept)), kept.T), shape=(count, count))
+        part = connected_components(graph, directed=False)[1]
+        reached = np.isin(part, part[fronts._first[fronts._first != only]]) | narrow
+        reached[0] = True
+        np.testing.assert_array_equal(fronts._behind(narrow), ~reached)
+
+
+def test_upstream_of_a_passage_all_ways_are_shared():
+    congestion = congestion_of(two_ways_behind_a_passage())
+    shared, shape = congestion._fronts.shared, congestion._inside.shape
+    here = [[1.0, 1.0], [7.0, 4.0], [12.0, 4.0], [13.0, 1.0]]
+    nodes = grid.nearest_nodes(np.array(here), congestion.origin, congestion.spacing, shape)
+    assert shared[nodes].tolist() == [True, True, False, False]
+
+
+def two_ways_behind_a_passage(width=0.8):
+    rooms = [box(0, 0, 8, 8), box(8, 4 - width / 2, 10, 4 + width / 2), box(10, 0, 14, 8)]
+    return Geometry.from_polygon(rooms, exits={"e": [(14, 0.5), (14, 1.5)], "f": [(14, 6.5), (14, 7.5)]})
