@@ -112,10 +112,10 @@ class RoutePlanner:
             if only not in (None, e) or not self._clock.is_due(e, state.time[e]):
                 continue
             people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
-            inside = np.arange(people.start, people.stop)[state.active[people]]
-            if not len(inside):
+            if not state.active[people].any():
                 continue
-            position, walking = state.position[inside], self._walking(bodies, inside)
+            present = np.arange(people.start, people.stop)[state.present[people]]
+            position, walking = state.position[present], self._walking(bodies, present)
             fields = [(r, way.congestion) for r, way in enumerate(place.routes) if way.congestion is not None]
             for r, congestion in fields:
                 self._write(e, r, congestion.march(position, walking))

@@ -28,7 +28,7 @@ _EVERY = 1.0  # s, how often a fastest way is found again, counted from the star
 _NODES = 200_000  # that are marched again each second at most
 _ALIKE = 0.5  # cosine between two directions that lead the same way
 _ABREAST = 0.7  # the same cosine, for people that spread: a larger turn leads around a crowd
-_AT_EXIT = 1.0  # s, at 1 m/s
+_AT_EXIT, _IN_DOOR = 1.0, 2.0  # s, at 1 m/s; the other is as deep as aprons, see `Scenario.apron`
 _TIP = 2.0  # nodes that a corner may reach beyond the discs that fit into it
 _AHEAD = 0.6  # m, of the fine way, to tell whether the marched field leads the same way
 _SAME = 1e-9  # m, between the ends of two lines that meet
@@ -67,10 +67,14 @@ class CongestionField:
         shape = self._inside.shape
         self._speed = speed(grid.node_points(self.origin, self.spacing, shape))
         blocked = grid.blocked_lines(walls, shape, self.origin, self.spacing)
-        # This near to a door the straight line to it is the way, with any crowd.
-        near_door = (fine.direct >= 0) & (fine.travel_time < _AT_EXIT)
-        direct = np.where(near_door, fine.direct, -1)[::stride, ::stride]
         self._direct, self._blocked = fine.direct[::stride, ::stride], blocked
+        seen, width = np.full(shape, -1), np.empty(0)  # a region is no bottleneck
+        if exits is not None:
+            seen, width = self._direct, _room(exits, fine.radius)
+        self._fronts = Fronts(self._first, self._free, self._speed, blocked, self.spacing, seen, width)
+        # This near to a door, and between its jambs, the straight line to it is the way, with any crowd.
+        near_door = fine.travel_time[::stride, ::stride] < np.where(self._fronts.narrow, _IN_DOOR, _AT_EXIT)
+        direct = np.where(near_door, self._direct, -1)
         self._template = replace(
             fine,
             travel_time=np.where(self._inside, 0.0, np.nan),
@@ -81,10 +85,6 @@ class CongestionField:
             through=None,
             free=None,
         )
-        seen, width = np.full(shape, -1), np.empty(0)  # a region is no bottleneck
-        if exits is not None:
-            seen, width = self._direct, _room(exits, fine.radius)
-        self._fronts = Fronts(self._first, self._free, self._speed, blocked, self.spacing, seen, width)
         self._shortest, self._fine, self._walls = fine.direction[::stride, ::stride], fine, walls
         self._narrow = np.zeros_like(self._inside) if fine.free is None else _narrow(fine.free, stride) & self._inside
         self._ahead = _walk(fine, stride, round(_AHEAD / fine.spacing)) if self._tight else None

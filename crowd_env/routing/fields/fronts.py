@@ -36,6 +36,7 @@ class Fronts:
     Attributes
     ----------
     front : (rows, cols) number of the front that a node lies in, or is next to.
+    narrow : (rows, cols) where a front is at most `NARROW` wide.
     shared : (rows, cols) where all ways out lead through one opening: the only front beside the way out, or a narrow one.
     """
 
@@ -83,6 +84,7 @@ class Fronts:
         self._steps = [step for step in self._steps if len(step[0])]
         self.front = _spread(front, open_right, open_up)
         narrow = size * spacing**2 / self._length <= NARROW
+        self.narrow = narrow[self.front]
         self.shared = np.asarray(self._behind(narrow)[self.front] | (len(self._first) == 1))
 
     def _behind(self, narrow: Bools) -> Bools:
