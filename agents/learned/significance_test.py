@@ -39,9 +39,9 @@ def compare_with_start(folder: Path, config: TrainingConfig, threads: int = 1) -
 
     Both networks move the crowd of the task, with its number of pedestrians and physics step, on the same fresh draws.  These
     draws belong to this task and seed alone (`first_draw`).  The test compares times of the last pedestrian; a pedestrian left
-    inside counts until the time limit.  A clear difference ends the test early.  So does a network that is less than `MARGIN`
-    later and has less contact: the test then keeps it.  It also keeps a network that has less contact and is not later on
-    average, if all draws leave the time undecided.
+    inside counts until the time limit.  A network that is sooner ends the test early, and one that is less than `MARGIN` later
+    and has less contact: the test keeps both.  So does one that is more than `MARGIN` later: the test keeps the start.  The
+    test also keeps a network that has less contact and is not later on average, if all draws leave the time undecided.
 
     Type-I error: 2.5 % for a network that is no sooner, and 2.5 % for one that is `MARGIN` later.  Both are tested against the
     same bounds at each look.  Contact is a further hypothesis on the same draws at every look.  It has the bound of a single
@@ -66,10 +66,12 @@ def compare_with_start(folder: Path, config: TrainingConfig, threads: int = 1) -
         time, impulse = _minus_start(folder, config, look, threads)
         later, harder = np.append(later, time), np.append(harder, impulse)
         z, bound = _over_error(later), _BOUND * np.sqrt(LOOKS / (look + 1))
-        softer, as_soon = _over_error(harder) < -_BOUND * np.sqrt(LOOKS), _over_error(later - MARGIN) < -bound
-        if abs(z) > bound or (softer and as_soon):
+        sooner, softer = z < -bound, _over_error(harder) < -_BOUND * np.sqrt(LOOKS)
+        beyond_margin = _over_error(later - MARGIN)
+        as_soon = beyond_margin < -bound
+        if sooner or (softer and as_soon) or beyond_margin > bound:
             break
-    mean, sooner = float(later.mean()), z < -bound
+    mean = float(later.mean())
     kept = sooner or (softer and (as_soon or (mean <= 0.0 and z <= bound)))
     found = {
         "kept": "trained" if kept else "start",

@@ -80,6 +80,7 @@ def test_what_is_not_beyond_doubt_is_refused_after_all_looks(run, monkeypatch):
         (-0.05, 1.0, -0.1, "start", 100),
         (0.12, 1.0, -1.0, "trained", 50),
         (0.12, 0.1, -1.0, "trained", 25),
+        (0.36, 0.6, -1.0, "trained", 100),  # later beyond doubt, by less than half a second
         (-0.1, 4.0, -1.0, "trained", 100),
         (0.5, 4.0, -1.0, "start", 100),
         (5.0, 1.0, -9.0, "start", 25),
