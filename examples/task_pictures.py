@@ -14,7 +14,7 @@ def main(folder: Path = Path("docs/images/tasks")) -> None:
     for task in TASKS.values():
         env = CrowdEnv(task.place(), **task.arguments())
         env.reset([task.seeds.start])
-        frame, _ = draw_env(env, Renderer(env.scenarios[0].geometry, width=480))
+        frame = draw_env(env, [Renderer(env.scenarios[0].geometry, width=480)])
         write_png(folder / f"{task.name}.png", frame)
 
 

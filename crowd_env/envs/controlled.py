@@ -110,13 +110,12 @@ class SingleEnv(_Specified, Restorable, gymnasium.Env):
     _kept = ("_np_random", "_np_random_seed")
 
     def __init__(self, batch: Batch, render_mode: str | None = None) -> None:
-        if render_mode not in (None, "rgb_array"):
-            raise ValueError(f"unknown render_mode {render_mode!r}; known: None, rgb_array")
+        check_render_mode(render_mode)
         self.batch, self.env, self.layout = batch, batch.env, batch.layout
         self.observation_space, self.action_space = batch.observation_space, batch.action_space
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": frame_rate(batch.duration)}
-        self._canvas: Any = None
+        self._canvas: list[Any] = []
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Reset:
         """Start an episode; the same seed gives the same people at the same positions.
@@ -160,8 +159,13 @@ class SingleEnv(_Specified, Restorable, gymnasium.Env):
             return None
         from crowd_env.rendering.frames import draw_env
 
-        frame, self._canvas = draw_env(self.env, self._canvas)
-        return frame
+        return draw_env(self.env, self._canvas)
+
+
+def check_render_mode(mode: str | None) -> None:
+    """Raise ValueError if a render mode is neither None nor "rgb_array"."""
+    if mode not in (None, "rgb_array"):
+        raise ValueError(f"unknown render_mode {mode!r}; known: None, rgb_array")
 
 
 def _first(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -196,7 +200,7 @@ class BatchVectorEnv(_Specified, Restorable, VectorEnv):
     ----------
     make : makes the environments; it receives ``autoreset``, whether environments that end restart at once.
     autoreset_mode : an `AutoresetMode` or its value.
-    render_mode : None; a batch is not rendered.
+    render_mode : None or "rgb_array".
     max_episode_steps : steps until the time limit; by default that of the place.
 
     Attributes
@@ -209,18 +213,17 @@ class BatchVectorEnv(_Specified, Restorable, VectorEnv):
         If any of these is unknown, out of range, or does not fit together.
     """
 
-    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
+    metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": ["rgb_array"]}
     _kept = ("_begun", "_ended", "_last", "_np_random_seed")
 
     def __init__(
         self,
         make: Callable[..., Batch],
         autoreset_mode: AutoresetMode | str,
-        render_mode: None = None,
+        render_mode: str | None = None,
         max_episode_steps: int | None = None,
     ) -> None:
-        if render_mode is not None:
-            raise ValueError("a batch is not rendered; make one environment with a render_mode instead")
+        check_render_mode(render_mode)
         if not isinstance(autoreset_mode, AutoresetMode):
             known("autoreset_mode", autoreset_mode, [one.value for one in AutoresetMode])
         self.autoreset_mode = mode = AutoresetMode(autoreset_mode)
@@ -228,9 +231,10 @@ class BatchVectorEnv(_Specified, Restorable, VectorEnv):
         if max_episode_steps is not None:
             batch.env.cut_off(whole("max_episode_steps", max_episode_steps) * batch.duration)
         self.batch, self.env, self.layout = batch, batch.env, batch.layout
-        self.render_mode = None
+        self.render_mode = render_mode
         self.num_envs = num_envs = batch.env.num_envs
-        self.metadata = {**self.metadata, "autoreset_mode": mode}
+        self.metadata = {**self.metadata, "autoreset_mode": mode, "render_fps": frame_rate(batch.duration)}
+        self._canvas: list[Any] = []
         self.single_observation_space, self.single_action_space = batch.observation_space, batch.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -306,6 +310,14 @@ class BatchVectorEnv(_Specified, Restorable, VectorEnv):
             self._ended = over
         self._last[:] = observation
         return observation, made.reward, made.terminated, made.truncated, info
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """Return a frame (H, W, 3) uint8 of each environment, None without a render mode."""
+        if self.render_mode is None:
+            return None
+        from crowd_env.rendering.frames import draw_envs
+
+        return tuple(draw_envs(self.env, self._canvas))
 
     def _made_by(self) -> dict[str, Any]:
         return {**super()._made_by(), **self.batch.made_by, "autoreset_mode": self.autoreset_mode.value}

@@ -126,7 +126,7 @@ class CrowdGymEnv(SingleEnv):
                 refuse(
                     "scenario", options["scenario"], f"a place of {self.env.num_people} people; give people= with it"
                 )
-            self.batch, self.env, self._canvas = batch, batch.env, None
+            self.batch, self.env = batch, batch.env
         return super().reset(seed=seed)
 
     def step(self, action: Any) -> Row:
@@ -152,7 +152,7 @@ class CrowdVectorEnv(BatchVectorEnv):
     scenario : as `CrowdEnv` takes it, or several with the same number of people, dealt out in turn; by default "room-v0".
     num_envs : number of rooms E.
     autoreset_mode : "SameStep", "NextStep" or "Disabled".
-    render_mode : None; a batch is not rendered.
+    render_mode : None or "rgb_array".
     max_episode_steps : decision steps until the time limit; by default that of the place.
     **arguments : all others of `CrowdEnv`, but for ``autoreset``.
 
@@ -169,7 +169,7 @@ class CrowdVectorEnv(BatchVectorEnv):
         num_envs: int = 1,
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
-        render_mode: None = None,
+        render_mode: str | None = None,
         max_episode_steps: int | None = None,
         **arguments: Unpack[EnvArguments],
     ) -> None:

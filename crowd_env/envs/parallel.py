@@ -96,7 +96,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
     def _enter(self, env: CrowdEnv) -> None:
         """Let the next evacuation be that of another environment."""
         self.env = env
-        self._canvas: Any = None
+        self._canvas: list[Any] = []
         if self._cycles is not None:
             self.max_cycles = self._cycles
         self._state = StateReader(env)
@@ -249,7 +249,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
         from crowd_env.rendering import Window
         from crowd_env.rendering.frames import draw_env
 
-        frame, self._canvas = draw_env(self.env, self._canvas)
+        frame = draw_env(self.env, self._canvas)
         if self.render_mode == "rgb_array":
             return frame
         if self._window is None:

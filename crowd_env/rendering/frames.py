@@ -178,16 +178,24 @@ def _put_scale_bar(image: Image, layout: Layout) -> None:
         image.paste(QUIET, (column, row - tall, column + thick, row + thick + tall))
 
 
-def draw_env(env: CrowdEnv, renderer: Renderer | None = None, e: int = 0) -> tuple[np.ndarray, Renderer]:
-    """Return a frame (H, W, 3) uint8 of environment ``e``, and the renderer to hand in the next time."""
+def draw_env(env: CrowdEnv, kept: list[Renderer], e: int = 0) -> np.ndarray:
+    """Return a frame (H, W, 3) uint8 of environment ``e``.
+
+    Parameters
+    ----------
+    kept : renderers of earlier frames; environments of one geometry share one.  Those of the latest geometries stay.
+    """
+    geometry = env.scenario_of_env[e].geometry
+    renderer = next((one for one in kept if one.geometry is geometry), None)
     if renderer is None:
-        renderer = Renderer(env.scenario_of_env[e].geometry)
+        renderer = Renderer(geometry)
+        kept[:] = [*kept, renderer][-env.num_envs :]
     people, simulation = env.people(e), env.simulation
     radius, state = simulation.bodies.radius[people], simulation.state
     impulse = simulation.results.impulse_magnitude[people]
     position, angle = state.position[people], state.angle[people]
     feet = places_of_feet(simulation)[people] if simulation.behaviors["balance"] else None
-    frame = renderer.frame(
+    return renderer.frame(
         position,
         radius,
         active=state.active[people],
@@ -196,4 +204,13 @@ def draw_env(env: CrowdEnv, renderer: Renderer | None = None, e: int = 0) -> tup
         bodies=bodies_of(simulation, position, radius, angle=angle, feet=feet),
         clock=float(state.time[e]),
     )
-    return frame, renderer
+
+
+def draw_envs(env: CrowdEnv, kept: list[Renderer]) -> list[np.ndarray]:
+    """Return a frame of each environment as `draw_env` does, all of one size: smaller ones have an empty margin below."""
+    frames = [draw_env(env, kept, e) for e in range(env.num_envs)]
+    height, width, _ = np.max([frame.shape for frame in frames], axis=0)
+    return [
+        np.pad(frame, ((0, height - len(frame)), (0, width - frame.shape[1]), (0, 0)), constant_values=255)
+        for frame in frames
+    ]

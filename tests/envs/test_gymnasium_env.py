@@ -149,8 +149,8 @@ def test_make_vec_gives_the_native_batch():
 def test_rooms_of_different_sizes_do_not_make_a_batch_here():
     with pytest.raises(ValueError, match="same number of people"):
         make_vec([make_scenario("room-v0"), make_scenario("room-v0", people=3)], 2)
-    with pytest.raises(ValueError, match="not rendered"):
-        make_vec("room-v0", 2, render_mode="rgb_array")
+    with pytest.raises(ValueError, match="unknown render_mode 'human'; known: None, rgb_array"):
+        make_vec("room-v0", 2, render_mode="human")
 
 
 # --------------------------------------------------------------------------------------------------------- rendering
@@ -165,3 +165,23 @@ def test_a_frame_shows_the_room():
         env.step(np.tile(np.float32([1, 0]), (3, 1)))
     assert not np.array_equal(env.render(), frame)
     env.close()
+
+
+def test_frames_of_a_batch_are_those_of_its_rooms():
+    forward = np.tile(np.float32([1, 0]), (3, 1))
+    rooms = make_vec("room-v0", 2, people=3, render_mode="rgb_array")
+    rooms.reset(seed=[4, 5])
+    rooms.step(np.stack([forward, forward]))
+    frames = rooms.render()
+    for seed, frame in zip((4, 5), frames, strict=True):
+        room = gymnasium.make("crowd_env/room-v0", people=3, render_mode="rgb_array")
+        room.reset(seed=seed)
+        room.step(forward)
+        np.testing.assert_array_equal(room.render(), frame)
+    assert make_vec("room-v0", 2, people=3).render() is None
+    places = make_vec(
+        [make_scenario("room-v0", people=3), make_scenario("bottleneck-v0", people=3)], 3, render_mode="rgb_array"
+    )
+    places.reset(seed=0)
+    assert len({frame.shape for frame in places.render()}) == 1
+    assert places.metadata["render_fps"] == 10

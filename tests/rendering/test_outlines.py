@@ -73,7 +73,9 @@ def test_environments_and_recordings_show_shoulders():
     env.reset(seed=0)
     for _ in range(8):
         env.step(None)
-    frame, renderer = draw_env(env)
+    renderers: list[Renderer] = []
+    frame = draw_env(env, renderers)
+    [renderer] = renderers
     state, radius = env.simulation.state, env.simulation.bodies.radius
     shown = {"active": state.active, "color_value": np.zeros(20), "clock": float(state.time[0])}
     expected = renderer.frame(

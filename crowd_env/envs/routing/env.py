@@ -89,7 +89,7 @@ class RoutingVectorEnv(BatchVectorEnv):
     scenario : as `CrowdEnv` takes it; by default "two-exit-hall-v0".
     num_envs : number of evacuations E.
     autoreset_mode : "SameStep", "NextStep" or "Disabled".
-    render_mode : None; a batch is not rendered.
+    render_mode : None or "rgb_array".
     max_episode_steps : decisions of a controller until the time limit; by default that of the place.
     **arguments : all others of `RoutingEnv`.
 
@@ -109,7 +109,7 @@ class RoutingVectorEnv(BatchVectorEnv):
         num_envs: int = 1,
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
-        render_mode: None = None,
+        render_mode: str | None = None,
         max_episode_steps: int | None = None,
         **arguments: Any,
     ) -> None:

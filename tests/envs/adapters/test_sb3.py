@@ -1,17 +1,21 @@
 """Stable-baselines3: a slot per pedestrian, whose episode is that of its room; and PPO that learns on them."""
 
+import sys
+from types import ModuleType
+
 import numpy as np
 import pytest
 from late import late
 
-from crowd_env import CrowdEnv, RewardWeights, make_scenario
+from crowd_env import CrowdEnv, GeneratedCrowds, RewardWeights, make_scenario
+from crowd_env.envs.routing.env import RoutingVectorEnv
 
 torch = late("torch")
 PPO = late("stable_baselines3", "PPO")
-VecMonitor = late("stable_baselines3.common.vec_env", "VecMonitor")
+VecMonitor, VecVideoRecorder = late("stable_baselines3.common.vec_env", "VecMonitor", "VecVideoRecorder")
 PPOSettings, make_ppo = late("crowd_env.agents.learned", "PPOSettings", "make_ppo")
-CrowdVecEnv, MaskedRolloutBuffer, vec_env = late(
-    "crowd_env.envs.adapters.sb3", "CrowdVecEnv", "MaskedRolloutBuffer", "vec_env"
+CrowdVecEnv, VectorVecEnv, MaskedRolloutBuffer, vec_env = late(
+    "crowd_env.envs.adapters.sb3", "CrowdVecEnv", "VectorVecEnv", "MaskedRolloutBuffer", "vec_env"
 )
 
 SMALL = {"people": 6, "time_limit": 4.0}
@@ -204,3 +208,27 @@ def test_it_learns_not_to_stand_still():
     model.learn(40_000)
     after = model.predict(observation, deterministic=True)[0][:, 0].mean()
     assert before < 0.2 and after > 0.6
+
+
+def test_a_recorder_films_all_rooms_side_by_side(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "moviepy", ModuleType("moviepy"))  # writes the file, which this test does without
+    env = CrowdVecEnv("room-v0", num_envs=2, people=3, render_mode="rgb_array")
+    film = VecVideoRecorder(env, str(tmp_path), lambda step: step == 0, video_length=9)
+    film.reset()
+    film.step(np.zeros((6, 2), np.float32))
+    shown, (one, other) = film.recorded_frames[-1], env.get_images()
+    assert shown.shape in ((2 * one.shape[0], one.shape[1], 3), (one.shape[0], 2 * one.shape[1], 3))
+    assert film.frames_per_sec == 10 and not np.array_equal(one, other)
+    film.recorded_frames.clear()
+
+
+def test_frames_are_of_a_batch_that_can_be_drawn():
+    assert CrowdVecEnv("room-v0", people=3).render_mode is None
+    with pytest.raises(ValueError, match="unknown render_mode 'human'"):
+        CrowdVecEnv("room-v0", people=3, render_mode="human")
+    with pytest.raises(ValueError, match="env is 'GeneratedCrowds'; it must be a CrowdEnv"):
+        CrowdVecEnv(GeneratedCrowds(1, people=10), render_mode="rgb_array")
+    halls = RoutingVectorEnv("two-exit-hall-v0", 2, people=6, render_mode="rgb_array")
+    rooms = VectorVecEnv(halls)
+    rooms.reset()
+    assert len(rooms.get_images()) == 2 and rooms.metadata["render_fps"] == halls.metadata["render_fps"]

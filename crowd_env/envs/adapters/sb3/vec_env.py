@@ -4,7 +4,7 @@ from abc import abstractmethod
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import gymnasium
 import numpy as np
@@ -13,7 +13,9 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.checks import refuse
 from crowd_env.envs.arguments import Place, check_options
+from crowd_env.envs.controlled import check_render_mode, frame_rate
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.protocol import WalkingBatch
@@ -35,19 +37,21 @@ class BatchVecEnv(Restorable, VecEnv):
     Attributes
     ----------
     env : the batch, in which attributes and methods are looked up.
+    render_mode : "rgb_array" if `render` returns a picture of all environments, such as for ``VecVideoRecorder``, or None.
     finished_episodes : metrics of the environments that finished since `take_finished` was last called, the last 1000 of them.
     """
 
     env: WalkingBatch | VectorEnv
     _kept: Collection[str] = ("finished_episodes", "_return", "_length", "_seeds", "_options")
 
-    def __init__(self, env: WalkingBatch | VectorEnv, rows: int) -> None:
-        self.env, self.render_mode = env, None
+    def __init__(self, env: WalkingBatch | VectorEnv, rows: int, render_mode: str | None, render_fps: float) -> None:
+        self.env, self.render_mode = env, render_mode
         self.finished_episodes: deque[EpisodeMetrics] = deque(maxlen=max(KEPT_EPISODES, env.num_envs))
         self._actions: np.ndarray = np.empty(0)
         self._return = np.zeros(rows)
         self._length = np.zeros(rows, dtype=np.int64)
         super().__init__(rows, env.single_observation_space, env.single_action_space)
+        self.metadata = cast(dict[str, Any], {**self.metadata, "render_fps": render_fps})
 
     @abstractmethod
     def _begin(self, seed: int | None) -> np.ndarray:
@@ -108,7 +112,7 @@ class BatchVecEnv(Restorable, VecEnv):
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[object]:
         """Return an attribute of the batch, once for each row in ``indices``."""
-        value = None if attr_name == "render_mode" else getattr(self.env, attr_name)
+        value = getattr(self if attr_name in ("render_mode", "metadata") else self.env, attr_name)
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: object, indices: VecEnvIndices = None) -> None:
@@ -183,25 +187,36 @@ class CrowdVecEnv(BatchVecEnv):
     Parameters
     ----------
     env : a batch made with ``autoreset=True``, or what `CrowdEnv` makes one of: the name of a task, a scenario, a file.
+    render_mode : None or "rgb_array", of a `CrowdEnv`: `render` returns all its environments side by side.
     arguments : of `CrowdEnv`, if it is made here.
 
     Raises
     ------
     ValueError
-        If the batch does not restart by itself.
+        If the batch does not restart by itself, or the render mode is unknown or not for this batch.
     """
 
     env: WalkingBatch
     _kept = (*BatchVecEnv._kept, "acted", "_inside")
 
-    def __init__(self, env: WalkingBatch | Place, **arguments: Any) -> None:
+    def __init__(self, env: WalkingBatch | Place, *, render_mode: str | None = None, **arguments: Any) -> None:
         if isinstance(env, str | Path | Scenario | Task | Mapping):
             env = CrowdEnv(env, autoreset=True, **arguments)
         if not env.autoreset:
             raise ValueError("CrowdVecEnv needs a CrowdEnv made with autoreset=True")
         self.acted = np.zeros(env.num_people, dtype=np.bool_)
         self._inside = np.zeros(env.num_people, dtype=np.int64)
-        super().__init__(env, env.num_people)
+        check_render_mode(render_mode)
+        if render_mode is not None and not isinstance(env, CrowdEnv):
+            refuse("env", type(env).__name__, "a CrowdEnv where frames are asked for")
+        self._canvas: list[Any] = []
+        super().__init__(env, env.num_people, render_mode, frame_rate(env.decision_dt))
+
+    def get_images(self) -> list[np.ndarray]:
+        """Return a frame (H, W, 3) uint8 of each environment, all of one size."""
+        from crowd_env.rendering.frames import draw_envs
+
+        return draw_envs(cast(CrowdEnv, self.env), self._canvas)
 
     def _begin(self, seed: int | None) -> np.ndarray:
         self._inside[:] = 0
@@ -247,7 +262,11 @@ class VectorVecEnv(BatchVecEnv):
     def __init__(self, env: VectorEnv) -> None:
         if env.metadata.get("autoreset_mode") is not AutoresetMode.SAME_STEP:
             raise ValueError("stable-baselines3 needs a VectorEnv with AutoresetMode.SAME_STEP")
-        super().__init__(env, env.num_envs)
+        super().__init__(env, env.num_envs, env.render_mode, env.metadata.get("render_fps", 10))
+
+    def get_images(self) -> list[np.ndarray]:
+        """Return a frame (H, W, 3) uint8 of each environment; nothing if the batch has no render mode."""
+        return list(cast(tuple[np.ndarray, ...], self.env.render()) or ())
 
     def _begin(self, seed: int | None) -> np.ndarray:
         return np.asarray(self.env.reset(seed=seed)[0])
