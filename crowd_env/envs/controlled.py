@@ -155,11 +155,14 @@ class SingleEnv(_Specified, Restorable, gymnasium.Env):
 
     def render(self) -> np.ndarray | None:
         """Return a frame (H, W, 3) uint8, None without a render mode."""
-        if self.render_mode is None:
-            return None
-        from crowd_env.rendering.frames import draw_env
+        return None if self.render_mode is None else frames_of(self.env, self._canvas)[0]
 
-        return draw_env(self.env, self._canvas)
+
+def frames_of(env: CrowdEnv, canvas: list[Any]) -> list[np.ndarray]:
+    """Return a frame (H, W, 3) uint8 of each environment, all of one size; ``canvas`` keeps what frames share."""
+    from crowd_env.rendering.frames import draw_envs
+
+    return draw_envs(env, canvas)
 
 
 def check_render_mode(mode: str | None) -> None:
@@ -313,11 +316,7 @@ class BatchVectorEnv(_Specified, Restorable, VectorEnv):
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """Return a frame (H, W, 3) uint8 of each environment, None without a render mode."""
-        if self.render_mode is None:
-            return None
-        from crowd_env.rendering.frames import draw_envs
-
-        return tuple(draw_envs(self.env, self._canvas))
+        return None if self.render_mode is None else tuple(frames_of(self.env, self._canvas))
 
     def _made_by(self) -> dict[str, Any]:
         return {**super()._made_by(), **self.batch.made_by, "autoreset_mode": self.autoreset_mode.value}

@@ -183,7 +183,7 @@ def draw_env(env: CrowdEnv, kept: list[Renderer], e: int = 0) -> np.ndarray:
 
     Parameters
     ----------
-    kept : renderers of earlier frames; environments of one geometry share one.  Those of the latest geometries stay.
+    kept : renderers of earlier frames; environments of one geometry share one.  The latest stay.
     """
     geometry = env.scenario_of_env[e].geometry
     renderer = next((one for one in kept if one.geometry is geometry), None)

@@ -15,7 +15,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvS
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import refuse
 from crowd_env.envs.arguments import Place, check_options
-from crowd_env.envs.controlled import check_render_mode, frame_rate
+from crowd_env.envs.controlled import check_render_mode, frame_rate, frames_of
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.protocol import WalkingBatch
@@ -214,9 +214,7 @@ class CrowdVecEnv(BatchVecEnv):
 
     def get_images(self) -> list[np.ndarray]:
         """Return a frame (H, W, 3) uint8 of each environment, all of one size."""
-        from crowd_env.rendering.frames import draw_envs
-
-        return draw_envs(cast(CrowdEnv, self.env), self._canvas)
+        return frames_of(cast(CrowdEnv, self.env), self._canvas)
 
     def _begin(self, seed: int | None) -> np.ndarray:
         self._inside[:] = 0
