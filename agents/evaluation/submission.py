@@ -209,6 +209,8 @@ def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> dict[str
         if hashlib.sha256(network).hexdigest() != digest:
             raise ValueError(f"{path} holds another network than its digest says")
     whole, own, *varied = content["trials"]
+    if digest and any("constants" in trial["of"].get(policy, {}) for trial in content["trials"]):
+        raise ValueError(f"{path} holds constants of {policy}; a network has none")
     runs: list[Plain] = []
     kept: dict[str, dict[str, Plain]] = {}  # variation -> policy -> its runs
     for trial in content["trials"]:
@@ -335,6 +337,8 @@ def _contradiction(runs: Mapping[str, Floats], people: int) -> str:
         return "mean_exit must not be above last_time"
     if (runs["flow"][cleared] * last[cleared] < _LEAST_FLOW * (people - 1)).any():
         return "flow must not be below the people over last_time"
+    if ((runs["crushed"] > 0.0) != (runs["crushed_time"] > 0.0)).any():
+        return "crushed must be 0 where crushed_time is 0, and there alone"
     every = np.nan_to_num(np.stack(list(runs.values()), axis=1), nan=-1.0)
     return "two runs are the same" if len(np.unique(every, axis=0)) < len(every) else ""
 

@@ -12,7 +12,7 @@ from crowd_env.core.checks import POSITIVE, counted, number
 from crowd_env.core.console import check_place, friendly_errors, progress_bar, say
 from crowd_env.core.files.atomic import check_suffix
 from crowd_env.recording import Recording, load
-from crowd_env.recording.formats import RECORDINGS, recordings_in
+from crowd_env.recording.formats import FORMATS, RECORDINGS, recordings_in
 
 app = new_app()
 
@@ -53,12 +53,14 @@ def find_recorded(sources: Sequence[Path], most: int, what: str) -> Recorded:
     Raises
     ------
     ValueError
-        If there are more than ``most``, or a folder holds none.
+        If there are more than ``most``, one is not there, or a folder holds none.
     """
     if len(sources) > most:
         raise ValueError(f"{len(sources)} recordings were given; {what}")
     files = []
     for source in sources:
+        if not source.exists() and source.suffix.lower() not in FORMATS:
+            raise ValueError(f"{source}: there is no such folder or file; name what crowd-env run --out has written")
         found = recordings_in(source) if source.is_dir() else [source]
         if not found:
             raise ValueError(f"{source} holds no recording in {RECORDINGS}/; crowd-env run --out records the first run")
@@ -81,7 +83,7 @@ def film_file(option: str, path: Path, name: str = "film") -> Path:
     ModuleNotFoundError
         If a drawing library is not installed; the message says how to install it.
     """
-    from crowd_env.rendering.film import FORMATS
+    from crowd_env.rendering.film import FORMATS as FILMS
     from crowd_env.rendering.libraries import film_suffix
 
     if not path.suffix:
@@ -89,7 +91,7 @@ def film_file(option: str, path: Path, name: str = "film") -> Path:
         path = path.with_name(path.name + film_suffix())
         if path.suffix == ".gif":
             say(f"note: MP4 needs imageio-ffmpeg, which is not installed: {path}")
-    check_picture(option, path, FORMATS)
+    check_picture(option, path, FILMS)
     return path
 
 

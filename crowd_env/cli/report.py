@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from crowd_env.analysis.results.config import file_digest
 from crowd_env.cli.console import check_picture
 from crowd_env.cli.options import AsJson, new_app, of_output
 from crowd_env.cli.place import CrowdOptions, setting_of
@@ -23,19 +24,26 @@ from crowd_env.scenarios.scenario import Scenario
 app = new_app()
 
 
-def place_of(arguments: Mapping[str, Any], trust_code: bool = False) -> tuple[Scenario, ContactScheme]:
-    """Return what the arguments of a config stand for.
+def place_of(config: Mapping[str, Any], trust_code: bool = False) -> tuple[Scenario, ContactScheme]:
+    """Return what a config stands for.
 
     Raises
     ------
     ValueError
-        If they name no place, or a law or a policy in a file of code, which is run only with ``trust_code``.
+        If it names no place, a file that is another now, or, without ``trust_code``, a law or a policy in a file of code.
     """
-    options = CrowdOptions.of_config(arguments)
+    options = CrowdOptions.of_config(config["arguments"])
     own = [text for text in (options.scheme, options.policy) if isinstance(text, str) and names_own(text)]
     if own and not trust_code:
         raise ValueError(f"they were made with the code {own[0]}, which a report would run; allow it by --trust-code")
-    setting = setting_of(options)
+    try:
+        setting = setting_of(options)
+    except ValueError:
+        for file in options.files().values():
+            recorded = config.get("files", {}).get(str(file.absolute()))
+            if file.is_file() and file_digest(file) != recorded:  # a message may hold some of its content
+                raise ValueError(f"{file} is not the file that they were made with") from None
+        raise
     return setting.place, setting.physics.law
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import typer
 
 from crowd_env.analysis.results.config import FREE, run_config
-from crowd_env.analysis.results.folder import ResultsFolder
+from crowd_env.analysis.results.folder import CROWDING, KEPT, ResultsFolder
 from crowd_env.cli.place import CrowdOptions, Setting, named_now
 from crowd_env.core.checks import counted
 from crowd_env.core.console import check_folder, friendly_errors, say
@@ -95,9 +95,12 @@ def open_folder(
     Raises
     ------
     ValueError
-        If it cannot be written, holds something else, or another command writes there.
+        If it cannot be written, holds something else or a link, or another command writes there.
     """
     check_folder("--out", out)
+    for name in (KEPT, CROWDING, "recordings"):
+        if (out / name).is_symlink():
+            raise ValueError(f"--out {out}: {name} in it is a link, through which runs would be written elsewhere")
     folder = ResultsFolder(out, config, place)
     context.with_resource(folder.alone())
     finished = folder.finished()

@@ -23,6 +23,7 @@ from crowd_env.cli.results_folder import again, config_of, keep_in, open_folder,
 from crowd_env.core.checks import Range, counted, whole
 from crowd_env.core.console import friendly_errors, interrupted, literal_console, noted, progress_bar, say
 from crowd_env.core.executors import Processes, all_cores
+from crowd_env.core.files.own import names_own
 from crowd_env.envs.rollout import Episode, Recorder, Recorders, RunsInterrupted, run_episodes
 from crowd_env.envs.tasks.task import HELD_OUT_SEED, named_task
 from crowd_env.scenarios.titles import run_title
@@ -85,6 +86,10 @@ def run(
         time_limit=time_limit,
     )
     with friendly_errors():
+        for name in ("scheme", "policy"):  # a folder that somebody sent is data
+            text, source = getattr(asked, name), context.get_parameter_source(name)
+            if str(getattr(source, "name", "")) != "COMMANDLINE" and names_own(str(text)):
+                raise ValueError(f"--config {config} names the code {text}; to run it, give --{name} FILE.py:NAME too")
         recorded, share = _recorded(record, runs, out), _share(until)
         if named_task(scenario) is not None:  # as its environment, which folds such seeds
             free = Range(0, HELD_OUT_SEED - runs).because("later draws are held out, see crowd-env evaluate and show")

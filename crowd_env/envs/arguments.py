@@ -31,13 +31,20 @@ def scenarios_of(scenario: Any, people: int | None, num_envs: int) -> list[Scena
     Raises
     ------
     ValueError
-        If it is of a wrong type, there is none or more than environments, or people of ``num_envs`` do not fit into memory.
+        If it is of a wrong type, names another number of ``people``, there is none or more than environments, or people of
+        ``num_envs`` do not fit into memory.
     """
     if isinstance(scenario, str | Path | Scenario | Mapping):
         scenario = [scenario]
     elif not isinstance(scenario, Iterable) or isinstance(scenario, bytes):
         refuse("scenario", scenario, "the name of a scenario, its file, a Scenario, a table, or a list of them")
     options = {} if people is None else {"people": people}
+    scenario = list(scenario)
+    for one in scenario:
+        if options and isinstance(one, Mapping) and one.get("people", people) != people:
+            raise ValueError(
+                f"people={people} is given beside a scenario with people={one['people']!r}; give one of them"
+            )
     scenarios = [make_scenario(one, **options) for one in scenario]
     if not scenarios:
         raise ValueError("no scenario; give at least one")

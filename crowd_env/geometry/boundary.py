@@ -162,6 +162,12 @@ def _off_boundary(name: str, segment: Floats, area: Area) -> str:
     samples = segment[0] + np.linspace(0, 1, 101)[:, None] * (segment[1] - segment[0])
     away = shapely.distance(shapely.boundary(area), shapely.points(samples))
     worst = int(np.argmax(away))
+    if away[worst] <= _WALL:
+        return (
+            f"exit {name!r} does not run along the boundary of the walkable area: from {place(segment[0])} to "
+            f"{place(segment[1])} the boundary leaves its line, by {away[worst]:.3g} m at {place(samples[worst])}; draw it "
+            "in the pieces that the boundary has, or as a polygon"
+        )
     return (
         f"exit {name!r} is not on the boundary of the walkable area: its point {place(samples[worst])} is "
         f"{away[worst]:.3g} m away from it; a line must lie within {_WALL} m of it (or give the exit as a polygon)"

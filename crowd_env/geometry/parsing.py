@@ -188,8 +188,15 @@ def read_exits(exits: Mapping[str, Shape] | Iterable[Shape] | Shape) -> dict[str
         elif shape.length < _MIN_EXIT:
             at = place(shapely.get_coordinates(shape)[0])
             raise ValueError(f"{what} at {at} has length {shape.length:.3g} m; it must be at least {_MIN_EXIT} m long")
+        elif not isinstance(thing, str | BaseGeometry) and len(thing) > 3 and _is_rectangle(shape):
+            warnings.warn(f"{what} is a line through corners of a rectangle; an area is a box or POLYGON", stacklevel=4)
         shapes[name] = shape
     return shapes
+
+
+def _is_rectangle(line: BaseGeometry) -> bool:
+    corners = Polygon(shapely.get_coordinates(line))
+    return corners.area > 0.999 * shapely.oriented_envelope(corners).area > _MIN_AREA
 
 
 def parse_exit(text: str) -> BaseGeometry:
@@ -198,7 +205,7 @@ def parse_exit(text: str) -> BaseGeometry:
     Raises
     ------
     ValueError
-        If the text has none of these forms.
+        If the text has none of these forms, or a number is not finite.
     """
     if text.strip()[:1].isalpha() and "(" in text:
         shape = from_wkt(text, f"exit {text!r}")
@@ -209,6 +216,8 @@ def parse_exit(text: str) -> BaseGeometry:
         x1, y1, x2, y2 = (float(number) for number in text.split(","))
     except ValueError:
         raise ValueError(f"exit {text!r} is not understood; it must be {_EXIT_FORMS}") from None
+    if not np.isfinite([x1, y1, x2, y2]).all():
+        raise ValueError(f"exit {text!r}{_NOT_FINITE}")
     return LineString([(x1, y1), (x2, y2)])
 
 

@@ -100,8 +100,8 @@ def kind_of_place(scenario: str | Path) -> Literal["name", "task", "file", "plan
     near = get_close_matches(str(scenario), [*SCENARIOS, *PLACES_OF_TASKS], n=1, cutoff=0.8)
     said = f"; did you mean {near[0]!r}?" if near else of_another_kind(scenario, "scenario", "task")
     raise ValueError(
-        f"unknown scenario {str(scenario)!r}; known: {', '.join(SCENARIOS)}, a task, a scenario file (.toml, .json) or "
-        f"a floor plan (.wkt, .geojson, .dxf, .sqlite, .scenario){said}"
+        f"unknown scenario {str(scenario)!r}; known: {', '.join(SCENARIOS)}, a task of crowd-env list, a scenario file "
+        f"(.toml, .json) or a floor plan (.wkt, .geojson, .dxf, .sqlite, .scenario){said}"
     )
 
 

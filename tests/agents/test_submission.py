@@ -169,6 +169,10 @@ def _cut(trial, by=1):
             lambda c: c.update(policies={"competitive-door/ppo": "0"}),
             "names the shipped policy competitive-door/ppo, but",
         ),
+        (
+            lambda c: c["trials"][1]["of"]["mine"].update(constants={"x": 1}),
+            "holds constants of mine; a network has none",
+        ),
         (lambda c: c.update(columns=c["columns"][:12]), "has other columns than unfinished"),
         (lambda c: c["trials"][0]["of"].clear(), "holds 0 draws; the task as it stands has 3"),
         (lambda c: c["trials"][0]["of"].update(other=c["trials"][0]["of"].pop("follow")), "no runs of follow in task"),
@@ -190,6 +194,7 @@ def test_what_does_not_fit_is_refused(files, tmp_path, change, message):
         ("last_time", "inf", "all finite"),
         ("unfinished", "-3", "unfinished must be whole numbers from 0 to"),
         ("unfinished", "0.5", "unfinished must be whole numbers"),
+        ("crushed_time", "2", "crushed must be 0 where crushed_time is 0"),
         ("crushed", "1e9", "crushed must be whole numbers"),
         ("blocked", "2", "blocked must be whole numbers from 0 to 1"),
         ("mean_exit", "500", "mean_exit must not be above last_time"),

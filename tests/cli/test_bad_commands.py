@@ -16,7 +16,10 @@ OF_TASKS = (*OF_BOTH, "submit --policy rule", "benchmark", "export rule --transi
 
 CASES = [
     # names, numbers and options
-    ("run moon-v0", "unknown scenario 'moon-v0' room-v0 .wkt"),
+    ("run moon-v0", "unknown scenario 'moon-v0' room-v0 task of crowd-env list .wkt"),
+    ("replay moon", "moon no such folder or file"),
+    ("film moon", "moon no such folder or file"),
+    ("forces moon", "moon no such folder or file"),
     ("run ''", "unknown scenario '' room-v0 .wkt"),
     ("plan '' --out out.png", "unknown scenario '' room-v0 .wkt"),
     ("show ''", "unknown task '' narrow-door"),
@@ -77,7 +80,8 @@ CASES = [
     ("run plan.wkt --exit 5,2,5,3", "plan.wkt exit boundary 1 m"),
     ("run plan.wkt --exit 6,2,6", "plan.wkt 6,2,6 x1,y1,x2,y2"),
     ("run plan.wkt --exit 6,2,6,x", "plan.wkt x1,y1,x2,y2"),
-    ("run plan.wkt --exit 6,2,6,nan", "exit finite"),
+    ("run plan.wkt --exit 6,2,6,nan", "exit '6,2,6,nan' finite"),
+    ("run plan.wkt --exit inf,2,6,3", "exit 'inf,2,6,3' finite"),
     ("run plan.wkt --exit 6,2,6,2", "length 0 m 0.02"),
     ("run plan.wkt --exit 6,2,6,2.2", "0.20 m narrower 0.30 m"),
     *((f"{command} plan.wkt --exit door", "plan.wkt 'door' x1,y1,x2,y2") for command in ("run", "plan")),

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -72,6 +73,63 @@ def test_a_report_runs_no_code_that_a_folder_names(tmp_path: Path) -> None:
         code, _, said = command("report", folder, "-o", page)
         assert code == 2 and "--trust-code" in said and not mark.exists() and not page.exists()
     assert command("report", folder, "-o", page, "--trust-code")[0] == 2 and mark.exists()  # a law is no policy
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a folder of one run."""
+    out = tmp_path / "results"
+    assert command("run", "room-v0", "--people", 4, "--runs", 1, "--workers", 1, "--out", out)[0] == 0
+    return out
+
+
+def with_argument(folder: Path, name: str, value: str) -> Path:
+    config = json.loads((folder / "config.json").read_text(encoding="utf-8"))
+    config["arguments"][name] = value
+    (folder / "config.json").write_text(json.dumps(config), encoding="utf-8")
+    return folder / "config.json"
+
+
+@pytest.mark.parametrize("name", ["scheme", "physics", "policy"])
+def test_no_code_that_a_config_alone_names_is_run(folder: Path, tmp_path: Path, name: str) -> None:
+    law, mark = tmp_path / f"law_of_a_config_{name}.py", tmp_path / "RAN"
+    law.write_text(
+        f"import pathlib\npathlib.Path({str(mark)!r}).touch()\nfrom crowd_env.physics import NSM2\nLaw = NSM2()\n",
+        encoding="utf-8",
+    )
+    config = with_argument(folder, name, f"{law}:Law")
+    option = "--policy" if name == "policy" else "--scheme"
+    code, _, said = command("run", "--config", config, "--out", tmp_path / "again")
+    assert code == 2 and f"{option} FILE.py:NAME" in said and not mark.exists()
+    code, _, _ = command("run", "--config", config, option, f"{law}:Law", "--runs", 1, "--workers", 1)
+    assert mark.exists() and (code == 0 or option == "--policy")  # a law is no policy
+
+
+@pytest.mark.parametrize("name", ["scenario", "starts"])
+def test_a_report_prints_nothing_of_a_file_that_the_runs_were_not_made_with(
+    folder: Path, tmp_path: Path, name: str
+) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("zanzibar:x:0:0\n", encoding="utf-8")
+    with_argument(folder, name, str(secret))
+    code, _, said = command("report", folder, "-o", tmp_path / "page.html")
+    assert code == 2 and "zanzibar" not in said and "secret is not the file that they were made with" in said
+
+
+@pytest.mark.parametrize("name", ["runs", "crowding", "recordings"])
+def test_nothing_is_written_through_a_link_in_a_folder(folder: Path, tmp_path: Path, name: str) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    shutil.rmtree(folder / name)
+    (folder / name).symlink_to(elsewhere, target_is_directory=True)
+    code, _, said = command("run", "room-v0", "--people", 4, "--runs", 1, "--workers", 1, "--out", folder)
+    assert code == 2 and f"{name} in it is a link" in said and not [*elsewhere.iterdir()]
+
+
+def test_a_folder_in_place_of_the_lock_is_named(folder: Path) -> None:
+    (folder / ".lock").mkdir()
+    code, _, said = command("run", "room-v0", "--people", 4, "--runs", 1, "--workers", 1, "--out", folder)
+    assert code == 2 and ".lock is a folder" in said
 
 
 def test_a_report_of_runs_under_a_law_of_ones_own(tmp_path: Path) -> None:

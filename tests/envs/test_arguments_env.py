@@ -60,6 +60,7 @@ CONSTRUCTOR = [
     *rows("CrowdEnv.scenario", of("scenario"), (None, 7, 1.5, True, Scenario, {"a": 1}, [7], [None], b"x")),
     ("no scenario", lambda: CrowdEnv([]), ("no scenario",)),
     ("unknown scenario", lambda: CrowdEnv("nowhere"), ("'nowhere'", "room-v0")),
+    ("two numbers", lambda: CrowdEnv({"name": "room-v0", "people": 5}, people=12), ("people=5", "people=12")),
     ("unknown option", lambda: CrowdEnv({"name": "room-v0", "sides": 3.0}), ("'sides'", "did you mean 'side'")),
     ("option of a Scenario", lambda: make_scenario(make_scenario("room-v0"), side=3.0), ("side", "name")),
     *numeric("CrowdEnv.num_envs", of("num_envs"), "count"),

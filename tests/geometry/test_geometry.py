@@ -1,5 +1,7 @@
 """Geometry: what comes out of polygons and exits, and one clear sentence for what cannot."""
 
+import warnings
+
 import numpy as np
 import pytest
 import shapely
@@ -7,7 +9,7 @@ from cases import looped
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon, box
 
 from crowd_env.geometry.geometry import Geometry, join_boundaries, parse_exit
-from crowd_env.geometry.parsing import from_wkt
+from crowd_env.geometry.parsing import from_wkt, read_exits
 from crowd_env.scenarios.population import Population
 
 ROOM = box(0, 0, 5, 5)
@@ -267,6 +269,10 @@ NAN = float("nan")
         (lambda: Geometry.from_wkt("POLYGN ((0 0))"), "walkable area is not well-known text.*POLYGN"),
         (lambda: Geometry.from_wkt("LINESTRING (0 0, 1 1)"), "walkable area is a LineString; it must be a POLYGON"),
         (
+            lambda: from_polygon(ROOM.difference(Point(5, 2).buffer(0.15)), exits={"a": [[5, 1], [5, 3]]}),
+            r"exit 'a' does not run along the boundary.* leaves its line, by 0\.1\d* m at \(5, 2\)",
+        ),
+        (
             lambda: from_polygon(ROOM, exits={"a": [[4, 2], [4, 3]]}),
             r"exit 'a' is not on the boundary.*\(4, 2\) is 1 m",
         ),
@@ -304,3 +310,19 @@ def test_bad_input_is_refused_in_one_sentence(build, message):
     with pytest.raises(ValueError, match=message) as caught:
         build()
     assert "\n" not in str(caught.value)
+
+
+@looped(
+    "corners, noted",
+    [
+        ([[4, 2], [5, 2], [5, 3], [4, 3]], True),  # an area, as one writes it
+        ([[4, 2], [5, 2], [5, 3], [4, 3], [4, 2]], True),
+        ([[5, 2], [5, 2.5], [5, 2.8], [5, 3]], False),  # one line in pieces
+        ([[5, 4], [5, 5], [4, 5]], False),  # around a corner
+    ],
+)
+def test_a_line_through_the_corners_of_a_rectangle_is_noted(corners, noted):
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        read_exits({"a": corners})
+    assert any("'a' is a line through corners of a rectangle" in str(one.message) for one in said) == noted

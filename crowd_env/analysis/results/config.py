@@ -73,11 +73,12 @@ def run_config(
         "platform": platform.platform(),
         "command": list(command),
         "arguments": plain(dict(arguments or {})),
-        "files": {str(path.absolute()): _sha256(path) for path in files},
+        "files": {str(path.absolute()): file_digest(path) for path in files},
     }
 
 
-def _sha256(path: Path) -> str:
+def file_digest(path: Path) -> str:
+    """Return the SHA-256 of a file; ValueError if it cannot be read."""
     try:
         return hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:

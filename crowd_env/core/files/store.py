@@ -185,6 +185,8 @@ def claimed(path: Path) -> Iterator[bool]:
     """
     from filelock import FileLock, Timeout  # a tenth of a second, which reading a store does not need
 
+    if path.is_dir():
+        raise ValueError(f"{path} is a folder; remove it: the lock file of this command goes there")
     made = [folder for folder in path.parents if not folder.exists()]
     path.parent.mkdir(parents=True, exist_ok=True)
     lock = FileLock(path, timeout=0.1)  # s  time to try again where the owner has just removed the file

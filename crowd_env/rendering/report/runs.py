@@ -27,7 +27,7 @@ _FACTS = {
     **dict.fromkeys(IN_WORDS, object),
 }
 
-# Returns the place and the contact scheme that the arguments of a config name.
+# Returns the place and the contact scheme that a config names.
 PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme]]
 
 
@@ -111,8 +111,8 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
             wrong = f"is {shown(facts[name])}" if name in facts else "is missing"
             raise ValueError(f"{folder / CONFIG} is not the config of crowd-env run: {name!r} {wrong}")
     try:
-        scenario, scheme = place_of(config["arguments"])
-    except (ValueError, KeyError, TypeError) as error:
+        scenario, scheme = place_of(config)
+    except (AttributeError, ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{folder}: the place of these runs cannot be read again: {error}") from None
     if fingerprint(scenario) != config["fingerprint"]:
         other = config["version"] != __version__
