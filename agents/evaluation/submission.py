@@ -209,21 +209,24 @@ def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> dict[str
         if hashlib.sha256(network).hexdigest() != digest:
             raise ValueError(f"{path} holds another network than its digest says")
     whole, own, *varied = content["trials"]
-    if digest and any("constants" in trial["of"].get(policy, {}) for trial in content["trials"]):
-        raise ValueError(f"{path} holds constants of {policy}; a network has none")
+    constants = {} if digest else whole["of"].get(policy, {}).get("constants", {})
     runs: list[Plain] = []
     kept: dict[str, dict[str, Plain]] = {}  # variation -> policy -> its runs
     for trial in content["trials"]:
         name, of = trial["variation"], trial["of"]
         if trial is not own:
             of = {**of, **{one: beside[name].get(one) for one in REFERENCES}}
-        elif own["first_seed"] != own_seed(policy, digest, whole["of"][policy].get("constants", {})):
+        elif own["first_seed"] != own_seed(policy, digest, constants):
             raise ValueError(f"{path}: the draws of its own are not those of {policy}; submit again")
         needed = {AS_IT_STANDS.name: (*REFERENCES, policy), OWN_DRAWS.name: (RULE, policy)}.get(name, (RULE,))
         for one in needed:
             if of.get(one) is None:
                 raise ValueError(f"{path}: there are no runs of {one} in {name}; submit again")
         kept[name] = {one: of[one] for one in dict.fromkeys((*REFERENCES, policy)) if of.get(one) is not None}
+        if policy in kept[name] and kept[name][policy].get("constants", {}) != constants:
+            raise ValueError(
+                f"{path} holds other constants of {policy}; a network has none, a rule the same everywhere"
+            )
         columns = {one: _runs_of(found["runs"]) for one, found in kept[name].items()}
         for one, found in columns.items():
             if wrong := _contradiction(found, trial["people"]):

@@ -170,8 +170,8 @@ def _cut(trial, by=1):
             "names the shipped policy competitive-door/ppo, but",
         ),
         (
-            lambda c: c["trials"][1]["of"]["mine"].update(constants={"x": 1}),
-            "holds constants of mine; a network has none",
+            lambda c: c["trials"][1]["of"]["follow"].update(constants={"x": 1}),
+            "holds other constants of follow; a network has none, a rule the same",
         ),
         (lambda c: c.update(columns=c["columns"][:12]), "has other columns than unfinished"),
         (lambda c: c["trials"][0]["of"].clear(), "holds 0 draws; the task as it stands has 3"),
