@@ -69,6 +69,7 @@ _OF_USERS = {
         *("anticipation", "berth", "impatience", "keep_right", "keep_up", "off_walls", "oncoming", "overtaking"),
         *("patience", "shyness", "sight"),
     },
+    "Outline": {"max_torque", "turning_time"},
     "Route": {"via"},
     "Scenario": {"closed_doors"},
 }
