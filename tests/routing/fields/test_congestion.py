@@ -75,7 +75,7 @@ def a_passage_to_two_exits():
     return Scenario("passage", place, Population(60, start_region="room"), 300.0)
 
 
-@looped("name", ["passage", "bottleneck-v0", "l-corridor-v0", "pillar-v0"], quick=2)
+@looped("name", ["passage", "bottleneck-v0", "l-corridor-v0", "pillar-v0"], quick=1)
 def test_where_all_ways_share_one_opening_the_fastest_is_no_slower_than_the_shortest(name):
     took, place = [], a_passage_to_two_exits() if name == "passage" else make_scenario(name)
     for strategy in ("shortest", "fastest"):
