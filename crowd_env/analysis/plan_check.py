@@ -117,6 +117,9 @@ def check_plan(
     lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.exits, least) if widths else ())]
     passages = narrowest_passages(geometry, terrain, _starts(terrain, people, geometry, position)) if widths else {}
     remarks += _of_exits(widths, passages, people)
+    for exit, far in geometry.close_behind.items():
+        way = f"floor begins {far:.2f} m behind exit {exit!r}"
+        remarks.append(f"{way}: people vanish halfway, and more pass than through a free door; draw the ground between")
     remarks += _of_stuck(geometry, people) if widths else []
     return PlanCheck(
         name=name,

@@ -292,13 +292,27 @@ class Geometry:
 
         Ways end at the line itself where floor ends the apron before, and where an exit is bent, as around an area.
         """
+        return np.where(self._bent | self._shortened, 0.0, self.apron_depths)
+
+    @cached_property
+    def _bent(self) -> Bools:
+        """(X,) which lines meet another of their exit at an angle."""
         along, _ = tangents(self.exits)
         names, ends = np.array(self.exit_names), self.exits
         meet = (np.hypot(*(ends[:, None, :, None] - ends[None, :, None]).T) < SLIVER).any(axis=(0, 1))
-        bent = (meet & (names[:, None] == names) & (along @ along.T < _STRAIGHT)).any(axis=1)
+        return np.asarray((meet & (names[:, None] == names) & (along @ along.T < _STRAIGHT)).any(axis=1))
+
+    @cached_property
+    def _shortened(self) -> Bools:
+        """(X,) behind which lines floor ends the apron before."""
         drawn = len(self.walls) - self.arcs.chords
-        shortened = self.apron_depths < wanted_depths(self.walls[:drawn], self.exits, self.apron)
-        return np.where(bent | shortened, 0.0, self.apron_depths)
+        return self.apron_depths < wanted_depths(self.walls[:drawn], self.exits, self.apron)
+
+    @property
+    def close_behind(self) -> dict[str, float]:
+        """Name of each exit that another floor lies close behind -> how far [m]: its apron ends halfway."""
+        close = np.flatnonzero(self._shortened & ~self._bent & (self.apron_depths > 0.0))
+        return {self.exit_names[k]: 2.0 * float(self.apron_depths[k]) for k in close}
 
     def with_ways_to(self, exits: Collection[str]) -> "Geometry":
         """Return the place as if the aprons of these ``exits`` were drawn, on which there are ways: lines are at the ends."""
