@@ -32,7 +32,7 @@ class Settings:
     rollout: int = 64  # decision steps between two updates
     learning_rate: float = 1e-3
     gamma: float = 0.98  # per decision step of 0.1 s
-    gae_lambda: float = 0.95
+    gae_lambda: float = 0.9
     epochs: int = 4
     minibatch: int = 2048
     clip: float = 0.2

@@ -104,6 +104,11 @@ def _blocked(one: Runs) -> str:
     return f"nobody out for {after:g} s" if after < float("inf") else "not looked for"
 
 
+def _aprons(one: Runs) -> str:
+    apron = one.scenario.apron
+    return f"people are bodies up to {apron:g} m behind the jambs" if apron else "people vanish at the exit line"
+
+
 def _moving_doors(one: Runs) -> str:
     events = one.scenario.door_events
     return "\n".join(f"{event.door} {'opens' if event.opens else 'closes'}" for event in events) or "none"
@@ -125,6 +130,7 @@ _ASSUMED: dict[str, Callable[[Runs], str]] = {
     "decisions": lambda one: f"every {one.config['decision_dt']:g} s",
     "time limit": lambda one: f"{one.scenario.time_limit:g} s",
     "exits count as blocked": _blocked,
+    "behind exits": _aprons,
     "control rules": _rules,
     "doors that open or close": _moving_doors,
     **{kind.ABOUT: partial(_chosen, kind) for name, kind in BEHAVIORS.items() if name not in IN_WORDS},

@@ -14,6 +14,7 @@ import numpy as np
 import skfmm
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.geometry.aprons import APRON
 from crowd_env.routing.fields import grid
 from crowd_env.routing.fields.directions import cell_kinds, descend
 from crowd_env.routing.fields.domain import SOURCE
@@ -28,7 +29,7 @@ _EVERY = 1.0  # s, how often a fastest way is found again, counted from the star
 _NODES = 200_000  # that are marched again each second at most
 _ALIKE = 0.5  # cosine between two directions that lead the same way
 _ABREAST = 0.7  # the same cosine, for people that spread: a larger turn leads around a crowd
-_AT_EXIT, _IN_DOOR = 1.0, 2.0  # s, at 1 m/s; the other is as deep as aprons, see `Scenario.apron`
+_AT_EXIT, _IN_DOOR = 1.0, APRON  # s, at 1 m/s
 _TIP = 2.0  # nodes that a corner may reach beyond the discs that fit into it
 _AHEAD = 0.6  # m, of the fine way, to tell whether the marched field leads the same way
 _SAME = 1e-9  # m, between the ends of two lines that meet
