@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from shapely.affinity import rotate
 
 from crowd_env import Geometry, Scenario
 from crowd_env.geometry.geometry import box
@@ -99,21 +100,25 @@ def run(setting: Setting) -> list[Row]:
     return [row("corner", setting, falls(density, speed) and not stuck, figure, runs=found)]
 
 
-def turn(width: float, angle: bool = True) -> Scenario:
-    """Return a corridor of two legs at a right ``angle``, or one behind the other; people fill the first leg."""
+def turn(width: float, angle: bool = True, degrees: float = 0.0) -> Scenario:
+    """Return a corridor of two legs at a right ``angle``, or one behind the other; people fill the first leg.
+
+    The whole lies ``degrees`` off the axes of the drawing.
+    """
     half, leg = 0.5 * width, _TURN_LEG
     first, second = box(-leg, -half, 0.0, half), box(0.0, -half, leg, half)
     end = [(leg, -half), (leg, half)]
     if angle:
         second = shapely.union(box(-half, -half, half, half), box(-half, 0.0, half, leg))
         end = [(-half, leg), (half, leg)]
-    place = Geometry.from_polygon([first, second], exits={"out": end}, regions={"leg": first})
+    first, second, out = (rotate(one, degrees, (0.0, 0.0)) for one in (first, second, shapely.LineString(end)))
+    place = Geometry.from_polygon([first, second], exits={"out": list(out.coords)}, regions={"leg": first})
     return Scenario(f"turn-{width:g}", place, adults(round(_TURN_DENSITY * leg * width), start_region="leg"), _LIMIT)
 
 
-def times(setting: Setting) -> Floats:
+def times(setting: Setting, degrees: float = 0.0) -> Floats:
     """Return when the last person is out [s] of a turn and of a straight corridor (2, widths), means over the draws."""
-    crowds = draw_crowds([turn(width, angle) for angle in (True, False) for width in WIDTHS], setting)
+    crowds = draw_crowds([turn(width, angle, degrees) for angle in (True, False) for width in WIDTHS], setting)
     out = crowds.walk(_LIMIT).exit_time
     return np.array(crowds.means([float(out[crowds.people(e)].max()) for e in range(crowds.count)])).reshape(2, -1)
 

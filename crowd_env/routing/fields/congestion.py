@@ -208,17 +208,8 @@ def _narrow(free: Bools, stride: int) -> Bools:
 
 def _is_tight(free: Bools, half: int) -> bool:
     """Return whether there are passages that no disc of ``half`` nodes fits into; the tips of corners are none."""
-
-    def spread_out(area: Bools, reach: float) -> Bools:
-        pad, (rows, cols) = int(reach), area.shape
-        padded, near = np.pad(area, pad), np.zeros_like(area)
-        steps = range(-pad, pad + 1)
-        for p, q in ((p, q) for p in steps for q in steps if p * p + q * q <= reach * reach):
-            near |= padded[pad + p : pad + p + rows, pad + q : pad + q + cols]
-        return near
-
-    middle = free & ~spread_out(~free, half)
-    return bool((free & ~spread_out(middle, half + _TIP)).any())
+    middle = free & ~grid.near(~free, half)
+    return bool((free & ~grid.near(middle, half + _TIP)).any())
 
 
 def _walk(fine: NavigationField, stride: int, steps: int) -> tuple[Ints, Ints, Floats]:

@@ -30,6 +30,7 @@ _ABREAST = 0.7  # m, the same of a corridor in which they do not go in file; fit
 _BEFORE = (
     1.0  # m that people take the shortest way in front of what is narrower; further away it is one file around corners
 )
+_ROOMY = 1.25  # times as wide: a square off the axes fits into the corner of a corridor that it does not fit into
 _PARTING = 0.3  # ways part where the unit vectors of two nodes differ by more, along the line from one to the other
 _ALIKE = 0.5  # cosine between flow and shortest way from which on people follow the flow alone
 
@@ -44,10 +45,11 @@ def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> Naviga
     stride = max(1, int(_SPACING / field.spacing + 1e-9), int(np.sqrt(field.free.sum() / _NODES)))
     spacing, nodes = stride * field.spacing, np.s_[::stride, ::stride]
     floor, time, way = field.free[nodes], field.travel_time[nodes], field.direction[nodes]
-    narrow, single = (_narrow(floor, int(np.ceil(0.5 * width / spacing - 1e-9))) for width in (wide, _ABREAST))
+    reach, turning, abreast = (int(np.ceil(0.5 * width / spacing - 1e-9)) for width in (wide, _ROOMY * wide, _ABREAST))
+    narrow, single = _narrow(floor, reach), _single(floor, abreast)
     through = regions_on_the_way(time, way, narrow + 2 * single.astype(np.int64))
     before, in_file = (_over_square(some, round(_BEFORE / spacing), np.any) for some in (narrow, single))
-    limited = (before & ~narrow & (through > 0)) | (in_file & (through >= 2))
+    limited = (before & ~_narrow(floor, turning) & (through > 0)) | (in_file & (through >= 2))
     blocked = grid.blocked_lines(walls, floor.shape, field.origin, spacing)
     right = (blocked[:, :-1] & RIGHT == 0) & (way[:, 1:, 0] - way[:, :-1, 0] < _PARTING) & floor[:, :-1] & floor[:, 1:]
     up = (blocked[:-1] & UP == 0) & (way[1:, :, 1] - way[:-1, :, 1] < _PARTING) & floor[:-1] & floor[1:]
@@ -75,6 +77,15 @@ def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> Naviga
 def _narrow(floor: Bools, half: int) -> Bools:
     """Return where on the ``floor`` a square of 2 ``half`` + 1 nodes has no room, by more than a node."""
     return floor & ~_over_square(_over_square(floor, half, np.all), half + 1, np.any)
+
+
+def _single(floor: Bools, half: int) -> Bools:
+    """Return the same of discs of ``half`` nodes, which have room in a corridor or not however it is turned.
+
+    Discs enter short openings further than squares do, and so miss some of these.
+    """
+    core = ~grid.near(~np.pad(floor, half + 1), half)[half + 1 : -half - 1, half + 1 : -half - 1]
+    return floor & ~_over_square(core, half + 1, np.any)
 
 
 def _over_square(nodes: Bools, half: int, fit: Callable[..., Bools]) -> Bools:

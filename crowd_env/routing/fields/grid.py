@@ -173,3 +173,13 @@ def drain(beside: Ints, ends: Bools, phi: Floats, scratch: Floats) -> None:
             square += left[k] * left[k]
         for k in range(len(phi)):
             step[k] = left[k] + square / before * step[k]
+
+
+def near(nodes: Bools, reach: float) -> Bools:
+    """Return which nodes (rows, cols) lie within ``reach`` [nodes] of one of ``nodes``; outside of the grid there is none."""
+    pad, (rows, cols) = int(reach), nodes.shape
+    padded, found = np.pad(nodes, pad), np.zeros_like(nodes)
+    steps = range(-pad, pad + 1)
+    for p, q in ((p, q) for p in steps for q in steps if p * p + q * q <= reach * reach):
+        found |= padded[pad + p : pad + p + rows, pad + q : pad + q + cols]
+    return found
