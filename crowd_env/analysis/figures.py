@@ -19,6 +19,7 @@ from crowd_env.core.version import __version__
 from crowd_env.envs.metrics import EpisodeMetrics, flow_slope, share_interval, summarise
 from crowd_env.envs.rollout import Episode
 from crowd_env.envs.settings import physics_step
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics import ContactScheme, make_scheme
 from crowd_env.physics.settings import Physics
 from crowd_env.scenarios.scenario import Scenario
@@ -31,6 +32,8 @@ PEAK = 10.0  # s  over which the largest flow of an exit is a mean
 WALKING_FLOW, HIGHEST_FLOW, _OF_PAPERS = 1.9, 2.8, 3.3
 _WALKING = 0.25  # s  people with a longer time gap walk; with a shorter one they press
 _HANDFUL = 10  # people; the flow of fewer is chance: three side by side are 20 a second
+_ENTERED = 0.05  # of the people of an exit; a side that fewer took is none that it is entered by
+_SIDE = 0.5  # cosine: lines of an area that turn by less are one side
 _EXITS_SHOWN, _RUNS_SHOWN = 4, 10
 
 
@@ -153,13 +156,13 @@ def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> dict[str, Any]:
     """Return figures of each exit, ready for JSON.
 
     ``people`` took it in all runs, ``share`` is of the people out in a run, ``first`` and ``last`` are when it was first
-    and last used [s].  ``flow_per_meter`` is its flow over its `Geometry.exit_lengths` [1/(s m)], ``peak_flow_per_meter`` its
+    and last used [s].  ``flow_per_meter`` is its flow over its `entered_lengths` [1/(s m)], ``peak_flow_per_meter`` its
     `peak_flow`; a handful of people have none.
     """
     taken = [exit_names(scenario, episode.exit_index) for episode in episodes]
     out = np.array([(names != "").sum() for names in taken])
     found = {}
-    for name, width in scenario.geometry.exit_lengths.items():
+    for name, width in entered_lengths(scenario.geometry, np.concatenate([one.exit_index for one in episodes])).items():
         count = np.array([(names == name).sum() for names in taken])
         of_run = np.divide(count, out, out=np.full(len(out), np.nan), where=out > 0)
         times = [np.sort(one.exit_time[names == name]) for one, names in zip(episodes, taken, strict=True)]
@@ -173,6 +176,25 @@ def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> dict[str, Any]:
         figures = {name: named(np.array(values)) for name, values in of_each.items()}
         found[name] = {"people": int(count.sum()), "share": named(of_run), **figures}
     return found
+
+
+def entered_lengths(geometry: Geometry, exit_index: Ints) -> dict[str, float]:
+    """Return the length [m] of the sides of each exit through which at least a twentieth of its people went.
+
+    Lines of an area that turn little are one side, as all of a circle.  An exit that a handful took has all its sides.
+
+    Parameters
+    ----------
+    exit_index : (N,) row of `Geometry.exits` of each pedestrian, -1 = none.
+    """
+    people = np.bincount(exit_index[exit_index >= 0], minlength=len(geometry.exits))
+    length = np.hypot(*(geometry.exits[:, 1] - geometry.exits[:, 0]).T)
+    names, lengths = np.array(geometry.exit_names), dict.fromkeys(geometry.exit_names, 0.0)
+    for name, rows in geometry.openings(_SIDE):
+        of_all = people[names == name].sum()
+        if of_all < _HANDFUL or people[rows].sum() >= _ENTERED * of_all:
+            lengths[name] += float(length[rows].sum())
+    return lengths
 
 
 def peak_flow(times: Floats) -> float:

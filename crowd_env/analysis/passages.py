@@ -6,7 +6,7 @@ pass, and all passes together are a tree that holds a way of greatest width betw
 tree: Hu, Operations Research 9, 1961).  What the grid has found is made exact on the walls.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,9 +20,10 @@ _SHARE = 0.05  # of the people; a niche in which fewer start is not what the oth
 _NEAR = 0.75  # spacings; a node lies at most so far beside the middle of a passage
 _REFINED = 3000  # passes at most
 _ROUNDS, _CLOSE = 30, 1e-9  # m; of following walls to where they are nearest to each other
+_SAME = 0.5e-9  # m; halves of widths that differ by less are equal but for rounding
 
 Way = tuple[Ints, Floats]
-"""For each basin the pass that is the narrowest on its way to an exit (-1 = none), and half the width there [m]."""
+"""For each basin the pass that is the narrowest on its way to an exit (-1 = no way), and half the width there [m]."""
 
 
 class Gap(NamedTuple):
@@ -51,20 +52,26 @@ def narrowest_passages(geometry: Geometry, terrain: Terrain, starts: Floats) -> 
     starts : (rows, cols) how many people start at each node of the terrain; any measure will do.
     """
     walls, _ = geometry.walls_when(())
-    basins = int(terrain.basin.max(initial=-1)) + 1
+    basins, passes = int(terrain.basin.max(initial=-1)) + 1, len(terrain.passes)
     free = terrain.basin >= 0
     people: Floats = np.bincount(terrain.basin[free], weights=starts[free], minlength=basins).astype(np.float64)
-    half = terrain.clearance.ravel()[terrain.passes[:, 2]]
     neighbors = _neighbors(terrain.passes, basins)
-    goals = {name: _goal(geometry, walls, terrain, name) for name in dict.fromkeys(geometry.exit_names)}
-    # First as the grid has it; what could be the narrowest is made exact, until nothing that could be is left.
+    # Openings of exits are passes too, numbered after the terrain's; of equally wide passes they are the narrowest.
+    goals: dict[str, list[tuple[int, int]]] = {name: [] for name in geometry.exit_names}
     gaps: dict[int, Gap] = {}
-    seen = np.zeros(len(half), dtype=np.bool_)
+    for k, (name, rows) in enumerate(geometry.openings(), passes):
+        goal, gaps[k] = _goal(walls, terrain, geometry.exits[rows])
+        goals[name].append((goal, k))
+    half = np.append(
+        terrain.clearance.ravel()[terrain.passes[:, 2]], [0.5 * own.width - _SAME for own in gaps.values()]
+    )
+    # First as the grid has it; what could be the narrowest is made exact, until nothing that could be is left.
+    seen = np.arange(len(half)) >= passes
     while True:
-        found = [_critical(*_ways(goal, neighbors, half), people)[1] for goal, _ in goals.values() if goal >= 0]
+        found = [_critical(*_ways(goal, neighbors, half), people)[1] for goal in goals.values()]
         most = max((width for width in found if np.isfinite(width)), default=0.0) + _NEAR * terrain.spacing
         near = np.flatnonzero(~seen & (half <= most))
-        near = near[np.argsort(half[near], kind="stable")][: _REFINED - int(seen.sum())]
+        near = near[np.argsort(half[near], kind="stable")][: _REFINED - int(seen[:passes].sum())]
         if not len(near):
             break
         for k in near.tolist():
@@ -73,17 +80,12 @@ def narrowest_passages(geometry: Geometry, terrain: Terrain, starts: Floats) -> 
             if gap is not None:
                 gaps[k] = gap
         seen[near] = True
-    passages: dict[str, Passage | None] = dict.fromkeys(goals)
-    for name, (goal, own) in goals.items():
-        if goal >= 0:
-            passages[name] = _passage(name, own, _ways(goal, neighbors, half), gaps, people)
-    return passages
+    half[~seen] = np.inf  # wider than the narrowest, or too many
+    return {name: _passage(name, passes, _ways(goal, neighbors, half), gaps, people) for name, goal in goals.items()}
 
 
-def _goal(geometry: Geometry, walls: Floats, terrain: Terrain, name: str) -> tuple[int, Gap]:
-    """Return the basin in front of an exit (-1 = none), and how wide the exit itself is between walls."""
-    rows = [k for k, other in enumerate(geometry.exit_names) if other == name]
-    lines = geometry.exits[rows]
+def _goal(walls: Floats, terrain: Terrain, lines: Floats) -> tuple[int, Gap]:
+    """Return the basin in front of an opening of ``lines`` (K, 2, 2) (-1 = none), and how wide it is between walls."""
     along = np.linspace(0.0, 1.0, 33)[:, None]
     points = np.concatenate([a + along * (b - a) for a, b in lines])
     away = distances(points, walls)
@@ -115,17 +117,24 @@ def _neighbors(passes: Ints, basins: int) -> list[list[tuple[int, int]]]:
     return found
 
 
-def _ways(goal: int, neighbors: Sequence[Sequence[tuple[int, int]]], half: Floats) -> Way:
-    """Return for each basin the narrowest pass on its way to the ``goal``, and half its width: inf = none, -1 = no way."""
+def _ways(goals: Iterable[tuple[int, int]], neighbors: Sequence[Sequence[tuple[int, int]]], half: Floats) -> Way:
+    """Return for each basin the narrowest pass on its widest way to one of ``goals``, and half its width; -1 = no way.
+
+    A goal is a basin (-1 = none) and the pass that it starts with.
+    """
     narrowest, value = np.full(len(neighbors), -1, dtype=np.int64), np.full(len(neighbors), -1.0)
-    value[goal] = np.inf
-    stack = [goal]
+    stack: list[int] = []
+    for goal, own in goals:
+        if goal >= 0 and half[own] > value[goal]:
+            narrowest[goal], value[goal] = own, half[own]
+            stack.append(goal)
     while stack:
         here = stack.pop()
         for k, there in neighbors[here]:
-            if value[there] < 0:
-                passed = half[k] < value[here]
-                narrowest[there], value[there] = (k, half[k]) if passed else (narrowest[here], value[here])
+            passed = half[k] < value[here]
+            reached = half[k] if passed else value[here]
+            if reached > value[there]:
+                narrowest[there], value[there] = k if passed else narrowest[here], reached
                 stack.append(there)
     return narrowest, value
 
@@ -136,24 +145,22 @@ def _critical(narrowest: Ints, value: Floats, people: Floats) -> tuple[int, floa
     if not len(rows):
         return -1, np.nan, 0.0
     rows = rows[np.argsort(value[rows], kind="stable")]
-    share = np.cumsum(people[rows]) / people[rows].sum()
-    k = int(np.searchsorted(share, _SHARE))
+    most = people[rows].sum()
+    k = int(np.searchsorted(np.cumsum(people[rows]) / most, _SHARE))
     width = float(value[rows[k]])
-    return int(narrowest[rows[k]]), width, float(share[value[rows] <= width + 1e-9][-1])
+    return int(narrowest[rows[k]]), width, float(people[rows][value[rows] <= width + _SAME].sum() / most)
 
 
-def _passage(name: str, own: Gap, way: Way, gaps: dict[int, Gap], people: Floats) -> Passage | None:
+def _passage(name: str, passes: int, way: Way, gaps: dict[int, Gap], people: Floats) -> Passage | None:
     narrowest, value = way
     found, width, behind = _critical(narrowest, value, people)
     if np.isnan(width):
         return None
-    passage = Passage(name, own, True, 1.0)
-    if found in gaps and gaps[found].width < own.width - 1e-9:
-        passage = Passage(name, gaps[found], False, behind)
+    passage = Passage(name, gaps[found], found >= passes, behind)
     rows = np.flatnonzero((value >= 0) & (people > 0))
     tightest = int(rows[np.argmin(value[rows])])
     least = int(narrowest[tightest])
-    if least in gaps and gaps[least].width < passage.gap.width - 1e-9:
+    if gaps[least].width < passage.gap.width - 1e-9:
         few = value[rows] < 0.5 * passage.gap.width - 1e-9
         passage = passage._replace(tighter=gaps[least], few=float(people[rows][few].sum() / people[rows].sum()))
     return passage

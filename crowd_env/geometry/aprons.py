@@ -74,9 +74,11 @@ def sides_of_aprons(walkable: Area, exits: Floats, depths: Floats) -> Floats:
     strips, floor, sides = shapely.polygons(corners), shapely.buffer(walkable, -SLIVER), [np.empty((0, 2, 2))]
     for k, (near_a, near_b, far_b, far_a) in enumerate(corners):
         others = shapely.buffer(shapely.union_all(np.delete(strips, k)), -SLIVER)
+        # Aprons of an area at the outer face of a wall meet in the door behind which it lies: no wall closes that.
+        doors = shapely.buffer(shapely.multilinestrings(np.delete(exits, deep[k], axis=0)), SLIVER, cap_style="flat")
         for end, side in ((near_a, (near_a, far_a)), (near_b, (far_b, near_b))):
             if (np.hypot(*(ends - end).T) < _SAME).sum() == 1:  # not where two lines of one opening meet
-                sides.append(_pieces(np.array(side), floor, others))
+                sides.append(_pieces(np.array(side), floor, others, doors))
     return np.concatenate(sides)
 
 

@@ -298,9 +298,32 @@ class Geometry:
     def _bent(self) -> Bools:
         """(X,) which lines meet another of their exit at an angle."""
         along, _ = tangents(self.exits)
-        names, ends = np.array(self.exit_names), self.exits
+        return np.asarray((self._meet(self.exits) & (along @ along.T < _STRAIGHT)).any(axis=1))
+
+    def _meet(self, ends: Floats) -> Bools:
+        """Return (X, X) which lines of one exit have one of their ``ends`` (X, 2, 2) in common."""
         meet = (np.hypot(*(ends[:, None, :, None] - ends[None, :, None]).T) < SLIVER).any(axis=(0, 1))
-        return np.asarray((meet & (names[:, None] == names) & (along @ along.T < _STRAIGHT)).any(axis=1))
+        return np.asarray(meet & self._same_exit)
+
+    @property
+    def _same_exit(self) -> Bools:
+        """(X, X) which lines are of one exit."""
+        names = np.array(self.exit_names)
+        return np.asarray(names[:, None] == names)
+
+    def openings(self, turn: float = -1.0) -> list[tuple[str, Ints]]:
+        """Return the openings of the exits: the name of the exit, and its rows of ``exits``.
+
+        An opening is lines that meet where no wall ends, and turn there by no more than an angle of the cosine ``turn``.
+        """
+        along, _ = tangents(self.exits)
+        ends = self.exits.reshape(-1, 2).copy()
+        ends[self._wall_tree.query(shapely.points(ends), predicate="dwithin", distance=SLIVER)[0]] = np.nan
+        joined = self._meet(ends.reshape(-1, 2, 2)) & (along @ along.T >= turn) | np.eye(len(along), dtype=np.bool_)
+        first = np.arange(len(along))
+        while (first != (lower := np.where(joined, first, len(first)).min(axis=1, initial=len(first)))).any():
+            first = lower
+        return [(self.exit_names[k], np.flatnonzero(first == k)) for k in np.unique(first).tolist()]
 
     @cached_property
     def _shortened(self) -> Bools:
@@ -310,9 +333,16 @@ class Geometry:
 
     @property
     def close_behind(self) -> dict[str, float]:
-        """Name of each exit that another floor lies close behind -> how far [m]: its apron ends halfway."""
-        close = np.flatnonzero(self._shortened & ~self._bent & (self.apron_depths > 0.0))
-        return {self.exit_names[k]: 2.0 * float(self.apron_depths[k]) for k in close}
+        """Name of each exit that another floor lies close behind -> how far [m]: its apron ends halfway.
+
+        The floor on the other side of an area does not count: people leave by the same area there.
+        """
+        far = 2.0 * self.apron_depths
+        touched = shapely.distance(
+            shapely.linestrings(ends_of_aprons(self.exits, far))[:, None], shapely.linestrings(self.exits)
+        )
+        of_area = self._bent | ((touched < SLIVER) & self._same_exit).any(axis=1)
+        return {self.exit_names[k]: float(far[k]) for k in np.flatnonzero(self._shortened & (far > 0.0) & ~of_area)}
 
     def with_ways_to(self, exits: Collection[str]) -> "Geometry":
         """Return the place as if the aprons of these ``exits`` were drawn, on which there are ways: lines are at the ends."""

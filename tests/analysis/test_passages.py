@@ -115,6 +115,30 @@ def test_an_exit_that_people_walk_into_is_as_wide_as_its_border():
     assert passage.is_exit and passage.gap.width == pytest.approx(8.0)
 
 
+YARD = shapely.union_all([box(0, 0, 10, 10), box(10, 4.4, 10.3, 5.6), box(10.3, 0, 15, 10)])
+
+
+@looped("deep, aside", [(0.5, 0.5), (2.0, 0.5), (1.0, 0.0), (1.0, 3.0)])
+def test_an_area_behind_a_door_is_as_wide_as_the_door_from_within(deep, aside):
+    geometry = Geometry.from_polygon(YARD, exits={"exit": box(10.3, 4.4 - aside, 10.3 + deep, 5.6 + aside)})
+    within = narrowest(geometry, box(0, 0, 10, 10))["exit"]
+    assert within.is_exit and within.gap.width == pytest.approx(1.2) and within.behind == 1.0
+    outside = narrowest(geometry, box(10.3, 0, 15, 10))["exit"]
+    assert outside.gap.width == pytest.approx(min(1.2 + 2.0 * (aside + deep), 4.7), rel=0.01)  # 4.7 m: the yard
+    assert narrowest(geometry)["exit"].behind == pytest.approx(0.7, abs=0.04)
+
+
+def test_people_take_the_nearer_of_two_openings_of_an_exit():
+    """Beyond the opening on their side of a narrow door is another."""
+    floor = box(0, 0, 10, 6).difference(shapely.union_all([box(5, 0, 5.2, 2.6), box(5, 3.4, 5.2, 6)]))
+    geometry = Geometry.from_polygon(
+        floor, exits={"exit": shapely.MultiLineString([[(0, 2), (0, 4)], [(10, 2), (10, 4)]])}
+    )
+    for region in (box(0, 0, 5, 6), box(5.2, 0, 10, 6), None):
+        passage = narrowest(geometry, region)["exit"]
+        assert passage.is_exit and passage.gap.width == pytest.approx(2.0) and passage.tighter is None
+
+
 def test_a_wall_before_an_exit_leaves_what_is_between_them():
     geometry = hall(box(9.6, 1.0, 9.7, 5.0), exit_width=2.0)
     assert narrowest(geometry)["exit"].gap.width == pytest.approx(0.3, abs=1e-6)

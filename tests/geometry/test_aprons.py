@@ -2,6 +2,8 @@
 
 import numpy as np
 import shapely
+from cases import looped
+from shapely.affinity import rotate
 from shapely.geometry import Point, box
 
 from crowd_env import Geometry
@@ -45,3 +47,31 @@ def test_ways_end_at_the_lines_of_a_bent_exit_and_behind_those_of_a_straight_one
     np.testing.assert_allclose(np.abs(halves.boundary.aim - halves.exits), [[[1.5, 0.0]] * 2] * len(halves.exits))
     seen = halves.with_ways_to(["a"])
     assert seen.bounds == (0.0, 0.0, 9.5, 6.0) and halves.bounds == (0.0, 0.0, 8.0, 6.0)
+
+
+def test_lines_of_an_exit_that_meet_without_a_wall_are_one_opening():
+    hall, exits = box(0, 0, 8, 6), {"a": box(3, 2, 4, 4), "b": [(8, 1), (8, 2)]}
+    assert Geometry.from_polygon(hall).openings() == []
+    place = Geometry.from_polygon(hall, exits=exits)
+    assert [(name, len(rows)) for name, rows in place.openings()] == [("a", 4), ("b", 1)]
+    assert [(name, len(rows)) for name, rows in place.openings(0.5)] == [("a", 1)] * 4 + [("b", 1)]
+    parted = Geometry.from_polygon(hall, exits=exits, thin_walls=[[(0, 2), (3, 2)], [(3, 4), (0, 4)]])
+    assert sorted(len(rows) for name, rows in parted.openings() if name == "a") == [1, 3]
+
+
+@looped("angle", [0.0, 31.0])
+@looped("gap", [0.0, 0.1])
+@looped("thick", [0.0, 0.3])
+@looped("deep, aside", [(0.5, 0.5), (1.0, 0.5), (2.0, 0.0), (1.0, 3.4)])
+def test_no_wall_of_an_apron_stands_across_an_exit(angle, gap, thick, deep, aside):
+    """Aprons of an area at the outer face of a wall meet in the door behind which it lies."""
+    face = 10.0 + thick
+    floor = shapely.union_all([box(0, 0, 10, 10), box(10, 4.4, face, 5.6), box(face, 0, 15, 10)])
+    if not thick:
+        floor = floor.difference(shapely.union_all([box(9.9, 0, 10, 4.4), box(9.9, 5.6, 10, 10)]))
+    area = box(face + gap, 4.4 - aside, face + gap + deep, 5.6 + aside)
+    floor, area = (rotate(shape, angle, origin=(0, 0)) for shape in (floor, area))
+    place = Geometry.from_polygon(floor, exits=[area]).with_apron(2.0)
+    sides = shapely.linestrings(place.boundary.wall[len(place.walls) :])
+    lines = shapely.multilinestrings(place.exits).buffer(1e-5, cap_style="flat")
+    assert shapely.length(shapely.intersection(sides, lines)).max(initial=0.0) < 1e-4

@@ -119,11 +119,24 @@ PLACES = {
     "area at a wall": Geometry.from_polygon(box(0, 0, 8, 6), exits=[box(7.6, 2, 8, 4)]),
     "area off a wall": Geometry.from_polygon(box(0, 0, 8, 6), exits=[box(7.5, 2, 7.9, 4)]),
     "area across a corridor": Geometry.from_polygon(box(0, 0, 12, 3), exits=[box(6, 0, 6.4, 3)]),
+    "area behind a door": Geometry.from_polygon(
+        [box(0, 0, 5, 6), box(5, 2.4, 5.3, 3.6), box(5.3, 0, 9, 6)], exits=[box(5.3, 1.9, 6.3, 4.1)]
+    ),
     "round jambs": Geometry.from_polygon(box(0, 0, 6, 6), exits=[[(6, 2), (6, 3)]], jamb_radius=0.1),
     "beside another leg": Geometry.from_polygon(
         [(0, 0), (6, 0), (6, 3), (3, 3), (3, 6), (0, 6)], exits=[[(3, 3.2), (3, 4.2)]]
     ),
 }
+
+
+@every_scheme
+@looped("y", [2.7, 3.0, 3.3])
+def test_nothing_touches_one_who_walks_through_a_door_into_an_area(name, y):
+    simulation = march(PLACES["area behind a door"], [[4.5, y]], [1.0], scheme=name)
+    while simulation.state.present[0]:
+        simulation.advance(n_substeps=10, **east(1))
+        assert not simulation.results.impulse_magnitude.any()
+    np.testing.assert_allclose(simulation.state.exit_time, 0.8, atol=0.01)
 
 
 @looped("where", PLACES)
@@ -185,9 +198,10 @@ def test_a_room_close_behind_an_exit_does_not_block_it():
     assert env.metrics(0).unfinished == 0 and env.metrics(0).escaped == 0
 
 
-@looped(
-    "where, far", [("exits face each other from afar", 2.0), ("hole", 1.0), ("corner", None), ("area off a wall", None)]
-)
+AREAS = [(where, None) for where in PLACES if where.startswith("area")]
+
+
+@looped("where, far", [("exits face each other from afar", 2.0), ("hole", 1.0), ("corner", None), *AREAS])
 def test_a_check_of_a_plan_says_where_an_apron_is_short(where, far):
     check = check_place(Scenario("short", PLACES[where], Population(5), 60.0))
     said = [remark.partition(" behind exit")[0] for remark in check.remarks if "vanish" in remark]

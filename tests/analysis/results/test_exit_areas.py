@@ -7,11 +7,12 @@ import pytest
 from cases import looped
 from commands import call
 from late import late
-from shapely.geometry import box
+from shapely.geometry import Point, box
 
-from crowd_env import make_scenario
-from crowd_env.analysis.figures import cells, recorded_flow
+from crowd_env import Geometry, Population, Scenario, make_scenario
+from crowd_env.analysis.figures import cells, entered_lengths, exits_of, recorded_flow
 from crowd_env.analysis.plan_check import check_place, plain_check
+from crowd_env.envs.rollout import run_episodes
 from crowd_env.recording import load
 
 pedpy, pandas = late("pedpy"), late("pandas")
@@ -53,6 +54,35 @@ def test_the_flow_of_an_area_is_that_of_all_its_sides(which, tmp_path):
     assert f"z {sides:.2f} m" in cells(make_scenario(path), figures)["exits"]
     slopes = [flow_by_pedpy(path.with_suffix("") / f"recordings/run-{run}.sqlite", people) for run in (0, 1)]
     assert flow == pytest.approx(np.mean(slopes) / sides, rel=0.02)
+
+
+@looped(
+    "took, area, entered",
+    [
+        ({(10.3, 5.0): 40}, box(10.3, 3.9, 11.3, 6.1), 1.2),  # the door behind which it lies
+        ({(10.3, 5.0): 40}, box(10.3, 4.4, 11.3, 5.6), 1.2),
+        ({(10.3, 5.0): 39, (11.3, 5.0): 1}, box(10.3, 3.9, 11.3, 6.1), 1.2),
+        ({(10.3, 5.0): 30, (11.3, 5.0): 10}, box(10.3, 3.9, 11.3, 6.1), 3.4),
+        ({(5.0, 5.0): 30, (5.5, 5.5): 6, (5.5, 4.5): 4}, box(5.0, 4.5, 6.0, 5.5), 3.0),  # in the middle, from one side
+        ({(4.0, 5.0): 40}, Point(5.0, 5.0).buffer(1.0), 2.0 * np.pi),
+        ({(10.3, 5.0): 5}, box(10.3, 3.9, 11.3, 6.1), 5.4),
+    ],
+)
+def test_the_flow_of_an_area_is_by_the_sides_that_people_enter(took, area, entered):
+    geometry = Geometry.from_polygon(
+        [box(0, 0, 10, 10), box(10, 4.4, 10.3, 5.6), box(10.3, 0, 15, 10)], exits={"z": area, "door": [(0, 4), (0, 6)]}
+    )
+    rows = np.repeat(geometry.nearest_exit([*took]), [*took.values()])
+    lengths = entered_lengths(geometry, np.append(rows, -1))
+    assert lengths == pytest.approx({"z": entered, "door": 2.0}, rel=0.01)
+
+
+def test_the_flow_through_a_door_into_an_area_is_that_of_the_door():
+    floor = [box(0, 0, 5, 5), box(5, 1.9, 5.3, 3.1), box(5.3, 0, 9, 5)]
+    place = Geometry.from_polygon(floor, exits={"z": box(5.3, 1.4, 6.3, 3.6)}, regions={"room": box(0, 0, 5, 5)})
+    scenario = Scenario("yard", place, Population(30, start_region="room"), 60.0)
+    episodes = run_episodes(scenario, 1, scheme="dem")
+    assert exits_of(scenario, episodes)["z"]["flow_per_meter"]["mean"] * 1.2 == pytest.approx(episodes[0].metrics.flow)
 
 
 def flow_by_pedpy(path, people):
