@@ -8,6 +8,7 @@ from typing_extensions import Unpack
 
 from crowd_env import Routing, Scenario, Walking
 from crowd_env.core.checks import of_another_kind
+from crowd_env.core.files.atomic import legible
 from crowd_env.core.files.own import load_own, names_own
 from crowd_env.envs.routing.batch import RoutingBatch, routing_arguments
 from crowd_env.envs.settings import EnvArguments
@@ -130,8 +131,8 @@ def _make(name: str, scenario: Scenario, task: Task | None, learned_share: float
         policy: Policy = StrategyPolicy(task.rule, name=RULE)
     elif name == RULES:
         policy = StrategyPolicy("shortest", rules=True, name=RULES)
-    elif name in route_set:
-        policy = StrategyPolicy(name)
+    elif (way := legible(name)) in route_set:
+        policy = StrategyPolicy(way)
     elif name in POLICIES:
         policy = make_policy(name)
     elif names_own(name):
@@ -163,7 +164,7 @@ def policy_entry(
     """Return the entry of a policy, whose network lies in the file ``source``; see `make_entries`."""
     if learned_share is not None:
         _check_mixed(policy, "shortest" if task is None else task.rule)
-    return Entry(policy.name if source is None else source.stem, policy, source, task, learned_share)
+    return Entry(policy.name if source is None else legible(source.stem), policy, source, task, learned_share)
 
 
 def _check_mixed(policy: Policy, rule: str) -> None:
@@ -210,7 +211,7 @@ def _learned_entry(
             f"{path} was trained for {found.trained.get('scenario', 'another place')} and observes "
             f"{found.network.inputs} numbers; {scenario.name} has {batch.layout.size}"
         )
-    return replace(controller_entry(found, task), name=path.stem, source=path)
+    return replace(controller_entry(found, task), name=legible(path.stem), source=path)
 
 
 def controller_entry(controller: Controller, task: Task | None = None) -> Entry:

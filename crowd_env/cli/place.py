@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from crowd_env.core.arrays.state import MOTIVATION
 from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.checks import Plain, at, flag, known
+from crowd_env.core.files.atomic import legible
 from crowd_env.core.files.own import names_own, own_or_name
 from crowd_env.envs.settings import Routing
 from crowd_env.envs.tasks.task import named_task
@@ -128,7 +129,7 @@ def setting_of(options: CrowdOptions) -> Setting:
     step, drive = numbers.pop("dt", None), numbers.pop("max_drive", None)
     place, led = read_place(options), None
     task = named_task(options.scenario)
-    way = task.rule if task is not None and options.routing is None else options.routing
+    way = task.rule if task is not None and options.routing is None else options.routing and legible(options.routing)
     routing = Routing(place.strategy_of_run(way), flag("--set signs", _value(changes.get("signs", "yes"))))
     names = ("people", "walking", "routing", "set", "starts", "time_limit")
     others = [name for name in names if getattr(options, name) is not None]

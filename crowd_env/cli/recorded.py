@@ -10,7 +10,7 @@ from crowd_env.cli.console import check_picture
 from crowd_env.cli.options import new_app, of_output, plain
 from crowd_env.core.checks import POSITIVE, counted, number
 from crowd_env.core.console import check_place, friendly_errors, progress_bar, say
-from crowd_env.core.files.atomic import check_suffix
+from crowd_env.core.files.atomic import check_suffix, legible
 from crowd_env.recording import Recording, load
 from crowd_env.recording.formats import FORMATS, RECORDINGS, recordings_in
 
@@ -70,7 +70,7 @@ def find_recorded(sources: Sequence[Path], most: int, what: str) -> Recorded:
         names = [str(source) for source in sources]
     alone = len(sources) == 1 and sources[0].is_dir()
     folder = sources[0] if alone else sources[0].parent
-    return Recorded(files, names, folder, "" if alone else " and ".join(names))
+    return Recorded(files, list(map(legible, names)), folder, "" if alone else " and ".join(names))
 
 
 def film_file(option: str, path: Path, name: str = "film") -> Path:

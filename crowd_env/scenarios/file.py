@@ -15,6 +15,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from crowd_env.core.checks import POSITIVE, NotNegative, Plain, Positive, at, check_keys, from_table, number, table
+from crowd_env.core.files.atomic import legible
 from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.cohorts import Cohorts, People
@@ -98,7 +99,7 @@ def _read_scenario(path: Path) -> Scenario:
         own |= {"geometry": _geometry(content["geometry"]), "population": _people(content, path.parent)}
         if isinstance(pulls := own.get("pulls"), Mapping):
             own["pulls"] = _today("pulls", pulls)
-        scenario = Scenario(**{"name": path.stem, "time_limit": 1.0, **own})
+        scenario = Scenario(**{"name": legible(path.stem), "time_limit": 1.0, **own})
         _require_ways(scenario)
         return scenario if "time_limit" in own else scenario.with_enough_time()
 

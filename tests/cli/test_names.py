@@ -58,6 +58,38 @@ def test_a_console_without_a_letter_of_a_name_loses_no_table(place: Path, tmp_pa
     assert (out / "exits.csv").exists()
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have no such names")
+@pytest.mark.parametrize(("file", "name"), [(b"S\xfcd", "S\\xfcd"), ("[p] Süd".encode(), "[p] Süd")])
+def test_a_file_name_that_python_cannot_decode_ends_no_command(tmp_path: Path, file: bytes, name: str) -> None:
+    """Python hands over such bytes, and under ``LC_ALL=C`` all that are not ASCII, as lone surrogates."""
+
+    def decoded(text: bytes) -> str:
+        return text.decode("ascii", "surrogateescape")
+
+    exits = {"Süd": [[6, 1], [6, 2]], "west": [[0, 1], [0, 2]]}
+    unnamed = {"geometry": {**PLACE["geometry"], "exits": exits}, "population": PLACE["population"]}
+    path, folder, page = tmp_path / decoded(file + b".json"), tmp_path / decoded(file), tmp_path / "page.html"
+    path.write_text(json.dumps(unnamed), encoding="utf-8")
+    plan = tmp_path / decoded(file + b".wkt")
+    plan.write_text("POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))", encoding="utf-8")
+    run = ("run", path, "--runs", "1", "--workers", "1", "--out")
+    for words in (
+        (*run, folder),
+        (*run, tmp_path / "other", "--routing", decoded("Süd".encode())),
+        ("run", plan, "--exit", "6,1,6,2", "--runs", "1", "--workers", "1"),
+        ("plan", path, plan, "--out", tmp_path / "plan.png"),
+        ("forces", folder),
+        ("film", folder, tmp_path / "other", "--out", tmp_path / "film.gif", "--width", "320", "--fps", "1"),
+        ("replay", folder, "-o", page),
+        ("evaluate", "--scenario", path, "--policies", decoded("Süd".encode()), "--runs", "1"),
+        ("report", folder, tmp_path / "other", "-o", page, "--title", decoded(file)),
+    ):
+        code, _, said = command(*words)
+        assert code == 0, (words, said)
+        if page in words:
+            assert name in Parsed(page).text
+
+
 def test_a_report_runs_no_code_that_a_folder_names(tmp_path: Path) -> None:
     folder, page = tmp_path / "results", tmp_path / "page.html"
     assert command("run", "room-v0", "--people", 4, "--runs", 1, "--workers", 1, "--out", folder)[0] == 0

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, and their names as text."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -32,7 +32,12 @@ def written(path: Path) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
+def legible(name: str | Path) -> str:
+    r"""Return a name as pages, pictures and tables can hold it: bytes that Python left undecoded as UTF-8, else as ``\xfc``."""
+    return str(name).encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
 def write_text(path: Path, text: str) -> None:
-    """Write a text file in UTF-8, whole or not at all."""
+    """Write a text file in UTF-8, whole or not at all; the names in it are `legible`."""
     with written(path) as part:
-        part.write_text(text, encoding="utf-8")
+        part.write_text(legible(text), encoding="utf-8")

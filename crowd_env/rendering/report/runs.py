@@ -9,6 +9,7 @@ from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
 from crowd_env.core.behaviors import IN_WORDS
 from crowd_env.core.checks import shown
+from crowd_env.core.files.atomic import legible
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.version import __version__
@@ -131,7 +132,7 @@ def _names(runs: Sequence[Runs]) -> list[str]:
     if len(runs) == 1:
         return [str(runs[0].config["strategy"])]
     names = told_apart([_told(one) for one in runs], ", ")
-    for told in ([one.folder.absolute().name for one in runs], [str(one.folder) for one in runs]):
+    for told in ([legible(one.folder.absolute().name) for one in runs], [legible(one.folder) for one in runs]):
         again = [names.count(name) > 1 for name in names]
         names = [
             ", ".join(filter(None, (name, more))) if twice else name

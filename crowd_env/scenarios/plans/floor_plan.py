@@ -8,6 +8,7 @@ from pathlib import Path
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from crowd_env.core.files.atomic import legible
 from crowd_env.geometry.parsing import Area
 
 
@@ -86,12 +87,12 @@ class FloorPlan:
     @property
     def name(self) -> str:
         """Name in tables."""
-        return self.path.stem if self.level is None else f"{self.path.stem}-{self.level}"
+        return legible(self.path.stem if self.level is None else f"{self.path.stem}-{self.level}")
 
     @property
     def title(self) -> str:
         """A line for readers."""
-        return f"floor plan {self.path.name}" + ("" if self.level is None else f", level {self.level}")
+        return legible(f"floor plan {self.path.name}" + ("" if self.level is None else f", level {self.level}"))
 
 
 def _join(shapes: dict[str, BaseGeometry], name: str, shape: BaseGeometry) -> None:
