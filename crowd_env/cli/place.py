@@ -7,6 +7,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from crowd_env.analysis.results.config import require_data
+from crowd_env.analysis.results.folder import CONFIG
 from crowd_env.core.arrays.state import MOTIVATION
 from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.checks import Plain, at, flag, known
@@ -69,9 +71,17 @@ class CrowdOptions:
 
     @classmethod
     def of_config(cls, arguments: Plain) -> "CrowdOptions":
-        """Return the options that the arguments of a config hold."""
+        """Return the options that the arguments of a config hold.
+
+        Raises
+        ------
+        ValueError
+            If one is not what the option takes.
+        """
         names = {one.name for one in fields(cls)}
-        return cls(**{name: value for name, value in named_now(arguments).items() if name in names})
+        given = {name: value for name, value in named_now(arguments).items() if name in names}
+        require_data(f"arguments of {CONFIG}", cls, given)
+        return cls(**given)
 
     def files(self) -> dict[str, Path]:
         """Return the files that the options name, by the names of the options."""

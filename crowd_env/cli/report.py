@@ -33,7 +33,7 @@ def place_of(config: Mapping[str, Any], trust_code: bool = False) -> tuple[Scena
         If it names no place, a file that is another now, or, without ``trust_code``, a law or a policy in a file of code.
     """
     options = CrowdOptions.of_config(config["arguments"])
-    own = [text for text in (options.scheme, options.policy) if isinstance(text, str) and names_own(text)]
+    own = [text for text in (options.scheme, options.policy) if text and names_own(text)]
     if own and not trust_code:
         raise ValueError(f"they were made with the code {own[0]}, which a report would run; allow it by --trust-code")
     try:

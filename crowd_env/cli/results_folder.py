@@ -3,16 +3,16 @@
 import hashlib
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import typer
 
-from crowd_env.analysis.results.config import FREE, run_config
+from crowd_env.analysis.results.config import FREE, require_data, run_config
 from crowd_env.analysis.results.folder import CROWDING, KEPT, ResultsFolder
 from crowd_env.cli.place import CrowdOptions, Setting, named_now
-from crowd_env.core.checks import counted
+from crowd_env.core.checks import check_keys, counted
 from crowd_env.core.console import check_folder, friendly_errors, say
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.files.store import difference
@@ -22,8 +22,14 @@ from crowd_env.scenarios.scenario import Scenario
 
 CURVES = "nt.png"
 
-# Options that decide the results: what a config keeps of a command line.
-_KEPT = (*(one.name for one in fields(CrowdOptions)), "runs", "until", "seed")
+
+@dataclass(frozen=True)
+class _Kept(CrowdOptions):
+    """Options that decide the results: what a config keeps of a command line."""
+
+    runs: int = 1
+    until: str | None = None
+    seed: int = 0
 
 
 def again(context: typer.Context, path: Path | None) -> Path | None:
@@ -35,9 +41,8 @@ def again(context: typer.Context, path: Path | None) -> Path | None:
             if not isinstance(arguments, dict):
                 raise ValueError(f"--config {path}: this is no config of crowd-env run, as it writes it into --out")
             arguments = named_now(arguments)
-            if not set(arguments) <= set(_KEPT):
-                version = config.get("version", "another version")
-                raise ValueError(f"--config {path}: its options are those of {version}; give them by their new names")
+            check_keys(f"--config {path}: arguments", arguments, [one.name for one in fields(_Kept)])
+            require_data(f"--config {path}: arguments", _Kept, arguments)
             context.default_map = {**(context.default_map or {}), **arguments}
     return path
 

@@ -79,6 +79,7 @@ def test_a_file_name_that_python_cannot_decode_ends_no_command(tmp_path: Path, f
         ("run", plan, "--exit", "6,1,6,2", "--runs", "1", "--workers", "1"),
         ("plan", path, plan, "--out", tmp_path / "plan.png"),
         ("forces", folder),
+        ("run", "--config", folder / "config.json", "--workers", "1"),
         ("film", folder, tmp_path / "other", "--out", tmp_path / "film.gif", "--width", "320", "--fps", "1"),
         ("replay", folder, "-o", page),
         ("evaluate", "--scenario", path, "--policies", decoded("Süd".encode()), "--runs", "1"),

@@ -94,6 +94,14 @@ def test_a_folder_of_another_command_is_refused(whole):
     assert {path: path.read_bytes() for path in whole.rglob("*.*")} == before
 
 
+def test_a_config_with_an_unknown_option_names_it(whole, tmp_path):
+    config = json.loads((whole / "config.json").read_text())
+    config["arguments"]["pace"] = 2
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    refused = call(f"run --config {tmp_path / 'config.json'}")
+    assert refused.exit_code == 2 and "arguments: unknown key 'pace'; known: scenario, exit," in refused.stderr
+
+
 def test_a_mistake_makes_no_folder(tmp_path):
     for line in ("--routing glue", "--set dt=0.03", "--runs 0", "--record first"):
         assert call(f"run --people 2 {line} --out {tmp_path / 'out'}").exit_code == 2

@@ -1,14 +1,20 @@
 """What a command ran: everything that decides its results, to be kept beside them."""
 
 import hashlib
+import json
 import math
 import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired
+
+from typing_extensions import TypedDict
 
 from crowd_env.analysis.results.plain import plain
+from crowd_env.core.behaviors import IN_WORDS
+from crowd_env.core.checks import shown
 from crowd_env.core.files.fingerprint import fingerprint
+from crowd_env.core.files.json_file import read_json
 from crowd_env.core.files.versions import versions_of
 from crowd_env.core.kernels import jit
 from crowd_env.core.version import __version__
@@ -20,6 +26,49 @@ from crowd_env.scenarios.scenario import Scenario
 
 # Parts of a config in which two commands may differ and still go on with each other's runs.
 FREE = ("runs", "platform", "command", "arguments", "files", "notes")
+
+
+class _Named(TypedDict):
+    name: str
+
+
+# What is read of a config again -> what it must be.
+_READ: dict[str, Any] = {
+    **dict.fromkeys(("scenario", "strategy", "fingerprint", "version", "sources"), str),
+    **dict.fromkeys(IN_WORDS, Any),
+    **{"rules": bool, "dt": float, "decision_dt": float, "seed": int, "runs": int},
+    **{"arguments": dict[str, Any], "scheme": _Named, "versions": dict[str, str]},
+    **{"policy": NotRequired[_Named], "files": NotRequired[dict[str, str]]},
+    **{"command": NotRequired[list[str]], "platform": NotRequired[str]},
+}
+
+
+def read_config(path: Path) -> dict[str, Any]:
+    """Return the config in a file, checked.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, or is not the config of `crowd-env run`.
+    """
+    config = read_json(path)
+    require_data(f"{path} is not the config of crowd-env run", TypedDict("Config", _READ), config)  # type: ignore[operator]
+    return dict(config)
+
+
+def require_data(where: str, kind: Any, content: Any) -> None:
+    """Raise ValueError, which begins with ``where``, unless plain data is what the annotations of a class say."""
+    from pydantic import TypeAdapter, ValidationError
+
+    try:
+        text = json.dumps(content, ensure_ascii=False).encode("utf-8", "replace")  # pydantic refuses lone surrogates
+        TypeAdapter(kind).validate_json(text, strict=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        field = ".".join(map(str, first["loc"])) or "it"
+        must = first["msg"].replace("Input should be", "it must be")
+        wrong = "is missing" if first["type"] == "missing" else f"is {shown(first['input'])}; {must}"
+        raise ValueError(f"{where}: {field} {wrong}") from None
 
 
 def run_config(

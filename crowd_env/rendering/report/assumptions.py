@@ -139,7 +139,7 @@ _ASSUMED: dict[str, Callable[[Runs], str]] = {
 
 
 def _files(one: Runs) -> str:
-    found = [f"{path} (SHA-256 {digest[:16]}…)" for path, digest in (one.config.get("files") or {}).items()]
+    found = [f"{path} (SHA-256 {digest[:16]}…)" for path, digest in one.config.get("files", {}).items()]
     return "\n".join(found) or "none: it ships with crowd-env"
 
 
@@ -158,7 +158,7 @@ _MADE: dict[str, Callable[[Runs], str]] = {
 
 def led_by(one: Runs) -> str:
     """Return the name of the policy that led the pedestrians; "" without one."""
-    return str((one.config.get("policy") or {}).get("name", ""))
+    return str(one.config.get("policy", {}).get("name", ""))
 
 
 _WORDS = {"yes": "met", "no": "NOT met", "reported": "reported, not judged"}
@@ -182,7 +182,7 @@ def validation_map() -> Any:
 
 def limits_of(runs: Runs) -> Limits:
     """Return what the validation map says of runs."""
-    scheme = runs.config["scheme"].get("name")
+    scheme = runs.config["scheme"]["name"]
     if policy := led_by(runs):
         text = f"The validation map has no row of pedestrians led by {policy}: how near they are to recorded ones is not known."
         return Limits(f"{scheme}, led by {policy}", text, tuple(_others(runs)), ())
@@ -214,7 +214,7 @@ def _others(one: Runs) -> Iterator[str]:
         limit = behavior.limits.get(plain_form, behavior.limit) if isinstance(plain_form, str) else behavior.limit
         if limit:
             yield limit
-    scheme = SCHEMES.get(config["scheme"].get("name"), one.scheme)
+    scheme = SCHEMES.get(config["scheme"]["name"], one.scheme)
     changed = [key for key, value in plain(scheme).items() if config["scheme"].get(key) != value]
     if changed:
         yield f"The rows are of the scheme's own parameters; in these runs others are set: {', '.join(changed)}."

@@ -5,13 +5,12 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from crowd_env.analysis.figures import listed, report
+from crowd_env.analysis.results.config import read_config
 from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
 from crowd_env.core.behaviors import IN_WORDS
-from crowd_env.core.checks import shown
 from crowd_env.core.files.atomic import legible
 from crowd_env.core.files.fingerprint import fingerprint
-from crowd_env.core.files.json_file import read_json
 from crowd_env.core.version import __version__
 from crowd_env.envs.rollout import Episode
 from crowd_env.physics import ContactScheme
@@ -19,14 +18,6 @@ from crowd_env.rendering.words import told_apart
 from crowd_env.scenarios.scenario import Scenario
 
 T = TypeVar("T")
-
-# What a page takes of a config -> its type.
-_FACTS = {
-    **dict.fromkeys(("scenario", "fingerprint", "version", "sources", "strategy"), str),
-    **dict.fromkeys(("arguments", "scheme", "versions"), dict),
-    **{"rules": bool, "runs": int, "seed": int, "dt": int | float, "decision_dt": int | float},
-    **dict.fromkeys(IN_WORDS, object),
-}
 
 # Returns the place and the contact scheme that a config names.
 PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme]]
@@ -105,19 +96,15 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
         raise ValueError(f"{folder}: there is no such folder; name folders that crowd-env run --out has written")
     if not (folder / CONFIG).exists():
         raise ValueError(f"{folder} has no {CONFIG}; name folders that crowd-env run --out has written")
-    config = read_json(folder / CONFIG)
-    facts = config if isinstance(config, dict) else {}
-    for name, kind in _FACTS.items():
-        if name not in facts or not isinstance(facts[name], kind):
-            wrong = f"is {shown(facts[name])}" if name in facts else "is missing"
-            raise ValueError(f"{folder / CONFIG} is not the config of crowd-env run: {name!r} {wrong}")
+    config = read_config(folder / CONFIG)
     try:
         scenario, scheme = place_of(config)
-    except (AttributeError, ValueError, KeyError, TypeError) as error:
+    except ValueError as error:
         raise ValueError(f"{folder}: the place of these runs cannot be read again: {error}") from None
     if fingerprint(scenario) != config["fingerprint"]:
         other = config["version"] != __version__
-        why = f"they were made by version {config['version']}" if other else "its file has changed since"
+        what = "its file" if config.get("files") else f"{CONFIG} or crowd-env"
+        why = f"they were made by version {config['version']}" if other else f"{what} has changed since"
         raise ValueError(f"{folder}: {scenario.name} is not what these runs were made of: {why}; run them again")
     kept = ResultsFolder(folder, config, scenario)
     episodes = kept.finished()
@@ -146,7 +133,7 @@ def _told(runs: Runs) -> dict[str, str]:
     config = runs.config
     return {
         **{name: described(config[name]) for name in ("scenario", "strategy")},
-        "scheme": str(config["scheme"].get("name")),
+        "scheme": config["scheme"]["name"],
         **{name: described(config[name]) for name in IN_WORDS},
         "rules": "with rules" if config["rules"] else "without rules",
         "people": f"{runs.figures['people']} people",

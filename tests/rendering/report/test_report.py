@@ -204,12 +204,14 @@ def test_a_report_has_intervals_without_scipy(folders: Path, tmp_path: Path, mon
 
 
 CHANGES = {  # of a config
-    "'arguments' is []": {"arguments": []},
-    "'seed' is 'x'": {"seed": "x"},
-    "'scheme' is 'nsm2'": {"scheme": "nsm2"},
-    "'runs' is 1.5": {"runs": 1.5},
-    "'manner' is missing": {"manner": ...},
-    "'versions' is missing": {"versions": ...},
+    "arguments is []": {"arguments": []},
+    "seed is 'x'": {"seed": "x"},
+    "scheme is 'nsm2'": {"scheme": "nsm2"},
+    "runs is 1.5": {"runs": 1.5},
+    "manner is missing": {"manner": ...},
+    "versions is missing": {"versions": ...},
+    "policy is 'evil.py:Mine'; it must be an object": {"policy": "evil.py:Mine"},
+    "config.json: scheme is {'a': 1}; it must be a valid string": {"arguments": {"physics": {"a": 1}}},
 }
 
 
@@ -222,6 +224,67 @@ def test_a_damaged_config_is_answered_in_a_sentence(words: str, folders: Path, t
     (copy / "config.json").write_text(text, "utf-8")
     code, _, said = command("report", copy, "-o", tmp_path / "page.html")
     assert code == 2 and words in said and len(said.strip().splitlines()) == 1, said
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder whose config holds every field that there can be."""
+    home = tmp_path_factory.mktemp("whole")
+    (home / "plan.wkt").write_text(PLAN, "utf-8")
+    (home / "starts.csv").write_text("x,y\n1,1\n2,2\n3,3\n", "utf-8")
+    place = (
+        "run",
+        home / "plan.wkt",
+        "--exit",
+        "6,1,6,2.2",
+        "--unit",
+        "m",
+        "--starts",
+        home / "starts.csv",
+        "--people",
+        3,
+    )
+    people = (
+        "--walking",
+        "calm",
+        "--routing",
+        "shortest",
+        "--policy",
+        "follow",
+        "--set",
+        "dt=0.01",
+        "--time-limit",
+        60,
+    )
+    assert command(*place, *people, "--until", "50%", "--runs", 1, "--workers", 1, "--out", home / "out")[0] == 0
+    return home / "out"
+
+
+@pytest.mark.parametrize("every", [23, pytest.param(1, marks=pytest.mark.nightly)])
+def test_no_field_of_a_config_ends_a_command_in_a_traceback(every: int, whole: Path, tmp_path: Path) -> None:
+    before = (whole / "config.json").read_text("utf-8")
+    config = json.loads(before)
+    fields = [(name,) for name in config]
+    fields += [(name, key) for name, table in config.items() if isinstance(table, dict) for key in table]
+    assert {"policy", "files"} < {*config} and {"starts", "until", "set"} < {*config["arguments"]}
+    values = (3, -1.5, "x", [], [1], {}, {"a": 1}, None)
+    page, path = tmp_path / "page.html", whole / "config.json"
+    cases = [(field, value) for field in fields for value in values]
+    try:
+        for field, value in cases[::every]:
+            changed = json.loads(before)
+            table = changed if len(field) == 1 else changed[field[0]]
+            table[field[-1]] = value
+            path.write_text(json.dumps(changed), "utf-8")
+            for words in (
+                ("report", whole, "-o", page, "--no-maps"),
+                ("run", "--config", path, "--runs", 1, "--workers", 1),
+                ("replay", whole, "-o", page),
+            ):
+                code, _, said = command(*words)
+                assert code == 0 or (code == 2 and said), f"{words[0]} with {field} = {value}"
+    finally:
+        path.write_text(before, "utf-8")
 
 
 def test_worst_places_are_peaks_and_not_the_slopes_beside_them(folders: Path) -> None:
@@ -268,7 +331,7 @@ def test_an_unfinished_folder_and_another_version_are_said(folders: Path, tmp_pa
     ("changed", "says"),
     [
         (None, "has no config.json"),
-        ({"fingerprint": "0"}, "its file has changed since"),
+        ({"fingerprint": "0"}, "config.json or crowd-env has changed since"),
         ({"fingerprint": "0", "version": "0.0.1"}, "made by version 0.0.1"),
         ({"arguments": {"scenario": "no-such-place"}}, "cannot be read again"),
     ],
