@@ -11,7 +11,8 @@ import base64
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,6 +32,7 @@ from ..runs import versions
 from ..tasks import TASKS, Task
 from ..tasks.variations import AS_IT_STANDS, Variation, variations
 from ..walking import RuleAtShare
+from .contradictions import MIXED, contradiction, crowd_of
 from .entries import RULE, Entry
 from .evaluation import OWN_SEED, Evaluation, figures_of_runs
 from .protocol import task_figures
@@ -41,17 +43,14 @@ FORMAT = 3
 OWN_DRAWS = Variation("own-draws", "draws of its own")
 _PART = 4  # of the draws of a task: as many are a policy's own
 _CHECKED = 10  # draws of the rule that are held against those that lie there
-_MIXED = ("mean_exit_learned", "mean_exit_others")  # figures of mixed crowds
-_NOT_ALWAYS = (*_MIXED, "last_time", "mean_exit", "flow")  # what a run may lack
 # Column of a run -> its digits.  The first four are numbers of people; of ``blocked``, whether the run was.
 _DIGITS = {
     **dict.fromkeys(("unfinished", "blocked", "escaped", "crushed", "last_time", "mean_exit", "contact_impulse"), 5),
     **dict.fromkeys(("crushed_time", "flow", "max_overlap", "max_speed", "max_pressure"), 4),
-    **dict.fromkeys(("walked", "max_density", "hurry", *_MIXED), 5),
+    **dict.fromkeys(("walked", "max_density", "hurry", *MIXED), 5),
 }
 _COLUMNS = tuple(_DIGITS)
 _FIGURES = 6  # digits of other numbers
-_LEAST_FLOW = 0.5  # of the people but one over the last time: flow is of the middle of a run; 0.75 is the least seen
 _KEYS = {"format", "task", "policies", "networks", "columns", "trials", "versions"}
 
 
@@ -190,12 +189,20 @@ def read_submission(path: Path) -> dict[str, Any]:
             f"{references} is not the file of rules of {task.name} version {task.version}: its digest is {digest}, not "
             f"{task.references}; take that of the repository"
         )
-    try:
+    with _damage_told(path):
         return _judged(path, content, {one["variation"]: one["of"] for one in beside["trials"]})
+
+
+@contextmanager
+def _damage_told(path: Path) -> Iterator[None]:
+    """Turn what goes wrong with the content of a file into a ValueError that begins with its path."""
+    try:
+        yield
     except (KeyError, TypeError, IndexError, AttributeError, ValueError) as error:
         if str(error).startswith(str(path)):
             raise
-        raise ValueError(f"{path} is damaged: {type(error).__name__} {error}") from None
+        what = "" if isinstance(error, ValueError) else f"{type(error).__name__} "
+        raise ValueError(f"{path} is damaged: {what}{error}") from None
 
 
 def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> dict[str, Any]:
@@ -229,7 +236,8 @@ def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> dict[str
             )
         columns = {one: _runs_of(found["runs"]) for one, found in kept[name].items()}
         for one, found in columns.items():
-            if wrong := _contradiction(found, trial["people"]):
+            crowd = crowd_of(task, _now(task.name, repr(task)).places[name], trial["learned_share"])
+            if wrong := contradiction(found, crowd):
                 raise ValueError(f"{path}: runs of {one} in {name} contradict themselves: {wrong}")
         if len({len(one["last_time"]) for one in columns.values()}) != 1:
             raise ValueError(f"{path}: {name} has other numbers of draws than {task.name}.json")
@@ -257,7 +265,11 @@ def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> dict[str
 
 def _read(path: Path) -> Plain:
     """Return what a file holds, held against its task."""
-    content = read_json(path)
+    with _damage_told(path):
+        return _held(path, read_json(path))
+
+
+def _held(path: Path, content: Plain) -> Plain:
     if not isinstance(content, dict) or not set(content) >= _KEYS or content["format"] != FORMAT:
         raise ValueError(f"{path} is no submission (format {FORMAT}); crowd-env submit makes one")
     told = content["task"]
@@ -315,35 +327,11 @@ def _kept(result: Evaluation) -> Plain:
 
 def _runs_of(lines: Sequence[str]) -> dict[str, Floats]:
     """Return the columns of the runs that a file holds."""
+    for cells in (line.split(",") for line in lines):
+        if len(cells) != len(_COLUMNS):
+            raise ValueError(f"a run has {len(cells)} columns, not {len(_COLUMNS)}")
     rows = [[np.nan if one == "-" else float(one or 0) for one in line.split(",")] for line in lines]
     return dict(zip(_COLUMNS, np.array(rows, dtype=np.float64).T, strict=True))
-
-
-def _contradiction(runs: Mapping[str, Floats], people: int) -> str:
-    """Return what no ``people`` can have done in runs, given as columns; "" if there is nothing."""
-    cleared, last, mean = runs["unfinished"] == 0, runs["last_time"], runs["mean_exit"]
-    some = {name: values[np.isfinite(values)] for name, values in runs.items()}
-    for name in ("unfinished", "escaped", "crushed", "blocked"):
-        most = 1 if name == "blocked" else people
-        if not np.isin(runs[name], np.arange(most + 1)).all():
-            return f"{name} must be whole numbers from 0 to {most}"
-    if less := [name for name in runs if name not in _NOT_ALWAYS and len(some[name]) < len(last)]:
-        return f"{less[0]} must be a number in every run"
-    if below := [name for name, values in some.items() if (values < 0.0).any()]:
-        return f"{below[0]} must not be negative"
-    if (
-        not np.isfinite([last[cleared], mean[cleared], runs["flow"][cleared]]).all()
-        or np.isinf(list(runs.values())).any()
-    ):
-        return "a run that all have left has a last time, a mean exit time and a flow, all finite"
-    if (mean[cleared] > last[cleared]).any():
-        return "mean_exit must not be above last_time"
-    if (runs["flow"][cleared] * last[cleared] < _LEAST_FLOW * (people - 1)).any():
-        return "flow must not be below the people over last_time"
-    if ((runs["crushed"] > 0.0) != (runs["crushed_time"] > 0.0)).any():
-        return "crushed must be 0 where crushed_time is 0, and there alone"
-    every = np.nan_to_num(np.stack(list(runs.values()), axis=1), nan=-1.0)
-    return "two runs are the same" if len(np.unique(every, axis=0)) < len(every) else ""
 
 
 def _figures(policy: str, trial: Plain, kept: Plain, count: int) -> Plain:
@@ -354,7 +342,7 @@ def _figures(policy: str, trial: Plain, kept: Plain, count: int) -> Plain:
     runs["mean_exit"] = np.where(cleared, runs["mean_exit"], np.nan)
     runs["blocked_since"] = np.where(runs["blocked"] > 0, 0.0, np.nan)
     if trial["learned_share"] == 1.0:
-        runs = {name: values for name, values in runs.items() if name not in _MIXED}
+        runs = {name: values for name, values in runs.items() if name not in MIXED}
     facts = {"policy": policy, "scheme": trial["scheme"], "learned_share": trial["learned_share"]}
     figures = figures_of_runs(runs, trial["scheme"], trial["people"])
     return {**facts, "constants": kept.get("constants", {}), **figures}

@@ -17,6 +17,7 @@ from crowd_env.geometry.wall_grid import make_wall_grid
 from crowd_env.physics.pressure import INJURY, contact_pressure
 
 CELL = 0.25  # m  of the maps
+ALONE = 1.0 / (np.pi * REACH**2)  # 1/m2  density of a pedestrian alone
 SAMPLE = 0.5  # s  between two samples of positions; forces are sampled every decision
 
 
