@@ -92,5 +92,5 @@ def require_same(now: dict[str, Any], then: dict[str, Any], of: str = "simulatio
     """Raise ValueError if two simulations or environments differ in what they must have in common, naming it."""
     for name in {**now, **then}:
         if now.get(name) != then.get(name):
-            says = "" if name == "place" else f": {shown(then.get(name))}, here {shown(now.get(name))}"
+            says = "" if name in ("place", "routing") else f": {shown(then.get(name))}, here {shown(now.get(name))}"
             raise ValueError(f"the checkpoint fits another {of}: its {name} differs{says}")

@@ -311,8 +311,11 @@ class Simulation:
         chosen["has_groups"] = self.has_groups
         env_start, sorting = self.bodies.env_start.tolist(), self._sorted is not None
         world, guidance = self.world, self.world.guidance
-        place = fingerprint(world.boundary, world.geometry_of_env, guidance.goal, guidance.following)
-        batch = {"env_start": env_start, "sorting": sorting, "place": place}
+        place, routing = (
+            fingerprint(world.boundary, world.geometry_of_env),
+            fingerprint(guidance.goal, guidance.following),
+        )
+        batch = {"env_start": env_start, "sorting": sorting, "place": place, "routing": routing}
         return {**chosen, **batch}
 
     def checkpoint(self) -> Checkpoint:

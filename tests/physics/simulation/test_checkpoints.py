@@ -205,6 +205,7 @@ def test_nothing_can_be_replaced_behind_the_back_of_those_who_look(name):
         ({"num_envs": 2}, "env_start"),
         ({"people": 19}, "env_start"),
         ({"scenario": {"name": "room-v0", "side": 7.0}}, "place"),
+        ({"routing": "comfortable"}, "routing"),
         ({"physics": Physics("dem", max_drive=200.0)}, "max_drive"),
         ({"decision_dt": 0.2}, "decision_dt"),
         ({"action": {"name": "continuous", "frame": "world"}}, "frame"),
