@@ -20,7 +20,9 @@ _SOURCE = "Folder of crowd-env run --out, or recording (.sqlite, .h5)"
 Sources = Annotated[list[Path], typer.Argument(metavar="DIR...", help=f"{_SOURCE}; several compare.")]
 Source = Annotated[Path, typer.Argument(metavar="DIR", help=f"{_SOURCE}.")]
 
-FilmWidth = Annotated[int | None, of_output("Width of the film in px; default 480 an evacuation.", min=160, max=3840)]
+FilmWidth = Annotated[
+    int | None, of_output("Width of the film in px; default 480 for each evacuation.", min=160, max=3840)
+]
 _FILM = "Film, .mp4 or .gif, or picture, .png; default film.mp4 there."
 _AT = "Moment in s; default the end if the exits block, else the hardest push."
 _AROUND = "How far around the exit, in m; inf for all; default 3.5 in big places."
