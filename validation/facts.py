@@ -15,7 +15,7 @@ from crowd_env.scenarios import generated
 from validation.pages import ROOT, Rows, read_table, read_toml
 
 _CELLS: dict[str, list[Any]] = read_toml(Path(__file__).with_name("facts.toml"))
-_SEEDS = {"search-cpu": "after", "search-time": "last look", "training-cpu": "search and", "seeds-ratio": "of that"}
+_SEEDS = {"training-cpu": "training, CPU", "seeds-ratio": "of that"}
 
 
 def facts() -> Rows:

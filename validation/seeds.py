@@ -1,4 +1,4 @@
-"""What runs of the main job with several seeds learned, from nothing: a table, and one picture of their curves.
+"""What runs of the main job with several seeds learned, from full speed: a table, and one picture of their curves.
 
 ``python -m validation.seeds FOLDER`` draws FOLDER/learning.png.
 """
@@ -13,7 +13,7 @@ from crowd_env.core.arrays.state import Floats
 from validation.pages import Rows
 from validation.sources import Source
 
-_BESIDE = ("rule-best-speed", "follow")
+_BESIDE = ("follow", "evolution")
 
 
 def seeds(source: Source) -> Rows:
@@ -22,7 +22,7 @@ def seeds(source: Source) -> Rows:
 
 
 def draw(folder: Path) -> None:
-    """Draw the curves of all runs in a folder, search and training one after the other."""
+    """Draw the curves of all runs in a folder."""
     source = Source(lambda _: {}, folder)
     runs = _runs(source)
     rules = {row["policy"]: row["clearing_time"]["mean"] for row in source.read(f"{runs[0]}/results.json")["rows"]}
@@ -42,22 +42,17 @@ def _row(source: Source, run: str) -> dict[str, Any]:
         **told,
         **learned,
         "seed": run,
-        "search": _rows(source, run, "search_curve.csv")[-1],
         "kept": kept,
         "time": learned["clearing_time"],
         "ratio": learned["clearing_time"]["mean"] / beside,
     }
 
 
-def _rows(source: Source, run: str, file: str) -> list[dict[str, float]]:
-    from crowd_env.agents.learned.curve import read_curve
-
-    return read_curve(source.folder / run / file)
-
-
 def _curve(source: Source, run: str) -> Floats:
     """Return CPU seconds and times of the last person [s] of what a run had by then (T, 2)."""
-    rows = [*_rows(source, run, "search_curve.csv"), *_rows(source, run, "learning_curve.csv")]
+    from crowd_env.agents.learned.curve import CURVE, read_curve
+
+    rows = read_curve(source.folder / run / CURVE)
     return np.array([(row["cpu_seconds"], row["evacuation_time"]) for row in rows])
 
 
@@ -69,8 +64,8 @@ def _draw(curves: list[Floats], reference: dict[str, float], path: Path) -> None
         at,
         {f"{len(curves)} seeds": np.array([np.interp(at, *curve.T) for curve in curves])},
         reference=reference,
-        title="Learning from nothing: mean and range",
-        xlabel="CPU seconds: search, then clone and PPO",
+        title="Learning from full speed: mean and range",
+        xlabel="CPU seconds",
     )
     save_figure(figure, path)
 

@@ -2,5 +2,6 @@
 
 from ..training_config import PPOSettings
 from .ppo import make_ppo
+from .training import policy_of
 
-__all__ = ["PPOSettings", "make_ppo"]
+__all__ = ["PPOSettings", "make_ppo", "policy_of"]

@@ -67,10 +67,6 @@ class _Central(Layers):
         super().__init__(own, hidden)
         self.critic = nn.Sequential(nn.Linear(2 * own + 1, hidden), nn.Tanh(), nn.Linear(hidden, hidden), nn.Tanh())
 
-    def forward(self, rows: Tensor) -> tuple[Tensor, Tensor]:
-        """Return the last layers of actor and critic (K, H) for inputs (K, 2 I + 1)."""
-        return self.forward_actor(rows), self.critic(rows)
-
     def forward_actor(self, rows: Tensor) -> Tensor:
         """Return the last layer of the actor."""
         return tanh(self.second(tanh(self.first(rows[:, : self.first.in_features]))))

@@ -19,7 +19,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from crowd_env.core.console import say
 from crowd_env.core.files.atomic import written
 from crowd_env.envs.action import SpeedTable, make_action
-from crowd_env.envs.adapters.sb3 import MaskedRolloutBuffer
+from crowd_env.envs.adapters.sb3 import CrowdVecEnv, MaskedRolloutBuffer
 from crowd_env.envs.protocol import WalkingBatch
 from crowd_env.envs.routing.env import RoutingVectorEnv
 from crowd_env.envs.tasks.task import HELD_OUT_SEED
@@ -181,6 +181,20 @@ def trained_in(
         network = BetweenMLP(network.weights, network.biases, network.activation, table)
         return LearnedPolicy(network, {**options, "action": make_action("continuous")}, facts)
     return LearnedPolicy(network, options, facts, std)
+
+
+def policy_of(model: PPO) -> LearnedPolicy:
+    """Return what a model has learned in a `CrowdVecEnv`, to be saved, judged and filmed without torch.
+
+    Raises
+    ------
+    ValueError
+        If it was trained elsewhere, or its network has no such file, see `network_of`.
+    """
+    venv = model.get_env()
+    if not isinstance(inner := getattr(venv, "unwrapped", venv), CrowdVecEnv):
+        raise ValueError(f"it was trained in a {type(inner).__name__}, not in a CrowdVecEnv")
+    return LearnedPolicy(network_of(model), env_options_of(inner.env), spread=std_of(model))
 
 
 def env_options_of(env: WalkingBatch) -> dict[str, object]:

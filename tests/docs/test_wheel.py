@@ -90,6 +90,6 @@ def test_the_first_commands_of_the_readme_work_where_the_wheel_is_installed(envi
     for command in commands:
         done = called(environment, tmp_path, *command.words, "--film-width", "320", "--film-fps", "1")
         assert done.returncode == 0, done.stderr
-    assert (tmp_path / "competitive-door.mp4").stat().st_size > 1000
+    assert (tmp_path / "narrow-door.mp4").stat().st_size > 1000
     version = called(environment, tmp_path, "crowd-env", "--version").stdout.split()[-1]
     assert version == PROJECT["project"]["version"]

@@ -20,7 +20,7 @@ def write(path, *points):
 
 
 def time(mean):
-    return {"clearing_time": {"mean": mean, "ci95": [mean - 1.0, mean + 1.0]}, "blocked": 0, "runs": 200}
+    return {"clearing_time": {"mean": mean, "ci95": [mean - 1.0, mean + 1.0]}, "unfinished": 0, "runs": 200}
 
 
 @pytest.fixture
@@ -33,8 +33,7 @@ def folder(tmp_path):
             "rows": [{"policy": name, **time(value)} for name, value in rows.items()],
             "confirmation": {"kept": kept, "steps": 3000}, "spent": {"cpu_seconds": 300.0 + seed},
         })  # fmt: skip
-        write(run / curve.SEARCH, (0.0, 350.0), (100.0, 53.0 + seed))
-        write(run / curve.CURVE, (200.0, 53.0), (300.0, mean))
+        write(run / curve.CURVE, (0.0, 60.0), (200.0, 53.0), (300.0, mean))
     return tmp_path
 
 
@@ -45,5 +44,5 @@ def test_every_run_is_a_row_and_all_curves_are_in_one_picture(folder):
     found = dict(zip(head, rows[2], strict=True))
     assert found["last person out, s"] == "52.0 [51.0, 53.0]" and found["of that of `evolution`"] == "1.040"
     assert found["network kept"] == "of step 3,000" and rows[0][head.index("network kept")] == "the start"
-    assert found["last look at the search, s"] == "63.0" and found["exits blocked"] == "0 of 200"
+    assert found["runs with people left"] == "0 of 200" and found["training, CPU s"] == "310"
     assert (folder / "learning.png").read_bytes()[:4] == b"\x89PNG"

@@ -26,7 +26,7 @@ from crowd_env.physics import SCHEMES
 from crowd_env.rendering.libraries import require_libraries
 from crowd_env.scenarios import kind_of_place
 
-_TASK = "competitive-door"
+_TASK = "narrow-door"
 _THREADS = min(2, os.cpu_count() or 1)
 _DECIDES = ("walking", "routing")
 _RUNS = 50  # held-out draws where there is no task
@@ -112,7 +112,7 @@ def main(
     --------
     crowd-env train
 
-    crowd-env train --task narrow-door --seed 1 --threads 4
+    crowd-env train --task competitive-door --seed 1 --threads 4
 
     crowd-env train --task two-exit-hall --decides routing
 
