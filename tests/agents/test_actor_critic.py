@@ -42,6 +42,8 @@ def test_what_is_recorded_while_acting_is_what_is_learned_from(action):
     actions, values, logs = found(rows)
     again = found.evaluate_actions(rows, actions)
     np.testing.assert_allclose(values.detach(), again[0].detach(), atol=1e-6)
+    np.testing.assert_allclose(values.detach(), found.predict_values(rows).detach(), atol=1e-6)
+    assert len(values.unique()) == 18  # the critic sees what the actor sees
     np.testing.assert_allclose(logs.detach(), again[1].detach(), atol=1e-5)
     assert actions.shape[0] == 20 and (actions[2] == actions[5]).all() and (actions[5] == actions[19]).all()
     certain = [found(rows, deterministic=True)[0] for _ in range(2)]

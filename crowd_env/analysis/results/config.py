@@ -6,7 +6,7 @@ import math
 import platform
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NotRequired
+from typing import Any, NotRequired, cast
 
 from typing_extensions import TypedDict
 
@@ -52,7 +52,7 @@ def read_config(path: Path) -> dict[str, Any]:
         If the file cannot be read, or is not the config of `crowd-env run`.
     """
     config = read_json(path)
-    require_data(f"{path} is not the config of crowd-env run", TypedDict("Config", _READ), config)  # type: ignore[operator]
+    require_data(f"{path} is not the config of crowd-env run", cast(Any, TypedDict)("Config", _READ), config)
     return dict(config)
 
 
