@@ -12,7 +12,6 @@ from crowd_env.cli.main import app
 
 # Programs that are called as `python -m NAME` -> the module with its command line.
 COMMAND_LINES = {
-    "crowd_env.agents.benchmark": "crowd_env.cli.agents.benchmark",
     "benchmarks": "benchmarks.cli",
     "validation": "validation.cli",
 }

@@ -24,7 +24,7 @@ from typer.testing import CliRunner
 import benchmarks.cli
 import validation.cli
 from benchmarks.measuring import Row
-from crowd_env.agents import benchmark
+from crowd_env.agents.benchmark.jobs import ALGORITHMS
 from crowd_env.agents.evaluation import same_draws
 from crowd_env.agents.pretrained import load
 from crowd_env.agents.rules import ShortestPath
@@ -43,7 +43,7 @@ ADDED = {
     "lin-fig4": ["--workers", "1"],
     "--scenario": ["--people", str(FEW)],
     "crowd_env.cli.agents.submit": ["--robustness-runs", "0"],
-    "crowd_env.agents.benchmark": ["--runs", "1", "--baselines", "rule"],
+    "crowd_env.cli.agents.benchmark": ["--runs", "1", "--baselines", "rule"],
     "--peers": ["scaling"],  # one case alone
 }
 MINUTES_LONG = {"lin": "lin-fig4", "lin-fig5": "lin-fig4"}  # of the figures of this paper, the shortest one
@@ -137,6 +137,7 @@ def short_trainings(monkeypatch: pytest.MonkeyPatch) -> None:
     What comes before it is done: libraries are looked for, options are checked, the folder is made.
     """
     pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: pip install '.[train]'")
+    from crowd_env.agents.learned import algorithms
     from crowd_env.agents.learned.curve import CURVE_COLUMNS
 
     def trained(folder: Path, config: dict, threads: int = 1, runners: int | None = None) -> bool:
@@ -146,10 +147,9 @@ def short_trainings(monkeypatch: pytest.MonkeyPatch) -> None:
     def learned(config: dict, watch: object) -> None:
         watch.seconds, watch.checkpoints = 1e-9, 1e9  # always due
         for steps in range(2):
-            watch.goes_on(steps, ShortestPath)
+            watch.on_update(steps, ShortestPath)
 
-    quick = {name: one._replace(train=learned) for name, one in benchmark.ALGORITHMS.items()}
-    monkeypatch.setattr(benchmark, "ALGORITHMS", quick)
+    monkeypatch.setattr(algorithms, "TRAIN", dict.fromkeys(ALGORITHMS, learned))
 
     for backend in learn.BACKENDS:
         monkeypatch.setitem(learn.BACKENDS, backend, trained)

@@ -18,7 +18,8 @@ from crowd_env.core.files.store import Store
 
 from .. import PRETRAINED, starts_from
 from ..plain import Plain
-from ..tasks.tiers import SETTINGS, TIERS, Setting, bound_time
+from ..tasks.lower_bounds import bound_time
+from ..tasks.tiers import SETTINGS, TIERS, Setting
 from .comparison import clearing_times, order_of
 from .credible import credibility
 from .entries import RULE
@@ -73,7 +74,7 @@ def judge(setting: Setting, policies: Sequence[str], folder: Path = FOLDER) -> d
             continue
         (result,) = compare(trial.entries, trial.place, [made_by["scheme"]], runs=setting.runs)
         rows[name] = {"network": network, **_figures(result)}
-        store.keep(setting.title, {"bound": bound_time(setting), "rows": rows}, made_by)
+        store.keep(setting.title, {"bound": bound_time(setting.task, setting.variation), "rows": rows}, made_by)
         say(f"{setting.title}: {name}: {order_of(clearing_times(result))}")
     return dict((store.load(setting.title, made_by, redo=True) or {}).get("rows", {}))
 

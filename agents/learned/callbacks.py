@@ -204,7 +204,7 @@ class ComparisonCallback(EvaluationCallback[Policy]):
 
     Parameters
     ----------
-    seconds : of processor time of this process, without the time in ``judge``.
+    seconds : of processor time of this process from the first update on, without the time in ``judge``.
     judge : takes a policy and returns figures; a smaller ``order`` is better.
     checkpoints : number of judgements after the one at the start; the last one is at the end.
 
@@ -219,16 +219,23 @@ class ComparisonCallback(EvaluationCallback[Policy]):
         self.curve: list[Plain] = []
         self.best: tuple[Policy, int] | None = None
         self._judge = judge
-        self._begun = time.process_time()
+        self._begun: float | None = None
 
     @property
     def progress(self) -> float:
         """Share of the processor time that is spent."""
-        return min((time.process_time() - self._begun) / self.seconds, 1.0)
+        return min(self._spent() / self.seconds, 1.0)
+
+    def _spent(self) -> float:
+        """Return the processor time [s] since the first update: compiling and building come before it."""
+        now = time.process_time()
+        if self._begun is None:
+            self._begun = now
+        return now - self._begun
 
     def on_update(self, steps: int, policy: Callable[[], Policy], returns: Sequence[float] = ()) -> bool:
         """Judge the policy if that is due; return whether processor time remains."""
-        spent = time.process_time() - self._begun
+        spent = self._spent()
         if len(self.curve) <= self.checkpoints * min(spent / self.seconds, 1.0):
             found = policy()
             row = {"steps": int(steps), "seconds": round(spent, 3), **self._judge(found)}

@@ -66,3 +66,8 @@ def free_walk_time(task: Task, one: Variation = AS_IT_STANDS) -> float:
     times = times[np.isfinite(times)]
     share = (np.arange(len(times) + 1) / len(times)) ** people
     return float(times @ np.diff(share))
+
+
+def bound_time(task: Task, one: Variation = AS_IT_STANDS) -> float:
+    """Return when the last person [s] could be out at the flow of the best recorded crowd, or alone if that is later."""
+    return max(capacity_time(one.place(task)), free_walk_time(task, one))

@@ -1,7 +1,7 @@
 """The benchmark: settings of tasks in three tiers, by how near the best learned policy is to what people can do.
 
-The yardstick of a setting is `bound_time`.  Solved: a learned policy leaves nobody inside in any draw, and is at most 25 %
-later than that and not later than the best rule.  Hard: the same, at most 75 % later.  Open: all others.  What
+The yardstick of a setting is `lower_bounds.bound_time`.  Solved: a learned policy leaves nobody inside in any draw, and is at
+most 25 % later than that and not later than the best rule.  Hard: the same, at most 75 % later.  Open: all others.  What
 `crowd_env.agents.evaluation.tiers` measures decides; it is held against ``tiers.toml`` by a test.
 """
 
@@ -12,7 +12,6 @@ from typing import NamedTuple
 from crowd_env.envs.tasks.task import Task, make_task
 
 from ..plain import Plain
-from .lower_bounds import capacity_time, free_walk_time
 from .variations import AS_IT_STANDS, Variation, variations
 
 # Tier -> how much later than the bound the best learned policy may be.
@@ -46,9 +45,3 @@ _FILE = Path(__file__).with_name("tiers.toml")
 SETTINGS: tuple[Setting, ...] = tuple(
     _read(tier, facts) for tier, those in tomllib.loads(_FILE.read_text(encoding="utf-8")).items() for facts in those
 )
-
-
-def bound_time(setting: Setting) -> float:
-    """Return when the last person [s] could be out at the flow of the best recorded crowd, or alone if that is later."""
-    place = setting.variation.place(setting.task)
-    return max(capacity_time(place), free_walk_time(setting.task, setting.variation))

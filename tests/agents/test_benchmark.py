@@ -8,21 +8,12 @@ import numpy as np
 import pytest
 from cases import looped
 from evaluations import random_policy
+from repository import ROOT
 from typer.testing import CliRunner
 
-from crowd_env.agents import benchmark as jobs
-from crowd_env.agents.benchmark import (
-    ALGORITHMS,
-    Algorithm,
-    Job,
-    Plan,
-    bootstrap_interval,
-    checkpoint,
-    do,
-    interquartile_mean,
-    summarize,
-    table,
-)
+from crowd_env.agents.benchmark import jobs, report
+from crowd_env.agents.benchmark.jobs import ALGORITHMS, BOUND, TASKS, Algorithm, Job, Plan, checkpoint, do, made_by_of
+from crowd_env.agents.benchmark.report import bootstrap_interval, interquartile_mean, score, summarize, table
 from crowd_env.agents.rules import ShortestPath
 from crowd_env.agents.walking import Evolved
 from crowd_env.cli.agents import benchmark as command
@@ -49,7 +40,7 @@ def test_few_seeds_have_no_interval_and_an_interval_is_always_the_same():
 @looped("hump", [50.0, 60.0])
 def test_an_interval_that_is_given_holds_the_true_value_about_as_often_as_it_says(hump, monkeypatch):
     """Of the interquartile mean of normal values, and of two humps; as 400 trials of ten seeds can tell."""
-    monkeypatch.setattr(jobs, "_RESAMPLES", 1000)
+    monkeypatch.setattr(report, "_RESAMPLES", 1000)
     rng = np.random.default_rng(0)
 
     def draw(count):
@@ -60,10 +51,45 @@ def test_an_interval_that_is_given_holds_the_true_value_about_as_often_as_it_say
     assert 0.88 < np.mean(held) < 0.98
 
 
+def training(seed, times, scores=(0.0, 0.5, 1.0), steps=(0, 10, 20), bound=10.0):
+    """Return what a training of these held-out times [s] leaves: its curve has one run a checkpoint."""
+    curve = [
+        {"steps": at, "seconds": float(at), "clearing_times": [bound / one if one else None]}
+        for at, one in zip(steps, scores, strict=True)
+    ]
+    held_out = {"clearing_times": times, "mean_exits": [1.0]}
+    return {"seed": seed, "start": "rule", "bound": bound, "curve": curve, "best": 0, "held_out": held_out}
+
+
+def test_a_score_is_the_bound_over_the_time_and_nothing_where_somebody_is_left():
+    assert score([20.0, 40.0, None, np.nan], 10.0) == pytest.approx((0.5 + 0.25) / 4)
+
+
 def test_a_table_of_few_seeds_shows_the_mean_alone():
-    final = {"clearing_time": {"mean": 1.0, "ci95": [0.5, 1.5]}, "mean_exit": {"mean": 1.0}, "flow": 1.0}
-    found = [{"seed": k, "of_runs": {"clearing_times": [50.0 + k]}, "final": final} for k in range(5)]
-    assert "| 52.0 |" in table(summarize({"few": found})) and "52.0 [" in table(summarize({"many": 2 * found}))
+    found = [training(k, [50.0 + k]) for k in range(5)]
+    assert "| 52.0 |" in table(summarize({"few": {"a": found}}))
+    assert "52.0 [" in table(summarize({"many": {"a": 2 * found}}))
+
+
+def test_seeds_are_drawn_within_each_task():
+    """Two tasks of which each is the same for all seeds: no draw of seeds changes anything."""
+    assert bootstrap_interval([0.2] * 10, [0.8] * 10) == pytest.approx((0.5, 0.5))
+    low, high = bootstrap_interval([0.2] * 10 + [0.8] * 10)
+    assert low < 0.4 and high > 0.6
+    assert np.isnan(bootstrap_interval([0.2] * 10, [0.8] * 9)).all()
+
+
+def test_equal_decisions_are_those_that_every_algorithm_has_had():
+    slow, fast = training(0, [20.0], steps=(0, 10, 20)), training(0, [20.0], steps=(0, 100, 200))
+    rows = summarize({"slow": {"a": [slow]}, "fast": {"a": [fast]}})
+    assert rows["slow"]["score_at"]["iqm"] == pytest.approx(1.0) and rows["slow"]["equal"] == {"a": 20}
+    assert rows["fast"]["score_at"]["iqm"] == pytest.approx(0.1)  # on the way from 0 to .5 within 100 decisions
+
+
+def test_a_score_over_tasks_is_of_all_their_seeds():
+    rows = summarize({"one": {"a": [training(0, [10.0])], "b": [training(0, [20.0])]}})["one"]
+    assert rows["score"]["iqm"] == pytest.approx(0.75)
+    assert rows["tasks"]["b"]["clearing_time"]["iqm"] == 20.0 and rows["tasks"]["b"]["decisions"] == 20
 
 
 # --------------------------------------------------------------------------------------------------------- the command
@@ -95,12 +121,13 @@ def small(monkeypatch):
     def compared(entries, place, physics, *, runs):
         return [evaluated(one.policy, place, runs=runs, first_seed=1_000_000) for one in entries]
 
-    row = {"clearing_time": {"mean": 50.0, "ci95": [49.0, 51.0]}, "mean_exit": {"mean": 30.0, "ci95": [29.0, 31.0]}}
-    row |= {"flow": 1.7, "unfinished": 0, "runs": 4}
     monkeypatch.setattr(jobs, "evaluate", evaluated)
     monkeypatch.setattr(jobs, "compare", compared)
-    monkeypatch.setattr(jobs, "task_rows", lambda *_: [row | {"minus_first": None, "credible": None}])
-    known = {"quick": Algorithm("for tests", quick), "ppo": ALGORITHMS["ppo"]}
+    monkeypatch.setattr(jobs, "bound_time", lambda task: 25.0)
+    from crowd_env.agents.learned import algorithms
+
+    monkeypatch.setattr(algorithms, "TRAIN", {"quick": quick})
+    known = {"quick": Algorithm("for tests"), "ppo": ALGORITHMS["ppo"]}
     for module in (command, jobs):
         monkeypatch.setattr(module, "ALGORITHMS", known)
     return calls
@@ -112,7 +139,7 @@ def call(*args):
 
 
 def arguments(folder, *more):
-    plan = ("--algorithms", "quick", "--baselines", "follow", "rule", "--runs", 4)
+    plan = ("--tasks", "competitive-door", "--algorithms", "quick", "--baselines", "follow", "rule", "--runs", 4)
     return (*plan, "--out", folder, *more)
 
 
@@ -120,17 +147,21 @@ def arguments(folder, *more):
 def test_the_command_trains_every_seed_once_and_goes_on_where_it_was(small, tmp_path):
     code, out, err = call(*arguments(tmp_path, "--seeds", 2))
     assert code == 0, err
+    pieces = [f"{name}.json" for name in (BOUND, "follow", "quick-seed0", "quick-seed1", "rule")]
+    assert sorted(path.name for path in (tmp_path / "competitive-door").iterdir()) == pieces
+    pictures = [f"algorithms-{name}.png" for name in ("decisions", "profiles", "seconds")]
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "follow.json",
-        "quick-seed0.json",
-        "quick-seed1.json",
-        "rule.json",
+        *pictures,
+        "competitive-door",
         "summary.json",
         "table.md",
     ]
     rows = json.loads((tmp_path / "summary.json").read_text())["rows"]
-    assert rows["quick"]["seeds"] == 2 and rows["quick"]["clearing_time"]["iqm"] == 51.5
-    assert rows["rule"]["unfinished"]["runs"] == 1 and "| `quick` | nothing | 2 | 0 of 8" in out
+    found = rows["quick"]["tasks"]["competitive-door"]
+    assert rows["quick"]["seeds"] == 2 and found["clearing_time"]["iqm"] == 51.5 and found["runs"] == 8
+    assert rows["quick"]["score"]["iqm"] == pytest.approx(np.mean([25.0 / one for one in (50, 51, 52, 53)]))
+    assert rows["rule"]["tasks"]["competitive-door"]["unfinished"] == 1
+    assert "| `quick` | nothing | 2 | 51.5 |" in out and "left in 1 of 4" in out
     made = len(small)
     code, again, _ = call(*arguments(tmp_path, "--seeds", 2))
     assert code == 0 and again == out and len(small) == made
@@ -139,9 +170,9 @@ def test_the_command_trains_every_seed_once_and_goes_on_where_it_was(small, tmp_
 
 def test_the_best_checkpoint_is_judged_and_no_held_out_draw_is_seen_before(small, tmp_path):
     assert call(*arguments(tmp_path, "--seeds", 1))[0] == 0
-    found = json.loads((tmp_path / "quick-seed0.json").read_text())
+    found = json.loads((tmp_path / "competitive-door" / "quick-seed0.json").read_text())
     assert found["best"] == 1 and len(found["curve"]) == 3 and found["constants"]["crowd"] == Evolved().crowd
-    assert found["of_runs"]["clearing_times"] == [50.0, 51.0, 52.0, 53.0]
+    assert found["held_out"]["clearing_times"] == [50.0, 51.0, 52.0, 53.0]
     assert [seed for _, runs, seed in small if runs == 12] == [2_000_000] * 3  # validation
     assert [seed for _, runs, seed in small if runs == 4] == [1_000_000] * 3  # held out
 
@@ -149,8 +180,9 @@ def test_the_best_checkpoint_is_judged_and_no_held_out_draw_is_seen_before(small
 def test_what_another_process_is_about_is_left_alone(small, tmp_path):
     import fcntl
 
-    plan, job = Plan("competitive-door", 1.0, runs=4), Job("quick", 0)
-    with (tmp_path / ".quick-seed0.claim").open("w") as file:
+    plan, job = Plan(1.0, runs=4), Job("competitive-door", "quick", 0)
+    (tmp_path / job.task).mkdir()
+    with (tmp_path / job.task / ".quick-seed0.claim").open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         assert do(job, plan, tmp_path) is None and not small
     assert do(job, plan, tmp_path)["seed"] == 0 and small
@@ -162,50 +194,44 @@ def test_results_of_another_plan_are_not_mixed(small, tmp_path):
     assert code != 0 and "minutes is 2.0 there and 3.0 here; name another folder" in " ".join(err.split())
 
 
-def test_results_of_other_parameters_or_other_code_are_not_taken_for_todays(small, tmp_path, monkeypatch):
+def test_results_of_other_parameters_or_another_version_are_not_taken_for_todays(small, tmp_path, monkeypatch):
     assert call(*arguments(tmp_path, "--seeds", 1))[0] == 0
-    name, made = tmp_path / "quick-seed0.json", len(small)
+    name, made = tmp_path / "competitive-door" / "quick-seed0.json", len(small)
     kept = name.read_text()
     for change, words in (
         (lambda by: by["config"]["ppo"].update(learning_rate=123.0), "config.ppo.learning_rate is 123.0 there and"),
         (lambda by: by["config"].update(scheme="other"), "config.scheme is other there and hertz here"),
-        (lambda by: by["config"]["versions"].update(torch="0.1"), "config.versions.torch is 0.1 there and"),
-        (lambda by: by.update(code="0"), "code is 0 there and"),
+        (lambda by: by.update(task_digest="0"), "task_digest is 0 there and"),
+        (lambda by: by.update(version=0), "version is 0 there and 1 here"),
     ):
         content = json.loads(kept)
         change(content["made_by"])
         name.write_text(json.dumps(content))
         code, _, err = call(*arguments(tmp_path, "--seeds", 1))
-        assert (
-            code != 0
-            and words in " ".join(err.split())
-            and "name another folder, or remove it" in " ".join(err.split())
-        )
+        told = " ".join(err.split())
+        assert code != 0 and words in told and "name another folder, or remove it" in told
     name.write_text(kept)
     monkeypatch.setattr(jobs, "source_stamp", lambda: "other")
-    for job in (Job("quick", 0), Job("rule", None)):
-        with pytest.raises(
-            ValueError, match=f"{job.title}.json was made by another command: code is .* and other here"
-        ):
-            do(job, Plan("competitive-door", 2.0, runs=4), tmp_path)
+    monkeypatch.setattr(jobs, "versions", lambda: {"torch": "0.1"})
+    assert call(*arguments(tmp_path, "--seeds", 1))[0] == 0  # a processor, a library or a docstring changes no result
     assert len(small) == made
 
 
 def test_a_network_of_the_same_name_with_other_numbers_is_judged_anew(small, tmp_path):
-    plan, path = Plan("competitive-door", 2.0, runs=4), tmp_path / "mine.safetensors"
+    plan, path = Plan(2.0, runs=4), tmp_path / "mine.safetensors"
     random_policy(0).save(path)
-    job = Job(str(path), None)
-    told = jobs._of_plan(job, plan)
+    job = Job("competitive-door", str(path), None)
+    told = made_by_of(job, plan)
     random_policy(1).save(path)
-    assert jobs._of_plan(job, plan) | {"network": told["network"]} == told != jobs._of_plan(job, plan)
+    assert made_by_of(job, plan) | {"network": told["network"]} == told != made_by_of(job, plan)
 
 
 @looped(
     "args, words",
     [
         (("--algorithms", "sarsa"), "unknown algorithm 'sarsa'; known: quick, ppo"),
-        (("--task", "nowhere"), "unknown task 'nowhere'"),
-        (("--task", "large-hall"), "large-hall"),
+        (("--tasks", "nowhere"), "unknown task 'nowhere'"),
+        (("--tasks", "large-hall"), "large-hall"),
         (("--seeds", "0"), "--seeds is 0"),
         (("--minutes", "0"), "--minutes is 0"),
         (("--baselines", "wind"), "unknown policy 'wind'"),
@@ -213,35 +239,70 @@ def test_a_network_of_the_same_name_with_other_numbers_is_judged_anew(small, tmp
     ],
 )
 def test_bad_input_is_refused_before_anything_is_trained(small, tmp_path, args, words):
-    given = args if "--task" in args or "--algorithms" in args else ("--algorithms", "quick", *args)
+    given = args if "--tasks" in args or "--algorithms" in args else ("--algorithms", "quick", *args)
     code, _, err = call("--out", tmp_path / "new", *given)
     assert code != 0 and words in " ".join(err.split()) and "Traceback" not in err
     assert not small and not (tmp_path / "new").exists()
 
 
 def test_a_checkpoint_with_fewer_left_is_the_better_one():
-    def of(unfinished, times):
-        return SimpleNamespace(
-            column={"unfinished": np.array(unfinished)}.__getitem__, times_of_all=lambda: np.array(times)
-        )
+    def of(exits):
+        times, left = np.nan_to_num(exits, nan=1000.0), np.isnan(exits).sum(axis=1)
+        return SimpleNamespace(column={"unfinished": left}.__getitem__, times_of_all=lambda: times, exit_times=exits)
 
-    slow = checkpoint(of([0, 0], [[90.0, 95.0], [80.0, 99.0]]))
-    stuck = checkpoint(of([0, 2], [[40.0, 45.0], [40.0, 1000.0]]))
-    assert slow["order"] < stuck["order"] and slow["clearing_time"] == 97.0 and stuck["clearing_time"] == 45.0
+    slow, stuck = (checkpoint(of(np.array([[90.0, 95.0], [80.0, last]]))) for last in (99.0, np.nan))
+    assert slow["clearing_times"] == [95.0, 99.0] and stuck["clearing_times"] == [95.0, None]
+    assert slow["order"] == [0, 97.0] < stuck["order"]
 
 
-def test_tables_have_the_soonest_that_always_clears_first():
-    def result(times):
-        final = {"clearing_time": {"mean": 1.0, "ci95": [0.5, 1.5]}, "mean_exit": {"mean": 1.0}, "flow": 1.0}
-        return {"of_runs": {"clearing_times": times}, "final": final}
+def test_tables_have_the_highest_score_first():
+    times = {"stuck": [40.0, None], "slow": [90.0, 92.0], "fast": [50.0, 52.0]}
+    rows = summarize({name: {"a": [training(0, found)]} for name, found in times.items()})
+    assert [line.split("`")[1] for line in table(rows).splitlines()[2:]] == ["fast", "stuck", "slow"]
 
-    rows = summarize({"stuck": [result([40.0, None])], "slow": [result([90.0, 92.0])], "fast": [result([50.0, 52.0])]})
-    assert [line.split("`")[1] for line in table(rows).splitlines()[2:]] == ["fast", "slow", "stuck"]
+
+@pytest.mark.more
+def test_the_committed_results_are_those_of_the_page(tmp_path):
+    """The raw files lie in the repository: the command prints the table of the page from them, without training."""
+    import shutil
+
+    from validation.pages import read_table
+
+    shutil.copytree(ROOT / "benchmarks/results/learning", tmp_path / "kept")
+    code, out, err = call("--report-only", "--out", tmp_path / "kept")
+    assert code == 0, err
+    head, *rows = read_table("algorithms")
+    assert [line[2:-2].split(" | ") for line in out.splitlines()][2:] == rows and all(
+        task in " ".join(head) for task in TASKS
+    )
 
 
 @pytest.mark.nightly
 def test_every_algorithm_trains_for_a_moment(tmp_path):
-    args = ("--task", "room", "--seeds", 1, "--minutes", 0.02, "--runs", 2, "--baselines", "rule", "--out", tmp_path)
+    args = ("--tasks", "room", "--seeds", 1, "--minutes", 0.02, "--runs", 2, "--baselines", "rule", "--out", tmp_path)
     code, out, err = call(*args)
     assert code == 0, err
     assert all(f"`{name}`" in out for name in ALGORITHMS)
+
+
+def test_every_algorithm_has_a_training_of_its_name():
+    algorithms = pytest.importorskip("crowd_env.agents.learned.algorithms")
+    assert algorithms.TRAIN.keys() == ALGORITHMS.keys()
+
+
+def test_a_stage_ends_with_its_share_and_the_next_one_counts_on():
+    """A search of half of the budget, then learning: progress runs from 0 to 1 in each, decisions go on."""
+    from crowd_env.agents.learned.algorithms import Stage
+
+    whole = SimpleNamespace(progress=0.0, told=[])
+    whole.on_update = lambda steps, policy, returns: whole.told.append(steps) is None
+    first = Stage(whole, 0.5)
+    whole.progress = 0.25
+    assert first.progress == 0.5 and first.on_update(7, ShortestPath)
+    whole.progress = 0.5
+    assert not first.on_update(9, ShortestPath) and first.steps == 9
+    second = Stage(whole, decided=first.steps)
+    assert second.progress == 0.0 and second.on_update(1, Evolved) and whole.told == [7, 9, 10]
+    whole.progress = 0.75
+    assert second.progress == 0.5 and isinstance(second.best, Evolved)
+    assert not Stage(whole, updates=1).on_update(0, ShortestPath)

@@ -10,8 +10,8 @@ from cases import looped
 from crowd_env.agents.evaluation import tiers
 from crowd_env.agents.evaluation.tiers import judge, standing, usual
 from crowd_env.agents.tasks import TASKS, Task
-from crowd_env.agents.tasks.lower_bounds import capacity_time, exit_widths, free_walk_time
-from crowd_env.agents.tasks.tiers import SETTINGS, TIERS, Setting, bound_time
+from crowd_env.agents.tasks.lower_bounds import bound_time, capacity_time, exit_widths, free_walk_time
+from crowd_env.agents.tasks.tiers import SETTINGS, TIERS, Setting
 from crowd_env.agents.tasks.variations import AS_IT_STANDS, Variation
 
 ROOM = {"scenario": "room-v0", "options": {"side": 4.0, "door_width": 1.2}, "people": 4, "scheme": "nsm2", "dt": 0.01}
@@ -33,7 +33,7 @@ def test_every_setting_can_be_drawn(setting):
     place = setting.variation.place(setting.task)
     bodies, _ = place.population.draw(np.random.default_rng(0), place.geometry)
     assert len(bodies.radius) == place.population.people
-    assert bound_time(setting) >= capacity_time(place) > 0.0
+    assert bound_time(setting.task, setting.variation) >= capacity_time(place) > 0.0
 
 
 def test_a_bound_is_of_the_door_or_of_the_walk_whichever_is_later(monkeypatch):
@@ -42,9 +42,9 @@ def test_a_bound_is_of_the_door_or_of_the_walk_whichever_is_later(monkeypatch):
     task = TASKS["room"]
     wide, narrow = (Variation("w", "", options={"door_width": width}) for width in (4.0, 0.5))
     assert exit_widths(wide.place(task)).sum() == pytest.approx(4.0)
-    at_the_wide_one = bound_time(Setting("hard", task, wide, 1))
+    at_the_wide_one = bound_time(task, wide)
     assert at_the_wide_one == pytest.approx(max(free_walk_time(task, wide), 20 / (2.8 * 4.0)))
-    assert bound_time(Setting("hard", task, narrow, 1)) == pytest.approx(20 / (2.8 * 0.5))
+    assert bound_time(task, narrow) == pytest.approx(20 / (2.8 * 0.5))
     slow, fast = (free_walk_time(task, Variation("s", "", population={"desired_speed": speed})) for speed in (1.0, 2.0))
     assert slow == pytest.approx(2.0 * fast, rel=0.1)  # half the speed
 

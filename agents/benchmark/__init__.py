@@ -1,0 +1,1 @@
+"""Algorithms beside each other: every one learns every task with several seeds, and what came out is summed up."""
