@@ -5,6 +5,7 @@ from crowd_env.core.checks import NAMES
 from .policy import Policy
 from .pretrained import PRETRAINED, load
 from .rules import RandomWalk, ShortestPath, StandStill
+from .tasks.presets import ALL_PLACES
 from .trained import LearnedPolicy, names_file
 from .walking import DensityCap, Evolved, Follow, HeadwayRule, RuleAtShare, YieldWhenStuck, Zipper
 
@@ -50,12 +51,15 @@ def make_policy(policy: str | Policy) -> Policy:
 
 
 def starts_from(policy: str) -> str:
-    """Return the start of learning of a policy: "nothing", a rule that it cloned, or "a rule" for a policy without learning.
+    """Return the start of learning of a policy: "nothing", what it cloned, or "a rule" for a policy without learning.
 
-    Nothing is full speed: the default start of PPO, and of a search over weights that are all 0.
+    Nothing is full speed: the default start of PPO, and of a search over weights that are all 0.  A policy of all places cloned
+    the best of several policies in each, its "teachers".
     """
     if names_file(policy) or policy in PRETRAINED:
-        return told_start(load(policy).trained.get("start"))
+        trained = load(policy).trained
+        in_all_places = (trained.get("task") or {}).get("name") == ALL_PLACES["name"]
+        return "teachers" if in_all_places else told_start(trained.get("start"))
     return "nothing" if policy == Evolved.name else "a rule"
 
 

@@ -1,5 +1,6 @@
 """Folders of training runs, and the versions of the software in them."""
 
+import subprocess
 from pathlib import Path
 
 from crowd_env.core.files.versions import versions_of
@@ -32,3 +33,17 @@ def new_folder(root: Path, name: str) -> Path:
 def versions() -> dict[str, str]:
     """Return the versions of all software that can change a result."""
     return versions_of("gymnasium", "pettingzoo", "stable-baselines3", "torch")
+
+
+def commit() -> str | None:
+    """Return the git commit of the checkout that this is, with "-dirty" where tracked files differ; None elsewhere."""
+    here = Path(__file__).resolve()
+    try:
+        for command in (
+            ["ls-files", "--error-unmatch", here.name],
+            ["describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"],
+        ):
+            done = subprocess.run(["git", *command], cwd=here.parent, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return done.stdout.strip()

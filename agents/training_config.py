@@ -40,7 +40,7 @@ from .evaluation.entries import RULE
 from .evaluation.evaluation import VALIDATION_SEED
 from .mixed import MixedEnv
 from .plain import Plain
-from .runs import versions
+from .runs import commit, versions
 from .tasks import TASKS, Task, make_preset, make_task
 from .tasks.presets import ALL_PLACES, GENERALIST, PRESETS, training_place
 from .walking import Evolved, WalkingRule
@@ -158,6 +158,7 @@ class TrainingConfig:
     validation_seed : first validation draw.
     held_out_seed : first held-out draw.
     versions : of the libraries that can change a result.
+    commit : of the checkout, None where there is none.
 
     Raises
     ------
@@ -193,6 +194,7 @@ class TrainingConfig:
     validation_seed: Natural = VALIDATION_SEED
     held_out_seed: Natural = HELD_OUT_SEED
     versions: Plain = field(default_factory=versions)
+    commit: str | None = field(default_factory=commit)
 
     def __post_init__(self) -> None:
         check_fields("", self)

@@ -9,7 +9,9 @@ import numpy as np
 
 from crowd_env.agents import PRETRAINED, starts_from
 from crowd_env.agents.evaluation.comparison import order_of, paired
+from crowd_env.agents.evaluation.entries import RULE
 from crowd_env.agents.evaluation.submission import REFERENCES, read_submission
+from crowd_env.agents.evaluation.tiers import FOLDER as TIERS_FOLDER
 from crowd_env.agents.evaluation.tiers import Standing, standing
 from crowd_env.agents.networks import network_digest
 from crowd_env.agents.tasks import PRESETS, TASKS
@@ -201,7 +203,8 @@ def _card(name: str, made: dict[str, Any], judged: dict[str, Any] | None) -> dic
         told = "half of all draws {median_time:half} s; left somebody inside in {unfinished} of {runs}"
         figures = cell(told, row) + cell("; above 1.6 kN/m {crushed_share[mean]:%} %", row)
         known = ", ".join(_known_limits(judged)) or "none"
-        limits = f"leaves people in more draws than the rule on: {worse}; 10 % slower than the rule on: {known}"
+        limits = f"leaves people in more draws than the rule on: {worse}; 10 % slower than the rule on: {known}; "
+        limits += _elsewhere(name)
     between = "between two of " if places else ""
     choices = f", {between}{action.space.n} choices" if isinstance(action.space, gymnasium.spaces.Discrete) else ""
     return {
@@ -218,8 +221,37 @@ def _card(name: str, made: dict[str, Any], judged: dict[str, Any] | None) -> dic
         **_paid(config["reward"]),
         "steps": spent["steps"] / 1e6,
         "figures": figures,
-        "limits": limits if places else f"{limits}; other tasks than its own: see the tiers",
+        "limits": limits,
+        "brought": _brought(made["confirmation"]),
     }
+
+
+def _brought(found: dict[str, Any] | None) -> str:
+    """Return what PPO brought beside its start, on fresh draws."""
+    if found is None or "draws" not in found:
+        return "not recorded"
+    text = "{seconds_later:+.2f} ± {error:.2f} s, contacts {impulse_more:+.0f} N s a person (95 %, {draws} draws)"
+    return cell(text, {**found, "error": 1.96 * found["standard_error"]})
+
+
+def _elsewhere(name: str, folder: Path = ROOT / TIERS_FOLDER) -> str:
+    """Return how a policy fares beside the rule in the tasks of the tiers that are not its own."""
+    ratios, worse = [], []
+    for one in SETTINGS:
+        if one.variation is not AS_IT_STANDS or one.task.name == name.partition("/")[0]:
+            continue
+        rows = read_json(folder / f"{one.title}.json")["rows"]
+        if name in rows:
+            (left, own), (of_rule, rule) = (
+                order_of(np.array(rows[who]["last_time"], dtype=np.float64)) for who in (name, RULE)
+            )
+            ratios += [own / rule] if np.isfinite([own, rule]).all() else []
+            worse += [one.task.name] if left > of_rule else []
+    if not ratios:
+        return "other tasks than its own: not tried"
+    span = " to ".join(dict.fromkeys(f"{one:.2f}" for one in (min(ratios), max(ratios))))
+    told = f"elsewhere {span} times the time of the rule (tried where the rule clears: {len(ratios)})"
+    return told + (f", leaves people in more draws in: {', '.join(worse)}" if worse else "")
 
 
 def _known_limits(content: dict[str, Any]) -> list[str]:

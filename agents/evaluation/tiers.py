@@ -20,7 +20,7 @@ from .. import PRETRAINED, starts_from
 from ..plain import Plain
 from ..tasks.lower_bounds import bound_time
 from ..tasks.tiers import SETTINGS, TIERS, Setting
-from .comparison import clearing_times, order_of
+from .comparison import clearing_times, order_of, paired
 from .credible import credibility
 from .entries import RULE
 from .evaluation import Evaluation
@@ -30,7 +30,7 @@ from .same_draws import compare
 
 FOLDER = Path("docs/tasks/tiers")  # of a checkout
 # The generalist of the doors and, where it ships, that of all places.
-_ROWS = (RULE, "follow", "evolution", "hertz-room/ppo", "generalist")
+_ROWS = (RULE, "follow", "evolution", "competitive-door/ppo", "hertz-room/ppo", "generalist")
 _KEPT = ("policy", "scheme", "runs", "unfinished_runs", "escaped", "max_overlap", "max_speed")  # for `credibility`
 
 
@@ -97,6 +97,7 @@ class Standing(NamedTuple):
     rule: str  # the best policy that is a rule
     rule_left: int
     rule_time: float
+    later: bool  # whether the best learned policy is later than that rule, beyond the 95 % interval over draws
     hindsight: float  # s  could the soonest policy be picked in every draw; nan where all leave somebody in one
 
     @property
@@ -107,7 +108,7 @@ class Standing(NamedTuple):
     @property
     def tier(self) -> str:
         """The tier that the figures amount to, see `crowd_env.agents.tasks.tiers`."""
-        if self.best_left or (self.best_left, self.best_time) > (self.rule_left, self.rule_time):
+        if self.best_left or self.later:
             return "open"
         return next(name for name, most in TIERS.items() if self.gap <= most)
 
@@ -131,7 +132,9 @@ def standing(setting: Setting, folder: Path) -> Standing | None:
     if not learned or not rules:
         return None
     _, hindsight = order_of(np.fmin.reduce(list(times.values())))
-    return Standing(setting, content["bound"], *_best(learned), *_best(rules), hindsight)
+    best, rule = _best(learned), _best(rules)
+    low, _ = paired(learned[best[0]], rules[rule[0]])["ci95"]
+    return Standing(setting, content["bound"], *best, *rule, low is not None and low > 0.0, hindsight)
 
 
 def _credible(name: str, rows: Mapping[str, Plain], place: Scenario) -> bool:

@@ -94,14 +94,18 @@ def judge(folder: Path, config: TrainingConfig, runs: int, threads: int, *, fres
 
 
 def judge_in_plans(folder: Path, config: TrainingConfig, plans: int, threads: int = 1) -> Table:
-    """Judge the network of a finished training in all places beside the rules; write ``results.json``, return the table."""
+    """Judge the network of a finished training in all places beside the rules, and beside the network that PPO began with.
+
+    It writes ``results.json``, and returns the table.
+    """
+    from ..learned.callbacks import START
+
     executor: Executor = Processes(threads) if threads > 1 else Serial()
-    network = str(folder / NETWORK)
-    with progress_bar("judging in generated places", (1 + len(PLAN_RULES)) * plans) as progress:
-        found = judge_plans(
-            (*PLAN_RULES, network), plans, folder=folder / "plans", executor=executor, progress=progress
-        )
-    found[LEARNED] = found.pop(network)
+    networks = {"start of PPO": str(folder / START), LEARNED: str(folder / NETWORK)}
+    policies = (*PLAN_RULES, *networks.values())
+    with progress_bar("judging in generated places", len(policies) * plans) as progress:
+        found = judge_plans(policies, plans, folder=folder / "plans", executor=executor, progress=progress)
+    found |= {name: found.pop(network) for name, network in networks.items()}
     rows, made = plan_figures(found), {"task": dict(ALL_PLACES), "network": network_digest(folder / NETWORK)}
     write_json(folder / RESULTS, {"config": config.as_table(), **made, **training_of(folder), "rows": rows})
     return plans_table(rows, f"{plans} generated places that training never draws")

@@ -22,11 +22,11 @@ from ..evaluation.plans import judge_plan
 from ..networks import NETWORK
 from ..plain import Plain
 from ..policy import Policy
-from ..trained import LearnedController, LearnedPolicy
+from ..trained import NUMBERS, LearnedController, LearnedPolicy
 from ..training_config import TrainingConfig, judged_place, physics_of, task_of
-from .curve import CURVE, SEARCH, best_row, figures_in_plans, figures_of, read_curve, write_curve
+from .curve import CURVE, SEARCH, best_row, figures_in_plans, figures_of, read_curve, score, write_curve
 
-START = "start.safetensors"  # the first network of a training
+START, LOOKS = "start.safetensors", "looks"  # the first network of a training, and the folder of all
 
 Trained = LearnedPolicy | LearnedController
 Learner = TypeVar("Learner", contravariant=True)
@@ -58,7 +58,7 @@ class EvaluationCallback(ABC, Generic[Learner]):
 
 
 class RunCallback(EvaluationCallback[Trained]):
-    """Evaluates a training on validation draws; writes the curve, the first network, and the best to its folder.
+    """Evaluates a training on validation draws; writes the curve, every network, the first, and the best to its folder.
 
     For a selfish task it keeps the last network instead of the best.  It ends the training at its time limit, or at the first
     Ctrl-C or SIGTERM; a second one ends it at once.
@@ -149,9 +149,12 @@ class RunCallback(EvaluationCallback[Trained]):
         if not self.curve or (self._due <= steps and not self.over):
             self.evaluate(policy())
         rate = (steps - self._begun[0]) / max(time.monotonic() - self._begun[1], 1e-9)
-        best = min((row["evacuation_time"] for row in self.curve if row["unfinished"] == 0), default=np.nan)
+        best = min(self.curve, key=score)
+        left = f", {best['unfinished']:.0f} left" if best["unfinished"] else ""
         done = min(max(steps / self.config.steps, self._time_share), 1.0)
-        self._bar.update(self._task, completed=done, figures=f"{rate:.0f} steps/s, best {best:.2f} s")
+        self._bar.update(
+            self._task, completed=done, figures=f"{rate:.0f} steps/s, best {best['evacuation_time']:.2f} s{left}"
+        )
         return not self.over
 
     def on_end(self, steps: int, policy: Callable[[], Trained]) -> None:
@@ -167,6 +170,7 @@ class RunCallback(EvaluationCallback[Trained]):
         self._due = self.steps + self.config.eval_every
         self.curve.append(row)
         self._keep(row)
+        policy.save(self.folder / LOOKS / f"{row['steps']:.0f}{NUMBERS}")
         if len(self.curve) == 1:
             policy.save(self.folder / START)
         if best_row(self.curve) is row or task_of(self.config).selfish:

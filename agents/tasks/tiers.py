@@ -1,8 +1,9 @@
 """The benchmark: settings of tasks in three tiers, by how near the best learned policy is to what people can do.
 
-The yardstick of a setting is `lower_bounds.bound_time`.  Solved: a learned policy leaves nobody inside in any draw, and is at
-most 25 % later than that and not later than the best rule.  Hard: the same, at most 75 % later.  Open: all others.  What
-`crowd_env.agents.evaluation.tiers` measures decides; it is held against ``tiers.toml`` by a test.
+The yardstick of a setting is `lower_bounds.bound_time`.  Solved: a learned policy leaves nobody inside in any draw, is at most
+25 % later than that, and not later than the best rule beyond the interval of their difference.  Hard: the same, at most 75 %
+later.  Open: all others.  What `crowd_env.agents.evaluation.tiers` measures decides; it is held against ``tiers.toml`` by a
+test.
 """
 
 import tomllib

@@ -111,10 +111,20 @@ def test_tiers_follow_from_the_figures(tried):
     _, folder = tried
     judge(SMALL, ["rule", "evolution", "follow"], folder)
     one = standing(SMALL, folder)
-    cases = {(0, 5.0, 9.0): "solved", (0, 6.2, 9.0): "solved", (0, 6.3, 9.0): "hard", (0, 8.8, 9.0): "open"}
-    cases |= {(1, 5.0, 9.0): "open", (0, 5.0, 4.0): "open"}
-    for (left, time, rule), tier in cases.items():
-        assert one._replace(bound=5.0, best_left=left, best_time=time, rule_time=rule).tier == tier
+    cases = {(0, 5.0, False): "solved", (0, 6.2, False): "solved", (0, 6.3, False): "hard", (0, 8.8, False): "open"}
+    cases |= {(1, 5.0, False): "open", (0, 5.0, True): "open"}
+    for (left, time, later), tier in cases.items():
+        assert one._replace(bound=5.0, best_left=left, best_time=time, later=later).tier == tier
+
+
+def test_a_policy_is_later_than_a_rule_beyond_the_spread_of_draws_alone(monkeypatch, tmp_path):
+    """A tenth of a second is nothing where draws differ by more, and something where they do not."""
+    spread, even = [5.0, 6.0, 7.0, 8.0], [5.1, 6.1, 7.1, 8.1]
+    for learned, later in ((even, True), ([5.5, 5.8, 7.3, 7.8], False)):
+        folder = tmp_path / str(later)
+        monkeypatch.setattr(tiers, "compare", results(rule=spread, evolution=learned))
+        judge(SMALL, ["rule", "evolution"], folder)
+        assert standing(SMALL, folder).later is later
 
 
 @pytest.mark.more
