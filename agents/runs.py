@@ -1,6 +1,7 @@
 """Folders of training runs, and the versions of the software in them."""
 
 import subprocess
+from functools import cache
 from pathlib import Path
 
 from crowd_env.core.files.versions import versions_of
@@ -35,6 +36,7 @@ def versions() -> dict[str, str]:
     return versions_of("gymnasium", "pettingzoo", "stable-baselines3", "torch")
 
 
+@cache
 def commit() -> str | None:
     """Return the git commit of the checkout that this is, with "-dirty" where tracked files differ; None elsewhere."""
     here = Path(__file__).resolve()

@@ -157,8 +157,7 @@ class TrainingConfig:
     eval_runs : validation draws of an evaluation.
     validation_seed : first validation draw.
     held_out_seed : first held-out draw.
-    versions : of the libraries that can change a result.
-    commit : of the checkout, None where there is none.
+    versions : of the libraries that can change a result, and the ``commit`` of a checkout.
 
     Raises
     ------
@@ -193,8 +192,7 @@ class TrainingConfig:
     eval_runs: int = 500
     validation_seed: Natural = VALIDATION_SEED
     held_out_seed: Natural = HELD_OUT_SEED
-    versions: Plain = field(default_factory=versions)
-    commit: str | None = field(default_factory=commit)
+    versions: Plain = field(default_factory=lambda: {**versions(), "commit": commit()})
 
     def __post_init__(self) -> None:
         check_fields("", self)

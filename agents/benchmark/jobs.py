@@ -129,7 +129,7 @@ def made_by_of(job: Job, plan: Plan) -> Plain:
     told = {"task": job.task, "task_digest": make_task(job.task).digest(), "runs": plan.runs}
     if job.seed is None:
         return {**told, "network": digest_of(job.name)}
-    config = {name: value for name, value in _config(job).as_table().items() if name not in ("versions", "commit")}
+    config = {name: value for name, value in _config(job).as_table().items() if name != "versions"}
     budget = {name: getattr(plan, name) for name in ("minutes", "checkpoints", "validation_runs")}
     return {**told, **budget, "algorithm": job.name, "version": ALGORITHMS[job.name].version, "config": config}
 

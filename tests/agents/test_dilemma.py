@@ -211,7 +211,8 @@ def test_a_selfish_training_keeps_its_last_network(task, share, kept, tmp_path, 
     callback = callbacks.RunCallback(folder, config, lambda row: None)
     for k in range(3):
         callback.evaluate(SimpleNamespace(save=lambda path, k=k: saved.append((path.name, k))))
-    assert asked == 3 * [share] and dict(saved) == {"start.safetensors": 0, "best.safetensors": kept}
+    looks = {"0.safetensors": 2}
+    assert asked == 3 * [share] and dict(saved) == {"start.safetensors": 0, "best.safetensors": kept, **looks}
     (folder / "start.safetensors").unlink(missing_ok=True)
     significance_test.compare_with_start(folder, config)
     assert significance_test.kept_row(folder, callback.curve) is callback.curve[kept]

@@ -15,7 +15,7 @@ from repository import ROOT
 from training_runs import call, checkpoint, curve, tiny, with_ppo
 
 from crowd_env import SCENARIOS, SCHEMES, Simulation, make_scenario, make_scheme
-from crowd_env.agents import PRETRAINED, make_policy, training_config
+from crowd_env.agents import PRETRAINED, make_policy, runs, training_config
 from crowd_env.agents.evaluation.comparison import last_times, minus_first
 from crowd_env.agents.evaluation.evaluation import evaluate
 from crowd_env.agents.networks import read_network
@@ -77,6 +77,19 @@ def test_the_config_holds_every_parameter(job):
     )
     assert {"dt", "decision_dt", "frame", "action", "observation", "reward", "ppo", "versions", "steps"} <= set(config)
     assert {"learning_rate", "gamma", "gae_lambda", "n_steps", "batch_size"} <= set(config["ppo"])
+
+
+@pytest.mark.more
+def test_a_run_names_the_commit_of_its_checkout_and_keeps_every_network_that_it_judged(job, monkeypatch, tmp_path):
+    folder = job[0] / "tiny"
+    asked = subprocess.run(["git", "rev-parse", "HEAD"], cwd=ROOT, capture_output=True, text=True, check=False)
+    named = json.loads((folder / "config.json").read_text())["versions"]["commit"]
+    assert (named or "").removesuffix("-dirty") == asked.stdout.strip()
+    steps = {f"{row['steps']:.0f}.safetensors" for row in curve(folder)}
+    assert {path.name for path in (folder / "looks").iterdir()} == steps
+    assert read_network(folder / "looks" / "0.safetensors")[1] == read_network(folder / "start.safetensors")[1]
+    monkeypatch.setattr(runs, "__file__", str(tmp_path / "runs.py"))  # installed, in a folder of somebody's project
+    assert runs.commit.__wrapped__() is None
 
 
 @pytest.mark.more
