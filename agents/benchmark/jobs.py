@@ -3,6 +3,7 @@
 Every result is one JSON file, written whole, with the network beside it.  Several processes may share a folder.
 """
 
+import os
 from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
@@ -98,7 +99,7 @@ def do(job: Job, plan: Plan, folder: Path) -> Plain | None:
             policy, made = (
                 (fixed_policy(job.name, make_task(job.task)), {}) if job.seed is None else _trained(job, plan, store)
             )
-            stamps = {"code": source_stamp(), "versions": versions()}
+            stamps = {"code": source_stamp(), "versions": versions(), "load": _load()}
             store.keep(job.title, {**made, **_final(policy, job.task, plan), **stamps}, made_by)
         if store.path(BOUND) is None:
             bound = bound_time(make_task(job.task))
@@ -123,8 +124,8 @@ def read_result(folder: Path, job: Job, plan: Plan) -> Plain | None:
 def made_by_of(job: Job, plan: Plan) -> Plain:
     """Return what decides the result of a job.
 
-    Code and libraries are not among it, but stand beside the result: the digest of the task changes with what physics does, and
-    the version of the algorithm with what learning does.
+    Code, libraries and the load of the machine are not among it, but stand beside the result.  The digest of the task changes
+    with what physics does, the version of the algorithm with what learning does.
     """
     told = {"task": job.task, "task_digest": make_task(job.task).digest(), "runs": plan.runs}
     if job.seed is None:
@@ -176,6 +177,11 @@ def _final(policy: Policy, task: str, plan: Plan) -> Plain:
     (result,) = compare([policy_entry(policy, judge)], judge.place(), [judge.scheme], runs=plan.runs)
     times = {"clearing_times": _listed(clearing_times(result)), "mean_exits": _listed(mean_times(result))}
     return {"held_out": times, "constants": result.constants}
+
+
+def _load() -> float | None:
+    """Return how many processes wait for the processors, a mean of the last minute; None where no system says."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 
 def _listed(times: Floats) -> list[float | None]:
