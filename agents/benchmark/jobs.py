@@ -42,17 +42,19 @@ class Algorithm(NamedTuple):
     about : a line for people.
     version : raised whenever the algorithm learns otherwise: results of another version are not mixed with today's.
     start : of the training config, which has its settings of PPO.
+    begins : what it knows at first, in words.
     """
 
     about: str
     version: int = 1
     start: str = RULE
+    begins: str = "full speed"
 
 
 # What each of them does is in `crowd_env.agents.learned.algorithms`, under the same name.
 ALGORITHMS: Mapping[str, Algorithm] = MappingProxyType(
     {
-        "ppo-random": Algorithm("PPO by stable-baselines3, begun at random choices"),
+        "ppo-random": Algorithm("PPO by stable-baselines3, begun at random choices", begins="random choices"),
         "ppo": Algorithm("the same, begun at full speed"),
         "mappo": Algorithm("MAPPO, PPO whose critic sees the crowd, begun at full speed"),
         "search-clone-ppo": Algorithm("CMA-ES over seven weights of what is seen, its clone, then PPO", start=NOTHING),

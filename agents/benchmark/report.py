@@ -18,9 +18,10 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.core.files.json_file import json_number
 from crowd_env.rendering import learning_curve, save_figure
 
-from .. import starts_from, told_start
+from .. import starts_from
 from ..evaluation.plans import interquartile_mean
 from ..plain import Plain
+from .jobs import ALGORITHMS
 
 Results: TypeAlias = Mapping[str, Mapping[str, Sequence[Plain]]]  # name -> task -> its finished results, one a seed
 _RESAMPLES = 20_000
@@ -93,7 +94,7 @@ def _row(name: str, of_tasks: Mapping[str, Sequence[Plain]], equal: Mapping[str,
     if "seed" not in first:
         return {"seeds": 0, "start": starts_from(name), **row}
     at = [np.array([_at(equal[task], one) for one in found]) for task, found in of_tasks.items()]
-    told = {"seeds": min(map(len, of_tasks.values())), "start": told_start(first["start"])}
+    told = {"seeds": min(map(len, of_tasks.values())), "start": ALGORITHMS[name].begins}
     return {**told, **row, "score_at": _middle(*at), "equal": {task: round(equal[task]) for task in of_tasks}}
 
 

@@ -67,8 +67,8 @@ def test_a_score_is_the_bound_over_the_time_and_nothing_where_somebody_is_left()
 
 def test_a_table_of_few_seeds_shows_the_mean_alone():
     found = [training(k, [50.0 + k]) for k in range(5)]
-    assert "| 52.0 |" in table(summarize({"few": {"a": found}}))
-    assert "52.0 [" in table(summarize({"many": {"a": 2 * found}}))
+    assert "| 52.0 |" in table(summarize({"ppo": {"a": found}}))
+    assert "52.0 [" in table(summarize({"ppo": {"a": 2 * found}}))
 
 
 def test_seeds_are_drawn_within_each_task():
@@ -81,13 +81,13 @@ def test_seeds_are_drawn_within_each_task():
 
 def test_equal_decisions_are_those_that_every_algorithm_has_had():
     slow, fast = training(0, [20.0], steps=(0, 10, 20)), training(0, [20.0], steps=(0, 100, 200))
-    rows = summarize({"slow": {"a": [slow]}, "fast": {"a": [fast]}})
-    assert rows["slow"]["score_at"]["iqm"] == pytest.approx(1.0) and rows["slow"]["equal"] == {"a": 20}
-    assert rows["fast"]["score_at"]["iqm"] == pytest.approx(0.1)  # on the way from 0 to .5 within 100 decisions
+    rows = summarize({"ppo": {"a": [slow]}, "mappo": {"a": [fast]}})
+    assert rows["ppo"]["score_at"]["iqm"] == pytest.approx(1.0) and rows["ppo"]["equal"] == {"a": 20}
+    assert rows["mappo"]["score_at"]["iqm"] == pytest.approx(0.1)  # on the way from 0 to .5 within 100 decisions
 
 
 def test_a_score_over_tasks_is_of_all_their_seeds():
-    rows = summarize({"one": {"a": [training(0, [10.0])], "b": [training(0, [20.0])]}})["one"]
+    rows = summarize({"ppo": {"a": [training(0, [10.0])], "b": [training(0, [20.0])]}})["ppo"]
     assert rows["score"]["iqm"] == pytest.approx(0.75)
     assert rows["tasks"]["b"]["clearing_time"]["iqm"] == 20.0 and rows["tasks"]["b"]["decisions"] == 20
 
@@ -128,7 +128,7 @@ def small(monkeypatch):
 
     monkeypatch.setattr(algorithms, "TRAIN", {"quick": quick})
     known = {"quick": Algorithm("for tests"), "ppo": ALGORITHMS["ppo"]}
-    for module in (command, jobs):
+    for module in (command, jobs, report):
         monkeypatch.setattr(module, "ALGORITHMS", known)
     return calls
 
@@ -161,7 +161,7 @@ def test_the_command_trains_every_seed_once_and_goes_on_where_it_was(small, tmp_
     assert rows["quick"]["seeds"] == 2 and found["clearing_time"]["iqm"] == 51.5 and found["runs"] == 8
     assert rows["quick"]["score"]["iqm"] == pytest.approx(np.mean([25.0 / one for one in (50, 51, 52, 53)]))
     assert rows["rule"]["tasks"]["competitive-door"]["unfinished"] == 1
-    assert "| `quick` | nothing | 2 | 51.5 |" in out and "left in 1 of 4" in out
+    assert "| `quick` | full speed | 2 | 51.5 |" in out and "left in 1 of 4" in out
     made = len(small)
     code, again, _ = call(*arguments(tmp_path, "--seeds", 2))
     assert code == 0 and again == out and len(small) == made
@@ -256,9 +256,9 @@ def test_a_checkpoint_with_fewer_left_is_the_better_one():
 
 
 def test_tables_have_the_highest_score_first():
-    times = {"stuck": [40.0, None], "slow": [90.0, 92.0], "fast": [50.0, 52.0]}
+    times = {"ppo": [40.0, None], "mappo": [90.0, 92.0], "ppo-random": [50.0, 52.0]}
     rows = summarize({name: {"a": [training(0, found)]} for name, found in times.items()})
-    assert [line.split("`")[1] for line in table(rows).splitlines()[2:]] == ["fast", "stuck", "slow"]
+    assert [line.split("`")[1] for line in table(rows).splitlines()[2:]] == ["ppo-random", "ppo", "mappo"]
 
 
 @pytest.mark.more
