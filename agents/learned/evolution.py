@@ -5,7 +5,7 @@ tests changes that pay only if all pedestrians make them, such as a common dista
 each pedestrian alone, and averages out within the half second in which a body follows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from crowd_env import CrowdEnv, Scenario
-from crowd_env.core.arrays.state import Floats
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.envs.settings import arguments_of
 from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
@@ -70,10 +70,11 @@ def evolve(
         If the library cma is not installed.
     """
     everybody = place.population.people
-    env = _rooms(place, options, max(1, round(SHARE * everybody)), population * draws)
+    options = {**options, **Evolved().env_options}
+    env = rooms(place, options, max(1, round(SHARE * everybody)), population * draws)
     nothing, far = np.zeros(len(fields(Evolved))), _STEP
     best = former = nothing
-    search = _begun(best, _STEP, population, seed)
+    search = begun(best, _STEP, population, seed)
     rng = np.random.default_rng(seed)
     steps = first = 0
     course: list[float] = []
@@ -87,11 +88,11 @@ def evolve(
                 best = better
             elif _pays(env, better, first + draws):
                 best, left, step = better, _LAST - 1, _LAST_STEP
-                env = _rooms(place, options, everybody, population * draws)
+                env = rooms(place, options, everybody, population * draws)
             else:
                 far *= 2.0
                 best, reached, before, step = nothing, np.inf, np.inf, far
-            search, course = _begun(best, step, population, int(rng.integers(2**31))), []
+            search, course = begun(best, step, population, int(rng.integers(2**31))), []
             former, before = best, min(before, reached)
         first = int(rng.integers(0, HELD_OUT_SEED - draws))
         candidates = search.ask()
@@ -127,30 +128,39 @@ def stalled(course: Sequence[float]) -> bool:
     return bool(np.mean(course[-_WINDOW:]) > _BETTER * np.mean(course[-2 * _WINDOW : -_WINDOW]))
 
 
-def _rooms(place: Scenario, options: Plain, people: int, rooms: int) -> CrowdEnv:
+def rooms(place: Scenario, options: Plain, people: int, count: int) -> CrowdEnv:
     """Return a batch of a place with this number of pedestrians, and short limits of time."""
     crowd = place.population.changed(people=people)
     short = replace(place, population=crowd, time_limit=_SECONDS * people, blocked_after=_PATIENCE)
-    return CrowdEnv(short, num_envs=rooms, **arguments_of({**options, **Evolved().env_options}))
+    return CrowdEnv(short, num_envs=count, **arguments_of(options))
 
 
-def _begun(mean: Floats, step: float, population: int, seed: int) -> "CMAEvolutionStrategy":
-    """Return a search around a mean."""
+def begun(mean: Floats, step: float, population: int, seed: int, *, diagonal: bool = False) -> "CMAEvolutionStrategy":
+    """Return a search around a mean; ``diagonal`` = it adapts a variance for each weight, no covariances."""
     import cma
 
-    options = {"popsize": population, "seed": seed + 1, "verbose": -9}  # seed 0 is the clock
+    options = {"popsize": population, "seed": seed + 1, "verbose": -9, "CMA_diagonal": diagonal}  # seed 0 is the clock
     return cma.CMAEvolutionStrategy(mean, step, options)
 
 
 def _race(env: CrowdEnv, weights: Floats, seeds: list[int]) -> tuple[Floats, int]:
-    """Return the cost (E,) of a run of each room, for rows of ``weights`` (E, 7), and the number of decisions."""
+    """Return cost and decisions, see `race`, for rows of ``weights`` (E, 7)."""
+    return race(env, seeds, lambda seen, room: 1.0 + np.einsum("ij,ij->i", inputs(seen, env.layout), weights[room]))
+
+
+def race(env: CrowdEnv, seeds: list[int], decide: Callable[[np.ndarray, Ints], Floats]) -> tuple[Floats, int]:
+    """Return the cost (E,) of a run of each room, and the number of decisions.
+
+    Parameters
+    ----------
+    decide : from observations (K, D) and their rooms (K,) to speeds (K,), or to commands (K, 2).
+    """
     observation, _ = env.reset(seeds)
     action, decided = np.zeros((env.num_people, 2)), 0
     while not env.finished.all():
         inside = np.flatnonzero(env.active)
-        seen = inputs(observation[inside], env.layout)
-        share = 1.0 + np.einsum("ij,ij->i", seen, weights[env.env_of_person[inside]])
-        action[inside, 0] = np.clip(share, -1.0, 1.0)
+        command = decide(observation[inside], env.env_of_person[inside]).reshape(len(inside), -1)
+        action[inside, : command.shape[1]] = np.clip(command, -1.0, 1.0)
         observation = env.step(action).observation
         decided += len(inside)
     times = env.simulation.state.exit_time.reshape(env.num_envs, -1)

@@ -119,14 +119,14 @@ class Begun:
     """Records where searches begin, and with which step."""
 
     def __init__(self, monkeypatch):
-        self.means, self.steps, begun = [], [], evolution._begun
+        self.means, self.steps, begun = [], [], evolution.begun
 
         def recorded(mean, step, *rest):
             self.means.append(mean)
             self.steps.append(step)
             return begun(mean, step, *rest)
 
-        monkeypatch.setattr(evolution, "_begun", recorded)
+        monkeypatch.setattr(evolution, "begun", recorded)
 
 
 def test_a_search_that_stalls_begins_anew_where_it_is_and_ends_when_that_was_in_vain(monkeypatch):
