@@ -11,6 +11,7 @@ from crowd_env.envs.protocol import WalkingBatch
 from ..policy import Policy
 from ..training_config import TrainingConfig, make_env, physics_of, place_of
 from ..walking import Evolved
+from . import network_search
 from .callbacks import ComparisonCallback, EvaluationCallback
 from .evolution import evolve
 from .starts import MOST
@@ -82,5 +83,11 @@ class Stage(EvaluationCallback[Learner], Generic[Learner]):
 
 
 TRAIN: Mapping[str, Callable[[TrainingConfig, ComparisonCallback], None]] = MappingProxyType(
-    {"ppo-random": _ppo_random, "ppo": _ppo, "mappo": _mappo, "search-clone-ppo": _search_clone_ppo}
+    {
+        "ppo-random": _ppo_random,
+        "ppo": _ppo,
+        "mappo": _mappo,
+        "network-search": network_search.train,
+        "search-clone-ppo": _search_clone_ppo,
+    }
 )
