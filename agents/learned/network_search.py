@@ -19,10 +19,10 @@ from ..policy import Policy
 from ..trained import LearnedPolicy
 from ..training_config import TrainingConfig, physics_of, place_of
 from .callbacks import EvaluationCallback
-from .evolution import SHARE, begun, race, rooms, stalled
+from .evolution import SHARE, begun, race, rooms
 
 POPULATION, DRAWS = 24, 3  # candidates of a generation, and runs of each on the same draws
-_STEP = 0.3  # of the weights of standardized inputs at first, and at every restart
+_STEP = 0.6  # of the weights of standardized inputs at first
 _LEAST = 0.05  # standard deviation of an input: smaller ones may be those of rare events
 _SLOWEST = 0.2  # of the constant speeds of the first runs, which standardize
 
@@ -30,8 +30,9 @@ _SLOWEST = 0.2  # of the constant speeds of the first runs, which standardize
 def train(config: TrainingConfig, callback: EvaluationCallback[Policy]) -> None:
     """Search from full speed until the ``callback`` ends it, with half of the pedestrians.
 
-    The first runs, at constant speeds, standardize the observation.  A search that stalls restarts at its mean.  Commands have
-    a sideways component where the action of the config has several headings.
+    The first runs, at constant speeds, standardize the observation.  Then the noise of every term is the same: that of each
+    column is divided by the root of their number.  Commands have a sideways component where the action of the config has
+    several headings.
 
     Raises
     ------
@@ -58,6 +59,8 @@ def train(config: TrainingConfig, callback: EvaluationCallback[Policy]) -> None:
     _, steps = race(env, draws(), at_constant_speed)
     mean, square = sums / steps
     scale = np.sqrt(np.maximum(square - mean**2, _LEAST**2))
+    for name in layout.names:  # else the six nearest people drown the rest in noise
+        scale[layout[name]] *= np.sqrt(len(mean[layout[name]]))
 
     def networks(found: Floats) -> tuple[Floats, Floats]:
         """Return weights (N, C, D) and biases (N, C) for vectors (N, C (D + 1)) of a search."""
@@ -74,14 +77,10 @@ def train(config: TrainingConfig, callback: EvaluationCallback[Policy]) -> None:
         weights, biases = networks(np.repeat(candidates, DRAWS, axis=0))
         return race(env, draws(), lambda seen, room: np.einsum("kd,kcd->kc", seen, weights[room]) + biases[room])
 
-    best, course = np.zeros(components * (layout.size + 1)), list[float]()
+    best = np.zeros(components * (layout.size + 1))
     search = begun(best, _STEP, POPULATION, config.seed, diagonal=True)
     while callback.on_update(steps, partial(policy, best)):
-        if stalled(course):
-            search, course = begun(best, _STEP, POPULATION, int(rng.integers(2**31)), diagonal=True), []
         candidates = np.asarray(search.ask())
         costs, decided = judged(candidates)
-        means = costs.reshape(POPULATION, DRAWS).mean(axis=1)
-        search.tell(candidates, means)
-        course.append(float(means.min()))
+        search.tell(candidates, costs.reshape(POPULATION, DRAWS).mean(axis=1))
         best, steps = np.asarray(search.result.xfavorite), steps + decided
