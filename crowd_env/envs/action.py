@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import gymnasium
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import (
@@ -32,6 +32,7 @@ from crowd_env.core.checks import (
 from crowd_env.core.kernels.jit import kernel
 
 Frame = Literal["path", "world"]
+Masks = NDArray[np.int8]  # 1 = the choice counts, as spaces of Gymnasium take it
 FRAMES: tuple[Frame, ...] = ("path", "world")
 
 RULE = (1.0, 0.0)  # the command of a pedestrian on the shortest path
@@ -294,6 +295,13 @@ def fit_routes(kind: ActionKind, scenario: str, ways: Sequence[str]) -> ActionKi
             f"{', '.join(ways)}"
         )
     return kind
+
+
+def way_of_action(kind: ActionKind) -> Ints | None:
+    """Return the way that each of n discrete choices takes (n,), ``KEEP`` among them; None if the kind has no such choices."""
+    if kind.routes is None or not isinstance(kind.space, gymnasium.spaces.Discrete):
+        return None
+    return kind.decoded(np.arange(kind.space.start, kind.space.start + kind.space.n))[1]
 
 
 def to_command(action: ArrayLike, kind: ActionKind, controlled: Bools) -> tuple[Floats, Ints | None]:

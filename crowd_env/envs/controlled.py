@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias, cast
 
 import gymnasium
 import numpy as np
@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.checks import array, known, whole
+from crowd_env.envs.action import Masks
 from crowd_env.envs.arguments import NUMBERS, check_options, reset_mask
 from crowd_env.envs.crowd import CrowdEnv, Reset
 from crowd_env.envs.metrics import EpisodeMetrics
@@ -54,6 +55,10 @@ class Batch(Protocol):
     @property
     def action_space(self) -> gymnasium.Space[Any]:
         """Space of the actions of one environment."""
+
+    @property
+    def action_mask(self) -> Masks | None:
+        """Choices that count now (E, ...) int8, entry by entry of an action; None where all always do."""
 
     def info_at_reset(self) -> dict[str, np.ndarray]:
         """Return the infos of a reset, (E, ...) each, in arrays that belong to the caller."""
@@ -143,6 +148,13 @@ class SingleEnv(_Specified, Restorable, gymnasium.Env):
         """
         self._check_whole()
         return self._row(self.batch.step(array("the action", action, self.action_space.shape or (), NUMBERS)[None]))
+
+    @property
+    def action_masks(self) -> Callable[[], Masks]:
+        """Method that returns the choices that count now, as ``MaskablePPO`` asks for it; no attribute where all always do."""
+        if self.batch.action_mask is None:
+            raise AttributeError(f"every choice of the {type(self).__name__} always counts: it has no masks")
+        return lambda: cast(Masks, self.batch.action_mask)[0]
 
     def _made_by(self) -> dict[str, Any]:
         return {**super()._made_by(), **self.batch.made_by}
@@ -301,7 +313,7 @@ class BatchVectorEnv(_Specified, Restorable, VectorEnv):
         if not same_step and restarted.any():
             observation[restarted] = self.batch.reset(mask=restarted)[restarted]
         info = about(made.info, ~restarted)
-        for name, values in self.batch.info_at_reset().items():
+        for name, values in self.batch.info_at_reset().items() if restarted.any() else ():
             info[name][restarted], info[f"_{name}"][restarted] = values[restarted], True
         if over.any():
             score = np.array([made.metrics[e].score if e in made.metrics else 0.0 for e in range(self.num_envs)])
@@ -313,6 +325,11 @@ class BatchVectorEnv(_Specified, Restorable, VectorEnv):
             self._ended = over
         self._last[:] = observation
         return observation, made.reward, made.terminated, made.truncated, info
+
+    @property
+    def action_mask(self) -> Masks | None:
+        """Choices that count now (E, ...); None where all always do."""
+        return self.batch.action_mask
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """Return a frame (H, W, 3) uint8 of each environment, None without a render mode."""

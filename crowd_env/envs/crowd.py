@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from crowd_env.core.arrays.state import Bools, Floats, Ints, join_bodies, make_state
 from crowd_env.core.behaviors.outline import Outline, room_of
 from crowd_env.core.checks import COUNT, POSITIVE, Plain, Range, array, flag, number, refuse, whole
-from crowd_env.core.kernels.struct_ref import struct_ref
-from crowd_env.envs.action import ActionKind, make_action, to_command
+from crowd_env.envs.action import ActionKind, Masks, make_action, to_command
 from crowd_env.envs.arguments import (
     MIXED,
     Place,
@@ -31,7 +30,7 @@ from crowd_env.envs.observation.layout import ObservationLayout, make_layout
 from crowd_env.envs.observation.observer import Observer
 from crowd_env.envs.restorable import Restorable
 from crowd_env.envs.reward import RewardFunction, RewardWeights, make_weights
-from crowd_env.envs.route_choice import fit_to_ways, make_route_choice, take_routes
+from crowd_env.envs.route_choice import RouteChoice, fit_to_ways
 from crowd_env.envs.settings import AsRouting, Routing, answers_unknown, physics_step
 from crowd_env.envs.tasks.environment import made_for
 from crowd_env.envs.tasks.task import HELD_OUT_SEED
@@ -63,8 +62,8 @@ class CrowdEnv(Restorable):
         observation, zeros afterwards.
     Action
         (P, 2) in [-1, 1]: the desired velocity as a multiple of the desired speed; or (P,) 0..8, or an action of another
-        kind, which may choose an exit too.  Where ``scripted`` is true, or if the action is None, the pedestrian walks the
-        shortest path instead.
+        kind, which may choose an exit too: ``info["action_mask"]`` (P, n), also of a reset, is then the `action_mask`.  Where
+        ``scripted`` is true, or if the action is None, the pedestrian walks the shortest path instead.
     Reward
         (P,), see ``RewardWeights``; ``info["reward/<name>"]`` holds each term unweighted.  Pedestrians outside receive only
         their ``team_share``.
@@ -194,10 +193,8 @@ class CrowdEnv(Restorable):
         self.simulation.state.active[:] = self.simulation.state.present[:] = False  # empty before the first reset
         in_world = self.action_kind.frame == "world"
         routes_of_env = [self.route_set[k] for k in which]
-        dwell = self.action_kind.dwell
-        choice = make_route_choice(self.scenario_of_env, routes_of_env, self.env_start, dwell, used=choosing)
-        self._choice, ways = struct_ref(choice), choice.ways
-        self.observer = Observer(self.simulation, self.layout, ways, in_world=in_world)
+        self._choice = RouteChoice(self.scenario_of_env, routes_of_env, self.env_start, self.action_kind, used=choosing)
+        self.observer = Observer(self.simulation, self.layout, self._choice.known.fields.ways, in_world=in_world)
         time_limits = np.array([time_limit or each.time_limit for each in self.scenario_of_env])
         blocked_after = np.array([each.blocked_after for each in self.scenario_of_env])
         self._transition = init_transition(self.simulation, self.observer.view.potential, time_limits, blocked_after)
@@ -207,7 +204,7 @@ class CrowdEnv(Restorable):
             "decision_dt": decision_dt,
             "share": walking.share,
             "frame": self.action_kind.frame,
-            "dwell": dwell,
+            "dwell": self.action_kind.dwell,
             **limits,
         }
         pays = {getattr(term, "name", term): weight for term, weight in self.reward_weights.weights.items()}
@@ -255,6 +252,22 @@ class CrowdEnv(Restorable):
         """``learned`` (P,), a copy, where actions move a share of the people; else nothing."""
         return {} if self.walking.share is None else {"learned": np.array(self.learned)}
 
+    @property
+    def action_mask(self) -> Masks | None:
+        """Choices of each pedestrian (P, n) int8: 0 = of an exit or route that cannot be taken now; None without such choices.
+
+        A choice with 0 does what it does along the current way.
+        """
+        return self.masked(self.active)
+
+    def masked(self, inside: Bools) -> Masks | None:
+        """Return the `action_mask` if these pedestrians (P,) are inside; the others choose no way."""
+        return self._choice.mask(inside, self._transition.state, self.simulation.history.door_open)
+
+    @property
+    def _masks(self) -> dict[str, Masks]:
+        return {} if (mask := self.action_mask) is None else {"action_mask": mask}
+
     def people(self, e: int) -> slice:
         """Return the slots of environment ``e``, 0 to E - 1."""
         e = whole("environment", e, Range(0, self.num_envs - 1))
@@ -301,7 +314,7 @@ class CrowdEnv(Restorable):
         if chosen.all():
             self._agree()
             self._interrupted = False
-        return observation, {}
+        return observation, self._masks
 
     def step(self, action: ArrayLike | None = None, scripted: ArrayLike | None = None) -> Step:
         """Advance every unfinished environment by one decision step.
@@ -346,6 +359,7 @@ class CrowdEnv(Restorable):
             self.observer.observe(state.active, over, observation)
             self._wait_for_the_first(over)
         transition.travel_time_before[:] = transition.travel_time_after
+        info |= self._masks
         return Step(observation, reward, left, truncated, info)
 
     def metrics(self, e: int) -> EpisodeMetrics:
@@ -368,12 +382,12 @@ class CrowdEnv(Restorable):
         return {**super()._made_by(), **self._decides}
 
     def _keep(self) -> dict[str, Any]:
-        in_place = self._transition.fields, self._choice.chosen_at, self.observer.view.reached
+        in_place = self._transition.fields, self._choice.known.chosen_at, self.observer.view.reached
         return {**super()._keep(), "step": copy_arrays(in_place[0]), "chosen_at": in_place[1], "reached": in_place[2]}
 
     def _take_back(self, kept: Mapping[str, Any]) -> None:
         write_arrays(self._transition, kept["step"])
-        self._choice.chosen_at[:], self.observer.view.reached[:] = kept["chosen_at"], kept["reached"]
+        self._choice.known.chosen_at[:], self.observer.view.reached[:] = kept["chosen_at"], kept["reached"]
         super()._take_back({name: kept[name] for name in self._kept})
 
     def _draw_learned(self, e: int) -> None:
@@ -410,7 +424,7 @@ class CrowdEnv(Restorable):
         begun, transition = np.zeros(self.num_envs, dtype=np.bool_), self._transition
         begun[chosen] = True
         people = begun[self.env_of_person]
-        self._choice.chosen_at[people], transition.impulse[people], transition.inside[people] = -np.inf, 0.0, True
+        self._choice.known.chosen_at[people], transition.impulse[people], transition.inside[people] = -np.inf, 0.0, True
         self.observer.view.reached[people] = np.inf, 0.0
         transition.step_start[chosen], transition.finished[chosen] = 0.0, False
         if self.walking.share is not None:
@@ -433,7 +447,7 @@ class CrowdEnv(Restorable):
             controlled &= ~array("scripted", scripted, (self.num_people,), "b")
         command, way = to_command(action, self.action_kind, controlled)
         if way is not None:
-            take_routes(way, controlled, self._choice, self._transition.state)
+            self._choice.take(way, controlled, self._transition.state, self.simulation.history.door_open)
         others, in_world = ~controlled, self.action_kind.frame == "world"
         return command, (others if in_world else None), (others if self.walking.acts_on == "scripted" else None)
 

@@ -93,6 +93,7 @@ class GeneratedCrowds(Restorable):
     decides: Literal["walking"] = "walking"
     autoreset = True
     learned = True  # all are moved by actions
+    action_mask = None  # none chooses an exit
     _behind = "_first"
     _kept = ("_rng", "_ahead", "_turns", "_parts", "finished")  # whole places: they come and go
 

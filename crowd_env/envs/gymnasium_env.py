@@ -13,6 +13,7 @@ from gymnasium.vector.utils import batch_space
 
 from crowd_env.core.arrays.state import Bools, as_grid
 from crowd_env.core.checks import refuse
+from crowd_env.envs.action import Masks
 from crowd_env.envs.arguments import Place, check_options
 from crowd_env.envs.controlled import BatchStep, BatchVectorEnv, Row, SingleEnv
 from crowd_env.envs.crowd import CrowdEnv, Reset, require_same_spaces
@@ -44,9 +45,17 @@ class CrowdBatch:
         """Simulated time of a step [s]: the decision step."""
         return self.env.decision_dt
 
+    @property
+    def action_mask(self) -> Masks | None:
+        """Choices that count (E, N, n); None where all do."""
+        mask = self.env.action_mask
+        return None if mask is None else as_grid(mask, self.env.num_envs)
+
     def info_at_reset(self) -> dict[str, np.ndarray]:
-        """Return ``active`` (E, N): all are inside; and where actions move a share of them, ``learned`` (E, N)."""
-        everyone = {"active": np.ones(self.env.num_people, dtype=np.bool_)} | self.env.moved
+        """Return ``active`` (E, N): all are inside; what `CrowdEnv.moved` holds; and the ``action_mask``, if any."""
+        everyone: dict[str, np.ndarray] = {"active": np.ones(self.env.num_people, dtype=np.bool_), **self.env.moved}
+        if (mask := self.env.action_mask) is not None:
+            everyone["action_mask"] = mask
         return {name: as_grid(values, self.env.num_envs) for name, values in everyone.items()}
 
     def reset(self, seed: int | Sequence[int | None] | None = None, mask: Bools | None = None) -> np.ndarray:
@@ -66,6 +75,8 @@ class CrowdBatch:
         }
         info |= {"reward": as_grid(step.reward, rooms)}
         info |= {name: as_grid(values, rooms) for name, values in moved.items()}
+        if (mask := env.masked(active)) is not None:
+            info["action_mask"] = as_grid(mask, rooms)
         info |= {"active": as_grid(active, rooms), "diagnostics": step.info["diagnostics"]._asdict()}
         return BatchStep(
             as_grid(step.observation, rooms),
@@ -88,7 +99,8 @@ class CrowdGymEnv(SingleEnv):
     The info of a step holds the reward of each as ``reward`` (N,) and its terms, unweighted, as ``reward/<name>`` (N,);
     ``active`` (N,), true for people inside; ``diagnostics``, a dictionary of overlaps and of the solver's residual and
     iterations; and in the last step of an episode ``metrics``, the fields of `EpisodeMetrics` as a dictionary.  The info of a
-    reset holds ``active``.  Where actions move a share of the people, both hold ``learned`` (N,), true for these.
+    reset holds ``active``.  Where actions move a share of the people, both hold ``learned`` (N,), true for these; where they
+    choose exits, ``action_mask`` (N, n), 0 for an exit that cannot be taken now.
 
     Parameters
     ----------

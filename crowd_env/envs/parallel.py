@@ -35,7 +35,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
 
     The info of an agent holds the terms of its reward, unweighted, as ``reward/<name>``, and in the last step of an episode
     the ``metrics`` of the episode.  Where actions move a share of the people, ``learned`` is whether they move this one, also
-    at the reset.
+    at the reset; and where they choose exits, ``action_mask`` (n,) is 0 for exits that cannot be taken now.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
             require_same_spaces(env, self.env)
             env.go_on_drawing(self.env)
             self._enter(env)
-        observation, _ = self.env.reset(None if seed is None else [seed])
+        observation, info = self.env.reset(None if seed is None else [seed])
         if seed is not None:
             self.np_random = np.random.default_rng(seed)
         self._begun = True
@@ -156,8 +156,8 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
         self.agents, self._slots = self.possible_agents[: self.env.num_people], slice(None)
         if self.render_mode == "human":
             self.render()
-        infos = [{name: values[i].item() for name, values in self.env.moved.items()} for i in range(len(self.agents))]
-        return dict(zip(self.agents, observation, strict=True)), dict(zip(self.agents, infos, strict=True))
+        infos = _infos_of(self.agents, self._slots, info | self.env.moved)
+        return dict(zip(self.agents, observation, strict=True)), infos
 
     def step(
         self, actions: Mapping[str, Any]
@@ -265,11 +265,14 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
 
 
 def _infos_of(agents: list[str], slots: Ints | slice, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return for each agent the terms of its reward, whether actions move it and, if the episode is over, the metrics."""
+    """Return for each agent the terms of its reward, whether it is moved, its mask and, if the episode is over, the metrics."""
     of_each = [name for name in info if name == "learned" or name.startswith("reward/")]
     terms = {name: info[name][slots].tolist() for name in of_each}
-    ended = [entry for one in info["metrics"].values() for entry in (("metrics", one._asdict()), ("score", one.score))]
-    rows = zip(*terms.values(), strict=True)
+    if "action_mask" in info:
+        terms["action_mask"] = [*info["action_mask"][slots]]
+    over = info.get("metrics", {}).values()
+    ended = [entry for one in over for entry in (("metrics", one._asdict()), ("score", one.score))]
+    rows = zip(*terms.values(), strict=True) if terms else [()] * len(agents)
     return {agent: dict([*zip(terms, row, strict=True), *ended]) for agent, row in zip(agents, rows, strict=True)}
 
 

@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Ints
-from crowd_env.envs.action import ActionKind
+from crowd_env.envs.action import ActionKind, Masks
 from crowd_env.envs.crowd import Reset, Step
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout
@@ -72,6 +72,10 @@ class WalkingBatch(CrowdBatch, Protocol):
     @property
     def learned(self) -> Bools | bool:
         """Pedestrians that actions move (P,), or one answer for all."""
+
+    @property
+    def action_mask(self) -> Masks | None:
+        """Choices of each slot that count now (P, n); None where all always do."""
 
     @property
     def decision_dt(self) -> float:

@@ -91,3 +91,14 @@ def test_the_same_seed_learns_the_same(capsys):
 def test_a_task_is_trained_on_and_judged(capsys):
     example.main(steps=100, task="room", runs=2)
     assert "torchrl-ppo: left inside in" in capsys.readouterr().out
+
+
+def test_masked_actions_are_never_drawn():
+    env = parallel_env("two-exit-hall-v0", people=6, action="speeds-exits", time_limit=8.0, physics="dem")
+    room = PettingZooWrapper(env, use_mask=True, done_on_any=False)
+    torch.manual_seed(0)
+    episode = room.rollout(80)
+    mask, action = episode[GROUP, "action_mask"], episode[GROUP, "action"]
+    assert mask.shape == (*action.shape, 15) and not mask.all()
+    assert mask.gather(-1, action[..., None]).all()
+    check_env_specs(room)

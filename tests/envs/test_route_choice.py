@@ -148,7 +148,7 @@ def test_nothing_is_made_for_those_who_choose_none():
     env = hall(action="speeds", observation=None)
     assert [route.name for route in env.route_set[0].routes] == ["out"]
     assert env.layout.routes == 0 and env.layout == ObservationLayout()
-    assert env._choice.fields.ways.route.shape == (1, 0) and env.observer.view.length_of_way.size == 0
+    assert env._choice.known.fields.ways.route.shape == (1, 0) and env.observer.view.length_of_way.size == 0
 
 
 # -------------------------------------------------------------------------------------------------------------- reward

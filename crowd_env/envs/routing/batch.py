@@ -13,11 +13,13 @@ from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Bools, as_grid
 from crowd_env.core.checks import POSITIVE, Plain, array, known, number, refuse, texts
+from crowd_env.envs.action import Masks
 from crowd_env.envs.arguments import NUMBERS, Place, parts_of
 from crowd_env.envs.controlled import BatchStep
 from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout
+from crowd_env.envs.route_choice import OpenWays
 from crowd_env.envs.routing.regions import grid_regions, named_regions
 from crowd_env.envs.routing.terms import RoutingLayout, RoutingView, make_terms, make_weights
 from crowd_env.envs.settings import Routing, answers_unknown, arguments_of
@@ -106,6 +108,8 @@ class RoutingBatch:
         self._fields = [route_set.routes[route_set.number(name)].field for name in exits]
         self._door = np.array([list(geometry.doors).index(name) for name in doors], dtype=np.int64)
         self._decided = np.zeros(num_envs)  # s  time of the last decision
+        # Doors that the controller moves bar no exit: it may open them by the same action.
+        self._open = OpenWays(self.env.scenario_of_env, [routes] * num_envs, opened=doors)
 
     @property
     def made_by(self) -> dict[str, Any]:
@@ -140,9 +144,26 @@ class RoutingBatch:
             )
         return gymnasium.spaces.MultiDiscrete(self.choices)
 
+    @property
+    def action_mask(self) -> Masks | None:
+        """The choices of each entry of an action, one entry after the other (E, R K + 2 D); None if no door can bar an exit."""
+        if not self._open.may_close:
+            return None
+        doors = np.ones((self.env.num_envs, 2 * len(self._door)), dtype=np.bool_)
+        return np.hstack([np.tile(self._possible(), len(self.regions.names)), doors]).astype(np.int8)
+
+    def _possible(self) -> Bools:
+        """Return the routes (E, K) to open exits, or all if there is none."""
+        found = self._open(self.env.simulation.history.door_open)
+        return found | ~found.any(axis=1, keepdims=True)
+
+    @property
+    def _masks(self) -> dict[str, np.ndarray]:
+        return {} if (mask := self.action_mask) is None else {"action_mask": mask}
+
     def info_at_reset(self) -> dict[str, np.ndarray]:
-        """Return ``inside`` (E,): all people."""
-        return {"inside": np.full(self.env.num_envs, self.env.num_people // self.env.num_envs)}
+        """Return ``inside`` (E,): all people; and the ``action_mask``, if any."""
+        return {"inside": np.full(self.env.num_envs, self.env.num_people // self.env.num_envs), **self._masks}
 
     def reset(self, seed: int | Sequence[int | None] | None = None, mask: ArrayLike | None = None) -> np.ndarray:
         """Start new episodes everywhere, or where ``mask`` (E,) is true; return all observations (E, D)."""
@@ -177,7 +198,7 @@ class RoutingBatch:
             info[f"reward/{term.name}"] = term.finite(values)
             if weight:
                 reward += weight * values
-        info["inside"] = view.inside.sum(axis=1)
+        info |= {"inside": view.inside.sum(axis=1), **self._masks}
         truncated = np.asarray(as_grid(cut_off, self.env.num_envs).any(axis=1))
         terminated = np.logical_and(finished, ~truncated)
         observation, final, ended = self._observation(view), None, terminated | truncated
@@ -187,6 +208,8 @@ class RoutingBatch:
 
     def send(self, actions: ArrayLike) -> None:
         """Send the people of each region along the chosen route, and open and close doors, as ``actions`` (E, R + D) say.
+
+        People sent to an exit that is closed keep the route that they have, if another exit is open.
 
         Raises
         ------
@@ -211,6 +234,7 @@ class RoutingBatch:
         region = self.regions.locate(state.position)
         choice = action[self.env.env_of_person, np.maximum(region, 0)]
         sent = state.active & (region >= 0) & (state.route != self._continuation[choice])
+        sent &= self._possible()[self.env.env_of_person, choice]
         state.route[sent] = self._route[choice[sent]]
 
     def observe(self, inside: Bools, left: Bools) -> np.ndarray:

@@ -24,6 +24,8 @@ class RoutingEnv(SingleEnv):
         MultiDiscrete.  One entry a decision region: the number, in ``layout.routes``, of the exit or route that everyone in
         that region is sent along.  People keep to the route that they were last sent along, also in other regions; before
         that, they take the exit that was nearest at the start.  Then one entry a controlled door: 1 opens it, 0 closes it.
+        A route to exits that others' doors close is not taken, unless all are closed; where there are such doors,
+        ``info["action_mask"]`` is 0 for it, with the choices of all entries one after the other.
     Reward
         A weighted sum of terms, each in ``info["reward/<name>"]``: ``mean`` [s] is minus the time that
         everyone spent inside during the interval, averaged over all N people of the scenario; ``last`` [s] is minus the time

@@ -1,6 +1,7 @@
 """Rollouts of a `CrowdVecEnv` without the samples of pedestrians outside."""
 
 from collections.abc import Generator
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -21,7 +22,12 @@ class MaskedRolloutBuffer(RolloutBuffer):
     Having left is worth nothing without a ``team_share`` s; with one it is worth what the critic expects of the others.  Let M
     be the mean return-to-go over all N pedestrians of an environment.  The n pedestrians inside expect V = (1 - s) own + s M
     each, and the others s M.  So the sum of V over the pedestrians inside is ((1 - s) N + s n) M.
+
+    For ``MaskablePPO`` it is the first base, and the buffer of action masks of sb3-contrib the second, of a class with the
+    ``samples`` of the second.
     """
+
+    samples: ClassVar[Any] = RolloutBufferSamples
 
     def reset(self) -> None:
         """Empty the buffer."""
@@ -37,6 +43,7 @@ class MaskedRolloutBuffer(RolloutBuffer):
         episode_start: np.ndarray,
         value: torch.Tensor,
         log_prob: torch.Tensor,
+        **masks: Any,
     ) -> None:
         """Add one step of all slots.
 
@@ -52,7 +59,7 @@ class MaskedRolloutBuffer(RolloutBuffer):
                 "the environment is another one, or a wrapper has replaced them by plain arrays"
             )
         t = self.pos
-        super().add(obs, action, reward, episode_start, value, log_prob)
+        super().add(obs, action, reward, episode_start, value, log_prob, **masks)
         self.mask[t], self._slots = slots.acted, slots
         self.values[t] = np.where(
             slots.acted, self.values[t], _worth_of_having_left(self.values[t], slots.acted, slots)
@@ -83,10 +90,10 @@ class MaskedRolloutBuffer(RolloutBuffer):
             If an observation or a reward is no finite number: one of them would spoil the network for good.
         """
         assert self.full, "the buffer is not full yet"
-        permutation = np.random.permutation
+        permutation, names = np.random.permutation, (*_SAMPLED, *self.samples._fields[len(_SAMPLED) :])
         if not self.generator_ready:
             valid = permutation(np.flatnonzero(self.mask))
-            for name in _SAMPLED:
+            for name in names:
                 array = getattr(self, name)
                 setattr(self, name, array.reshape(self.mask.size, *array.shape[2:])[valid])
                 if not np.isfinite(getattr(self, name)).all():
@@ -94,12 +101,12 @@ class MaskedRolloutBuffer(RolloutBuffer):
                         f"{name} of this rollout are not all finite: an observation term or a reward is not"
                     )
             self.generator_ready = True
-        tensors = [torch.as_tensor(getattr(self, name), device=self.device) for name in _SAMPLED]
+        tensors = [torch.as_tensor(getattr(self, name), device=self.device) for name in names]
         total = len(self.values)
         count = max(1, int(np.floor(total / (batch_size or total) + 0.5)))
         bounds = np.linspace(0, total, count + 1).astype(int)
         for k in permutation(count):
-            yield RolloutBufferSamples(*(one[bounds[k] : bounds[k + 1]] for one in tensors))
+            yield self.samples(*(one[bounds[k] : bounds[k + 1]] for one in tensors))
 
 
 def _worth_of_having_left(values: np.ndarray, inside: Bools, slots: Slots) -> Floats:

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvS
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import refuse
+from crowd_env.envs.action import Masks
 from crowd_env.envs.arguments import Place, check_options
 from crowd_env.envs.controlled import check_render_mode, frame_rate, frames_of
 from crowd_env.envs.crowd import CrowdEnv
@@ -112,7 +113,7 @@ class BatchVecEnv(Restorable, VecEnv):
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[object]:
         """Return an attribute of the batch, once for each row in ``indices``."""
-        value = getattr(self if attr_name in ("render_mode", "metadata") else self.env, attr_name)
+        value = getattr(self if attr_name in ("render_mode", "metadata", "action_masks") else self.env, attr_name)
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: object, indices: VecEnvIndices = None) -> None:
@@ -122,9 +123,23 @@ class BatchVecEnv(Restorable, VecEnv):
     def env_method(
         self, method_name: str, *method_args: object, indices: VecEnvIndices = None, **kwargs: object
     ) -> list[object]:
-        """Call a method of the batch once and return its result for each row in ``indices``."""
+        """Call a method of the batch once and return its result for each row in ``indices``; each its own of `action_masks`."""
+        if method_name == "action_masks":
+            masks = self.action_masks()
+            return [masks[row] for row in self._get_indices(indices)]
         result = getattr(self.env, method_name)(*method_args, **kwargs)
         return [result for _ in self._get_indices(indices)]
+
+    @property
+    def action_masks(self) -> Callable[[], Masks]:
+        """Method that returns the choices of each row that count now (rows, n), as ``MaskablePPO`` asks for it.
+
+        There is no such attribute where all choices always count.
+        """
+        mask: Masks | None = getattr(self.env, "action_mask", None)
+        if mask is None:
+            raise AttributeError(f"every choice in the {type(self.env).__name__} always counts: it has no masks")
+        return lambda: mask.reshape(self.num_envs, -1)
 
     def env_is_wrapped(self, wrapper_class: type[gymnasium.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
         """Return False for each row in ``indices``: there are no wrappers inside."""
