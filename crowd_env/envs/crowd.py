@@ -253,6 +253,21 @@ class CrowdEnv(Restorable):
         return {} if self.walking.share is None else {"learned": np.array(self.learned)}
 
     @property
+    def cohorts(self) -> dict[str, Bools]:
+        """Name -> pedestrians (P,) of each cohort, the same in every episode.
+
+        A cohort without a name is "pedestrian", of several the k-th "cohort k".
+        """
+        found: dict[str, Bools] = {}
+        for begin, scenario in zip(self.env_start.tolist(), self.scenario_of_env, strict=False):
+            parts = scenario.population.parts
+            for k, part in enumerate(parts):
+                name = part.name or (f"cohort {k}" if len(parts) > 1 else "pedestrian")
+                found.setdefault(name, np.zeros(self.num_people, dtype=np.bool_))[begin : begin + part.people] = True
+                begin += part.people
+        return found
+
+    @property
     def action_mask(self) -> Masks | None:
         """Choices of each pedestrian (P, n) int8: 0 = of an exit or route that cannot be taken now; None without such choices.
 

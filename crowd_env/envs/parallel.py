@@ -48,6 +48,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
     ----------
     possible_agents, agents : names of all pedestrians, and of the pedestrians inside; none before the first `reset`.
     np_random : generator of the seed of `reset`, for wrappers; the crowd draws from others.
+    cohorts : name -> agents of each cohort of the place, to group agents by.
     state_layout, state_space : the meaning of the numbers of `state`, and their bounds.
 
     Raises
@@ -112,6 +113,12 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
     def max_cycles(self, cycles: int) -> None:
         self._cycles = whole("max_cycles", cycles)
         self.env.cut_off(self._cycles * self.env.decision_dt)
+
+    @property
+    def cohorts(self) -> dict[str, list[str]]:
+        """Name -> agents of each cohort of the place, such as the two streams of a counter-flow: a ``group_map``."""
+        agents = self.possible_agents
+        return {name: [agents[i] for i in np.flatnonzero(people).tolist()] for name, people in self.env.cohorts.items()}
 
     # Every agent has its own space, made once: seeding one must not seed another.
     def observation_space(self, agent: str) -> gymnasium.spaces.Box:

@@ -102,3 +102,11 @@ def test_masked_actions_are_never_drawn():
     assert mask.shape == (*action.shape, 15) and not mask.all()
     assert mask.gather(-1, action[..., None]).all()
     check_env_specs(room)
+
+
+def test_a_group_is_a_cohort():
+    env = parallel_env("counter-flow-v0", people=6, action="speeds", time_limit=5.0, physics="dem")
+    room = PettingZooWrapper(env, group_map=env.cohorts, use_mask=True, done_on_any=False)
+    check_env_specs(room)
+    episode = room.rollout(20)
+    assert [episode[name, "observation"].shape[1] for name in ("eastwards", "westwards")] == [3, 3]
