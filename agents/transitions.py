@@ -10,22 +10,26 @@ A file is an .npz of NumPy; ``numpy.load(path)`` reads a run on access.  Run ``k
     k/truncated   (T, N)        bool      the pedestrian was still inside at the end of the run
 
 and ``facts``, JSON: task, policy, seeds, columns of the observation, kind of action, reward, interval of decisions.
-Minari stores episodes of single agents, without the link between agents of one run.  These arrays convert to its episodes,
-pedestrian by pedestrian.
+Minari stores episodes of single agents: `write_minari` makes one of each pedestrian, with the numbers of both beside it.
 """
 
+import importlib
 import json
+import shutil
+import warnings
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import gymnasium
 import numpy as np
 
 from crowd_env import CrowdEnv
 from crowd_env.core.checks import Range, whole
 from crowd_env.core.files.atomic import check_suffix, written
-from crowd_env.envs.action import plain_action
+from crowd_env.core.libraries import needed_for
+from crowd_env.envs.action import make_action, plain_action
 from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
 from .drivers import own_arguments
@@ -119,6 +123,75 @@ def write_runs(path: str | Path, policy: Policy, task: Task, runs: int, seed: in
     if stopped is not None:
         raise stopped
     return done
+
+
+def minari_for(dataset: str) -> Any:
+    """Return the library Minari for a new dataset of this id.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If it is not installed, or h5py, in which it stores.
+    ValueError
+        If the id is malformed or taken.
+    """
+    with needed_for("a dataset of Minari", "minari h5py"):
+        minari: Any = importlib.import_module("minari")
+        importlib.import_module("h5py")
+    minari.dataset.minari_dataset.parse_dataset_id(dataset)
+    if dataset in minari.list_local_datasets():
+        raise ValueError(f"there is a dataset {dataset!r} already; take another id, or delete it")
+    return minari
+
+
+def write_minari(dataset: str, path: str | Path) -> int:
+    """Write a file of runs as a dataset of Minari, an episode a pedestrian, and return the number of episodes.
+
+    Episodes follow each other run by run.  ``seed`` of one is that of its run; ``options`` are ``run`` and ``pedestrian``, the
+    numbers by which the episodes of a crowd belong together.  Step t is the t-th decision of the run in all of them.
+
+    Parameters
+    ----------
+    dataset : its id, such as "crowd_env/room/evolution-v0", in the folder of Minari's datasets.
+
+    Raises
+    ------
+    ModuleNotFoundError, ValueError
+        As `minari_for`.
+    """
+    minari = minari_for(dataset)
+    with np.load(path) as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # it misses an author and an environment, which has other spaces
+        facts = json.loads(str(file[_FACTS]))
+        space = make_action(facts["action"]).space
+
+        def episodes() -> Iterator[Any]:
+            for k, seed in enumerate(facts["seeds"]):
+                run = RunArrays(*(file[f"{k}/{name}"] for name in RunArrays._fields))
+                for i, count in enumerate(run.mask.sum(axis=0)):  # decisions, from the start on
+                    yield minari.data_collector.EpisodeBuffer(
+                        seed=seed,
+                        options={"run": k, "pedestrian": i},
+                        observations=run.observation[: count + 1, i],
+                        actions=run.action[:count, i].astype(space.dtype),
+                        rewards=run.reward[:count, i],
+                        terminations=run.terminated[:count, i],
+                        truncations=run.truncated[:count, i],
+                    )
+
+        try:
+            made = minari.create_dataset_from_buffers(
+                dataset,
+                episodes(),
+                observation_space=gymnasium.spaces.Box(-1.0, 1.0, file["0/observation"].shape[2:], np.float32),
+                action_space=space,
+                algorithm_name=facts["policy"],
+                description=json.dumps(facts),
+            )
+        except BaseException:  # Ctrl-C too: whole or not at all
+            shutil.rmtree(minari.storage.get_dataset_path(dataset), ignore_errors=True)
+            raise
+    return int(made.total_episodes)
 
 
 def _add(file: zipfile.ZipFile, name: str, array: np.ndarray) -> None:

@@ -202,3 +202,11 @@ def test_the_rule_of_a_task_is_exported_by_the_name_that_tables_give_it(tmp_path
         assert told.exit_code == 0, told.output
     rule, shortest = (np.load(tmp_path / f"{name}.npz")["0/reward"] for name in ("rule", "shortest"))
     np.testing.assert_array_equal(rule, shortest)
+
+
+def test_a_dataset_of_minari_is_made_of_runs_and_by_minari(tmp_path, monkeypatch):
+    told = call("rule", "--minari", "rule-v0", "--onnx", tmp_path / "a.onnx")
+    assert told.exit_code == 2 and "give that too" in told.stderr
+    monkeypatch.setitem(sys.modules, "minari", None)
+    told = call("rule", "--minari", "rule-v0", "--transitions", tmp_path / "runs.npz")
+    assert told.exit_code == 2 and "pip install minari h5py" in told.stderr and not list(tmp_path.iterdir())
