@@ -59,8 +59,8 @@ class GeneratedCrowds(Restorable):
     on in another place, under the law and manner of its seed, and with the noise of its seed on everything that is seen.
     Places of one law and one manner share a `CrowdEnv` and step in one compiled call.  They are drawn ahead, as many as
     environments at once, so that each is built once.  What happens to the people of a place is bit by bit what happens in a
-    `CrowdEnv` of that place.  ``info`` of a step holds ``finished`` (E,), and where one is, its ``metrics`` and the
-    ``final_observation`` (P, D) before another took its turn.
+    `CrowdEnv` of that place.  ``info`` of a step holds ``reward/<name>`` (P,), ``finished`` (E,), and where one is, its
+    ``metrics`` and the ``final_observation`` (P, D) before another took its turn.
 
     Parameters
     ----------
@@ -183,6 +183,7 @@ class GeneratedCrowds(Restorable):
         observation = np.zeros((self.num_people, self.layout.size), dtype=np.float32)
         reward, flags = np.zeros(self.num_people), np.zeros((2, self.num_people), dtype=np.bool_)
         finished, metrics = np.zeros(self.num_envs, dtype=np.bool_), dict[int, EpisodeMetrics]()
+        terms: dict[str, Any] = {}
         for crowd, here, there, environments in self._parts:
             acts = None
             if action is not None:
@@ -191,11 +192,13 @@ class GeneratedCrowds(Restorable):
             step = crowd.step(acts)
             observation[here], reward[here] = step.observation[there], step.reward[there]
             flags[0, here], flags[1, here] = step.terminated[there], step.truncated[there]
+            for name in (name for name in step.info if name.startswith("reward/")):
+                terms.setdefault(name, np.zeros(self.num_people))[here] = step.info[name][there]
             for e, k in environments:
                 if step.info["finished"][k]:
                     finished[e], metrics[e] = True, step.info["metrics"][k]
         self._disturb(range(self.num_envs), observation)
-        info: dict[str, Any] = {"metrics": dict(sorted(metrics.items())), "finished": finished}
+        info: dict[str, Any] = {**terms, "metrics": dict(sorted(metrics.items())), "finished": finished}
         if finished.any():
             info["final_observation"] = observation.copy()
             over = np.flatnonzero(finished).tolist()
