@@ -20,7 +20,8 @@ import warnings
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import ModuleType
+from typing import NamedTuple
 
 import gymnasium
 import numpy as np
@@ -125,7 +126,7 @@ def write_runs(path: str | Path, policy: Policy, task: Task, runs: int, seed: in
     return done
 
 
-def minari_for(dataset: str) -> Any:
+def minari_for(dataset: str) -> ModuleType:
     """Return the library Minari for a new dataset of this id.
 
     Raises
@@ -136,7 +137,7 @@ def minari_for(dataset: str) -> Any:
         If the id is malformed or taken.
     """
     with needed_for("a dataset of Minari", "minari h5py"):
-        minari: Any = importlib.import_module("minari")
+        minari = importlib.import_module("minari")
         importlib.import_module("h5py")
     minari.dataset.minari_dataset.parse_dataset_id(dataset)
     if dataset in minari.list_local_datasets():
@@ -165,7 +166,7 @@ def write_minari(dataset: str, path: str | Path) -> int:
         facts = json.loads(str(file[_FACTS]))
         space = make_action(facts["action"]).space
 
-        def episodes() -> Iterator[Any]:
+        def episodes() -> Iterator[object]:
             for k, seed in enumerate(facts["seeds"]):
                 run = RunArrays(*(file[f"{k}/{name}"] for name in RunArrays._fields))
                 for i, count in enumerate(run.mask.sum(axis=0)):  # decisions, from the start on
