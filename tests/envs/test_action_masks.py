@@ -14,6 +14,7 @@ from pettingzoo.test import api_test, parallel_api_test
 from crowd_env import (
     FULL_SPEED,
     TABLE_4,
+    ActionKind,
     CrowdEnv,
     CrowdGymEnv,
     Geometry,
@@ -281,3 +282,27 @@ def test_where_every_exit_is_closed_all_are_left():
     assert env.reset(seed=0)[1]["action_mask"].tolist() == [1, 1]
     _, info = CrowdEnv(closed, action="speeds-exits").reset(seed=0)
     assert (ways_of(info["action_mask"]) == [False, False]).all()  # to keep the way is left
+
+
+def test_a_kind_of_ones_own_has_a_mask_if_its_choices_can_be_counted():
+    def decode(action):
+        return np.tile([1.0, 0.0], (len(action), 1)), np.asarray(action).astype(int).reshape(len(action), -1)[:, 0] - 6
+
+    counted = gymnasium.spaces.Discrete(4, start=5)  # 5 keeps the way
+    kind = ActionKind("a way", counted, decode, 5, routes=3, dwell=1.0)
+    env = hall(action=kind, routing="west")
+    env.reset(seed=0)
+    mask = env.step(np.full(8, 6 + EAST)).info["action_mask"]
+    assert mask.tolist() == [[1, 0, 1, 0]] * 8 and counted.sample(mask[0]) in (5, 7)
+    pair = ActionKind("a pair", gymnasium.spaces.MultiDiscrete([2, 2], start=[5, 5]), decode, [5, 5], routes=3)
+    assert hall(action=pair).action_mask is None
+
+
+def test_places_of_a_batch_have_their_own_doors():
+    plain = place(5, door_events=())
+    shut = place(8, door_events=(), closed_doors=("gate",))
+    env = hall([shut, plain], num_envs=2)
+    left = ways_of(env.reset(seed=0)[1]["action_mask"])
+    assert (left[:8] == [False, True, False]).all() and left[8:].all()
+    env.simulation.close_doors(1, ["gate"])
+    assert (ways_of(env.action_mask)[8:] == [False, True, False]).all()
