@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 SHARE = 0.5  # of the pedestrians: the same order clears a door for half of them, and allows four times the candidates
 _PATIENCE = 10.0  # s without an exit, after which a run ends
 _SECONDS = 1.5  # s a pedestrian, time limit of a run: exits of 0.7 pedestrians a second
+_FIRST, _WALKS = 1.5, 3.0  # the longest walks at the desired speed that this time and this limit allow for at least
 _STEP = 1.0  # of the weights at first, and at every restart
 _LAST = 12  # generations with all pedestrians: the result with half of them is close ...
 _LAST_STEP = 0.3  # ... and their first step
@@ -129,10 +130,14 @@ def stalled(course: Sequence[float]) -> bool:
 
 
 def rooms(place: Scenario, options: Plain, people: int, count: int) -> CrowdEnv:
-    """Return a batch of a place with this number of pedestrians, and short limits of time."""
-    crowd = place.population.changed(people=people)
-    short = replace(place, population=crowd, time_limit=_SECONDS * people, blocked_after=_PATIENCE)
-    return CrowdEnv(short, num_envs=count, **arguments_of(options))
+    """Return a batch of a place with this number of pedestrians, and short limits of time, which allow for the longest walk."""
+    place = replace(place, population=place.population.changed(people=people))
+    given = arguments_of(options)
+    one = CrowdEnv(place, **given)
+    one.reset(seed=0)
+    walk = float(one.observer.view.travel_time.max())
+    limit, patience = max(_SECONDS * people, _WALKS * walk), max(_PATIENCE, _FIRST * walk)
+    return CrowdEnv(replace(place, time_limit=limit, blocked_after=patience), num_envs=count, **given)
 
 
 def begun(mean: Floats, step: float, population: int, seed: int, *, diagonal: bool = False) -> "CMAEvolutionStrategy":
