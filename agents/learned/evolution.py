@@ -17,6 +17,7 @@ from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.envs.settings import arguments_of
 from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
+from ..evaluation.goals import strayed
 from ..plain import Plain
 from ..walking import WEIGHT, Evolved, inputs
 from .callbacks import EvaluationCallback
@@ -154,7 +155,7 @@ def _race(env: CrowdEnv, weights: Floats, seeds: list[int]) -> tuple[Floats, int
 
 
 def race(env: CrowdEnv, seeds: list[int], decide: Callable[[np.ndarray, Ints], Floats]) -> tuple[Floats, int]:
-    """Return the cost (E,) of a run of each room, and the number of decisions.
+    """Return the cost (E,) of a run of each room, and the number of decisions; a wrong exit leads nowhere.
 
     Parameters
     ----------
@@ -169,6 +170,6 @@ def race(env: CrowdEnv, seeds: list[int], decide: Callable[[np.ndarray, Ints], F
         observation = env.step(action).observation
         decided += len(inside)
     times = env.simulation.state.exit_time.reshape(env.num_envs, -1)
-    out = np.isfinite(times)
+    out = np.isfinite(times) & ~strayed(env.simulation.state.exit_index.reshape(times.shape), env.scenarios[0])
     last = np.max(times, axis=1, initial=0.0, where=out)
     return np.where(out.all(axis=1), last, env.time_limit + (~out).sum(axis=1)), decided

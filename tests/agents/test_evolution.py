@@ -198,6 +198,13 @@ def test_a_long_walk_is_no_block():
     assert (costs > 10.0).all() and (costs < env.time_limit).all()
 
 
+def test_a_step_back_through_the_wrong_exit_leads_nowhere():
+    config = task_config("counter-flow")
+    env = evolution.rooms(place_of(config), {**physics_of(config), **NOTHING.env_options}, 4, 1)
+    costs, _ = evolution._race(env, np.array([[0.0] * 6 + [-2.0]]), [1])
+    assert env.finished.all() and costs == env.time_limit + 4
+
+
 def test_what_was_found_is_kept_with_the_run(tmp_path, monkeypatch):
     monkeypatch.setattr(starts, "MOST", 1)
     monkeypatch.setattr(starts, "evolve", partial(evolution.evolve, **SMALL))
