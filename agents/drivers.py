@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import Unpack
 
-from crowd_env import CrowdEnv, Physics, Scenario, Step, Walking
+from crowd_env import CrowdEnv, ObservationLayout, Physics, Scenario, Step, Walking
 from crowd_env.core.checks import NOT_NEGATIVE, Range, number, refuse
 from crowd_env.envs.observation.observer import Observer
 from crowd_env.envs.rollout import Driver, run_episodes
@@ -279,13 +279,22 @@ class DrivenCrowd:
         if self.learned_share is None:
             env = CrowdEnv(self.scenario, **arguments)
         else:
-            if self.others is not None:  # the larger observation includes the smaller one
-                layouts = [own_arguments(one).get("observation") for one in (self.policy, self.others)]
-                arguments["observation"] = max((one for one in layouts if one is not None), key=lambda one: one.size)
+            if self.others is not None:
+                arguments["observation"] = _observed_by(self.policy, self.others)
             env = MixedEnv(self.scenario, share=self.learned_share, others=self.others, **arguments)
         return PolicyDriver(
             self.policy, env, others=self.others, hindrance=self.hindrance, passes_rest=self.passes_rest
         )
+
+
+def _observed_by(*policies: Policy) -> ObservationLayout | None:
+    """Return the largest of the layouts of policies, with the terms of the others that it lacks."""
+    layouts = [own["observation"] for one in policies if (own := own_arguments(one)).get("observation") is not None]
+    if not layouts:
+        return None
+    largest = max(layouts, key=lambda one: one.size)
+    terms = {getattr(term, "name", term): term for one in (largest, *layouts) for term in one.terms}
+    return replace(largest, terms=tuple(terms.values()))
 
 
 def own_arguments(policy: Policy | Controller) -> Plain:

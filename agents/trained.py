@@ -123,12 +123,13 @@ class LearnedPolicy(_Learned):
         Raises
         ------
         ValueError
-            If the layout of the observations is not that of the training.
+            If the layout of the observations does not hold that of the training.
         """
-        if layout != self.env_options["observation"]:
-            raise ValueError(
-                f"policy {self.name!r} was trained on other observations: {self.env_options['observation']}"
-            )
+        own = self.env_options["observation"]
+        if layout != own:
+            if not {*own.names} <= {*layout.names} or replace(layout, terms=own.terms) != own:
+                raise ValueError(f"policy {self.name!r} was trained on other observations: {own}")
+            observation = np.hstack([observation[:, layout[name]] for name in own.names])
         out = self.network(observation)
         if isinstance(self.space, gymnasium.spaces.Discrete):
             # The largest of logits and independent Gumbel numbers is a draw from the softmax.

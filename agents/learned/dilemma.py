@@ -1,39 +1,63 @@
 """Learning in a dilemma: best responses to a crowd, and crowds with other rewards."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import replace
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
+from typing import ClassVar, cast
 
+import numpy as np
+
+from crowd_env import ObservationLayout
+from crowd_env.core.arrays.state import Floats
 from crowd_env.core.console import say
 from crowd_env.core.files.json_file import json_number, write_json
+from crowd_env.core.files.store import Store
 from crowd_env.envs.protocol import WalkingBatch
 from crowd_env.envs.settings import arguments_of
+from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.rendering import learning_curve, save_figure
 
 from .. import make_policy
-from ..evaluation.dilemma import SHARES, deterrent, follow, gain, payoffs, price_of_anarchy
+from ..evaluation.dilemma import (
+    SHARES,
+    RandomSpeed,
+    among,
+    deterrent,
+    exploitability,
+    follow,
+    free_walks,
+    gain,
+    payoffs,
+    price_of_anarchy,
+)
 from ..evaluation.entries import RULE
+from ..evaluation.folder import source_stamp
 from ..mixed import MixedEnv
 from ..plain import Plain
 from ..policy import Policy
 from ..rules import StrategyPolicy
 from ..runs import versions
-from ..tasks import make_task
-from ..trained import LearnedPolicy
+from ..tasks import Task, make_preset, make_task
+from ..trained import NUMBERS, LearnedPolicy
 from ..training_config import TrainingConfig, make_env, physics_of, place_of, task_config
+from ..walking import Evolved, Follow, HeadwayRule, WalkingRule, inputs
 from .actor_critic import network_of, std_of
 from .ppo import make_ppo
 from .starts import begin
 from .training import trained_in
 
-_DOOR, _MIXED, _RUNS = "dilemma-door", "dilemma-mixed", 100
+_DOOR, _MIXED, _RUNS, _FEW = "dilemma-door", "dilemma-mixed", 60, 24
 _QUEUES = "queue: `evolution`"
-# Actions of a best response, which include overtaking.
+# Actions of a best response by PPO, which include overtaking; it begins at random choices.
 _FREE = {"name": "speeds-directions", "speeds": [0.0, 0.5, 1.0], "headings": [k * math.pi / 6 for k in range(-3, 4)]}
-# Of a best response: share of pedestrians that learn, rooms, s in which most of them leave, and training steps of all slots.
-_SHARE, _ROOMS, _LIMIT, _STEPS = 0.05, 16, 15.0, 6_000_000
+# Settings with which it finds more than with those of the preset: those of narrow-door.
+_MOVES = {name: value for name, value in make_preset("narrow-door").ppo.items() if name != "rule_logit"}
+# Of a best response: share of pedestrians that learn, rooms, s in which most of them leave, steps of all slots, samples.
+_SHARE, _ROOMS, _LIMIT, _STEPS, _BATCH = 0.05, 16, 15.0, 3_000_000, 512
+# Of a best response by search: candidates of a generation, draws of each, generations, and the first step of the weights.
+_CANDIDATES, _DRAWS, _GENERATIONS, _STEP = 12, 3, 24, 0.3
 # Training of a crowd -> task, start, and changes of the reward.
 _PRICES = {"progress": 0.5, "time": 1.0, "contact": 1.0, "head": 5.0}
 _TRAINED: Mapping[str, tuple[str, str, Plain]] = {
@@ -43,36 +67,118 @@ _TRAINED: Mapping[str, tuple[str, str, Plain]] = {
     "PPO, time of all": (_DOOR, "evolution", {"team_share": 1.0}),
     "PPO, contacts and the head of the queue cost": (_DOOR, "evolution", {"weights": _PRICES}),
 }
+# Beside full speed and `follow`, what is judged among others that it never trained with.
+_FOCAL = (_QUEUES, "`generalist`", "PPO, own time", "PPO, own time, 20 % push")
 
 
 def train_crowd(task: str, start: str, reward: Mapping[str, object], seed: int = 0) -> LearnedPolicy:
-    """Return the last policy of PPO with the preset of a task, from a start, with a changed ``reward``."""
+    """Return the last policy of PPO with the preset of a task, from a start, with a changed ``reward``.
+
+    From full speed the settings are those of `_MOVES`: with those of the preset the likeliest action never changes.
+    """
     config = task_config(task, seed, start=start)
-    config = replace(config, reward={**config.reward, **reward})
+    ppo = replace(config.ppo, **_MOVES, rule_logit=1.0) if start == RULE else config.ppo
+    config = replace(config, reward={**config.reward, **reward}, ppo=ppo)
     return _trained(cast(WalkingBatch, make_env(config)), config, config.steps)
 
 
-def best_response(crowd: Policy, task: str, seed: int = 0, steps: int = _STEPS) -> LearnedPolicy:
-    """Return the policy that PPO learns from full speed, for its own time alone, among pedestrians that follow a policy.
+@dataclass(frozen=True)
+class Overtaking(WalkingRule):
+    """A weighted sum of observed terms along the way, and another to its left.
 
-    It may turn aside.  It has the observation of the crowd or, if that is a rule, of policies of the task.  One of
-    twenty pedestrians learns.  An episode ends after 15 s, when most pedestrians that push have left.  More steps may find a
-    better response.
+        V = v_0 (clip(1 + w . x, -1, 1), clip(u . x, -1, 1))
+
+    The inputs x are those of `Evolved`, the speed to the left, and the sums over the neighbors of their closeness, alone and
+    times their distance ahead and to the left.  Zero weights are full speed.
 
     Parameters
     ----------
-    task : name of the task; its preset gives the place and the settings.
+    weights : (22,) w and u.
+    """
+
+    name = "overtaking"
+    terms: ClassVar[tuple[str, ...]] = (*Evolved.terms, "neighbors")
+    weights: tuple[float, ...] = (0.0,) * 22
+
+    def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
+        """Return the velocity as a share of the desired speed."""
+        return _overtake(observation, layout, np.tile(self.weights, (len(observation), 1)))
+
+
+def _overtake(observation: np.ndarray, layout: ObservationLayout, weights: Floats) -> Floats:
+    """Return the actions (P, 2) of `Overtaking` for rows of weights (P, 22)."""
+    near = observation[:, layout["neighbors"]].astype(np.float64).reshape(len(observation), -1, 5)
+    sides = np.einsum("pkx,pk->px", near[:, :, [0, 1]], near[:, :, 4])
+    left = observation[:, layout["velocity"]][:, 1]
+    seen = np.column_stack([inputs(observation, layout), left, sides, near[:, :, 4].sum(axis=1)])
+    change = np.einsum("px,pax->pa", seen, weights.reshape(len(seen), 2, -1))
+    return np.asarray(np.clip(change + np.array([1.0, 0.0]), -1.0, 1.0))
+
+
+def searched_response(crowd: Policy, task: str, seed: int = 0, generations: int = _GENERATIONS) -> Overtaking:
+    """Return the rule by which one of twenty pedestrians is out soonest among others that follow a policy.
+
+    CMA-ES searches the weights from full speed, in the place of the task with the step of its preset.  The cost is the mean
+    time of these pedestrians; pedestrians still inside after 15 s count with that.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If the library cma is not installed.
+    """
+    import cma
+
+    judged = make_task(task)
+    config = replace(task_config(task, seed, start=RULE), people=judged.people, options=dict(judged.options))
+    env = _among(crowd, config, "continuous", _CANDIDATES * _DRAWS)
+    options = {"popsize": _CANDIDATES, "seed": seed + 1, "verbose": -9}  # seed 0 is the clock
+    search, rng = cma.CMAEvolutionStrategy(np.array(Overtaking().weights), _STEP, options), np.random.default_rng(seed)
+    for _ in range(generations):
+        first, candidates = int(rng.integers(0, HELD_OUT_SEED - _DRAWS)), search.ask()
+        seeds = [*range(first, first + _DRAWS)] * _CANDIDATES
+        costs = _times(env, np.repeat(candidates, _DRAWS, axis=0), seeds)
+        search.tell(candidates, costs.reshape(_CANDIDATES, _DRAWS).mean(axis=1))
+    return Overtaking(tuple(np.asarray(search.result.xfavorite).tolist()))
+
+
+def _times(env: MixedEnv, weights: Floats, seeds: list[int]) -> Floats:
+    """Return the mean time (E,) [s] of pedestrians that `Overtaking` moves, by rows of weights (E, 22); at most the limit."""
+    observation, _ = env.reset(seeds)
+    action = np.zeros((env.num_people, 2))
+    while (moved := env.learned & env.active).any():
+        rows = np.flatnonzero(moved)
+        action[rows] = _overtake(observation[rows], env.layout, weights[env.env_of_person[rows]])
+        observation = env.step(action).observation
+        if env.finished.all():
+            break
+    times = np.nan_to_num(env.simulation.state.exit_time, nan=_LIMIT)
+    return np.bincount(env.env_of_person[env.learned], times[env.learned]) / np.bincount(env.env_of_person[env.learned])
+
+
+def best_response(crowd: Policy, task: str, seed: int = 0, steps: int = _STEPS) -> LearnedPolicy:
+    """Return the policy that PPO learns from random choices, for its own time alone, among others that follow a policy.
+
+    It may turn aside.  It has the observation of the crowd or, if that is a rule, of policies of the task.  One of
+    twenty pedestrians learns.  An episode ends after 15 s, when most pedestrians that push have left.
+
+    Parameters
+    ----------
+    task : name of the task; its preset gives the place.
     steps : of all pedestrians, including the crowd.
     """
     config = task_config(task, seed, start=RULE)
+    env = _among(crowd, config, _FREE, _ROOMS, autoreset=True)
+    ppo = replace(config.ppo, **{**_MOVES, "rule_logit": 0.0, "batch_size": _BATCH})
+    return _trained(env, replace(config, ppo=ppo), steps)
+
+
+def _among(crowd: Policy, config: TrainingConfig, action: str | Plain, rooms: int, autoreset: bool = False) -> MixedEnv:
+    """Return rooms in which actions move one of twenty pedestrians, for its own time, and a policy the others."""
     observation = crowd.env_options["observation"] if isinstance(crowd, LearnedPolicy) else config.observation
-    own = {"frame": config.frame, "action": _FREE, "observation": observation}
+    own = {"frame": config.frame, "action": action, "observation": observation}
     arguments = arguments_of({**physics_of(config), **own, "reward": {"progress": 0.5, "time": 1.0}})
-    arguments |= {"num_envs": _ROOMS, "time_limit": _LIMIT, "autoreset": True}
-    env = MixedEnv(place_of(config), share=_SHARE, others=crowd, **arguments)
-    # A rollout is a whole episode of every environment: pedestrians learn in each.
-    config = replace(config, ppo=replace(config.ppo, n_steps=round(_LIMIT / env.decision_dt), batch_size=1024))
-    return _trained(env, config, steps)
+    arguments |= {"num_envs": rooms, "time_limit": _LIMIT, "autoreset": autoreset}
+    return MixedEnv(place_of(config), share=_SHARE, others=crowd, **arguments)
 
 
 def _trained(env: WalkingBatch, config: TrainingConfig, steps: int) -> LearnedPolicy:
@@ -83,33 +189,96 @@ def _trained(env: WalkingBatch, config: TrainingConfig, steps: int) -> LearnedPo
 
 
 def measure(out: Path) -> None:
-    """Measure the cost of pushing, the gain of deviators, and the effect of learning; write table and figure to a folder."""
-    task, push, queue = make_task(_DOOR), StrategyPolicy("shortest", name=RULE), make_policy("evolution")
-    out.mkdir(parents=True, exist_ok=True)
-    crowds = {"full speed": push, _QUEUES: queue, "`generalist`": make_policy("generalist")}
-    for name, how in _TRAINED.items():
-        say(f"training a crowd: {name} ...")
-        crowds[name] = train_crowd(*how)
-    rows: list[Plain] = []
-    shares: list[Plain] = []
-    all_push = follow(push, task, runs=_RUNS)
-    for title, crowd in crowds.items():
-        say(f"looking for deviators that gain: {title} ...")
-        deviators = {"push": push, "queue": queue, "learned": best_response(crowd, _DOOR)}
-        all_follow = follow(crowd, task, runs=_RUNS)
-        gains = {
-            name: gain(all_follow, follow(crowd, task, runs=_RUNS, deviator=one)) for name, one in deviators.items()
+    """Measure the cost of pushing, the gain of deviators, and the effect of learning; write table and figure to a folder.
+
+    The folder keeps what is finished, so that the same command goes on.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds results of another task or of other code.
+    """
+    task, mixed, push, queue = make_task(_DOOR), make_task(_MIXED), StrategyPolicy("shortest", name=RULE), Evolved()
+    identity = {"tasks": [task.identity(), mixed.identity()], "runs": _RUNS, "code": source_stamp()}
+    store = Store(out, identity, owned=("results.json", f"*{NUMBERS}"))
+    with store.alone():
+        store.keep("versions", versions())  # first: with it the folder is this command's
+        free, responses = free_walks(task, runs=_RUNS), {}
+        crowds = {"full speed": push, _QUEUES: queue, "`generalist`": make_policy("generalist")}
+        rows: list[Plain] = []
+        for title in (*crowds, *_TRAINED):
+            if title in _TRAINED:
+                crowds[title] = _network(out, f"crowd {title}", train_crowd, *_TRAINED[title])
+            crowd = crowds[title]
+            responses[title] = _network(out, f"response to {title}", best_response, crowd, _DOOR)
+            searched = Overtaking(**_kept(store, f"search against {title}", _searched, crowd))
+            deviators = {"push": push, "queue": queue, "ppo": responses[title], "search": searched}
+            row = _kept(store, f"gains in {title}", _gains, crowd, task, deviators, free)
+            rows.append({"crowd": title, **row, "price": price_of_anarchy((rows or [row])[0], row)})
+        shares = [_kept(store, f"share {share:g}", _at_share, queue, task, push, share) for share in SHARES]
+        held_out = {
+            "follow": Follow(),
+            "headway": HeadwayRule(),
+            "random": RandomSpeed(),
+            "learned": responses[_QUEUES],
         }
-        price = price_of_anarchy(all_push, all_follow)
-        rows.append({"crowd": title, **payoffs(all_follow), "price": price, "gain": gains})
-        for share in SHARES if title == _QUEUES else ():
-            some_push = follow(crowd, task, runs=_RUNS, deviator=push, share=share)
-            price_of = deterrent(crowd, task, runs=_RUNS, deviator=push, share=share)
-            shares.append({"pushers": share, **payoffs(some_push), "deterrent": json_number(price_of)})
-    found = {"task": task.identity(), "rows": rows, "shares": shares, "versions": versions()}
+        crowds = {"full speed": push, "`follow`": Follow(), **{title: crowds[title] for title in _FOCAL}}
+        others = {"push": push, **held_out}
+        beside = [
+            {"crowd": title, **_kept(store, f"{title} among others", _beside, crowd, mixed, others)}
+            for title, crowd in crowds.items()
+        ]
+    found = {"task": task.identity(), "rows": rows, "shares": shares, "backgrounds": beside, "versions": versions()}
     write_json(out / "results.json", found)
     all_alike = zip(("all push", "all follow"), rows, strict=False)
     draw(out / "dilemma.png", shares, {name: row["mean_exit"]["mean"] for name, row in all_alike})
+
+
+def _gains(crowd: Policy, task: Task, deviators: Mapping[str, Policy], free: Floats) -> Plain:
+    """Return the `payoffs` of a crowd, what deviators gain there, and the bracket of its exploitability."""
+    some = {name: follow(crowd, task, runs=_RUNS, deviator=one) for name, one in deviators.items()}
+    all_follow = follow(crowd, task, runs=_RUNS)
+    return {**payoffs(all_follow), **exploitability(all_follow, some, free)}
+
+
+def _searched(crowd: Policy) -> Plain:
+    return {"weights": searched_response(crowd, _DOOR).weights}
+
+
+def _beside(crowd: Policy, task: Task, backgrounds: Mapping[str, Policy]) -> Plain:
+    """Return the `payoffs` of pedestrians that follow a policy, by what the others of a mixed crowd do."""
+    return {name: payoffs(among(crowd, one, task, runs=_FEW)) for name, one in backgrounds.items()}
+
+
+def _at_share(crowd: Policy, task: Task, push: Policy, share: float) -> Plain:
+    """Return the `payoffs` where a share pushes, the price that deters it, and what the last of them gains by it."""
+    fewer = round(share * task.people) - 1
+    before = follow(crowd, task, runs=_RUNS, deviator=push if fewer else None, share=max(fewer, 1) / task.people)
+    after = follow(crowd, task, runs=_RUNS, deviator=push, share=share)
+    price = deterrent(crowd, task, runs=_RUNS, deviator=push, share=share)
+    return {"pushers": share, **payoffs(after), "deterrent": json_number(price), "switch": gain(before, after)}
+
+
+def _kept(store: Store, name: str, make: Callable[..., Plain], *of: object) -> Plain:
+    """Return a piece of work: from the store if it is done."""
+    piece = _plain(name)
+    if store.load(piece) is None:
+        say(f"{name} ...")
+        store.keep(piece, make(*of))
+    return cast(Plain, store.load(piece))
+
+
+def _network(out: Path, name: str, train: Callable[..., LearnedPolicy], *of: object) -> LearnedPolicy:
+    """Return a network: from the folder if it has been trained."""
+    path = out / f"{_plain(name)}{NUMBERS}"
+    if not path.exists():
+        say(f"{name} ...")
+        train(*of).save(path)
+    return LearnedPolicy.load(path)
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")
 
 
 def draw(path: Path, shares: list[Plain], reference: dict[str, float]) -> None:
