@@ -315,6 +315,29 @@ class YieldWhenStuck(Evolved):
         return np.where(stuck, super().decide(observation, layout), [1.0, 0.0])
 
 
+@dataclass(frozen=True)
+class Overtaking(WalkingRule):
+    """A weighted sum of observed terms along the way, and another to its left.
+
+        V = v_0 (clip(1 + w . x, -1, 1), clip(u . x, -1, 1))
+
+    The inputs x are those of `Evolved`, the speed to the left, and the sums over the neighbors of their closeness, alone and
+    times their distance ahead and to the left.  Zero weights are full speed.
+
+    Parameters
+    ----------
+    weights : (22,) w and u.
+    """
+
+    name = "overtaking"
+    terms: ClassVar[tuple[str, ...]] = (*Evolved.terms, "neighbors")
+    weights: tuple[float, ...] = (0.0,) * 22
+
+    def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
+        """Return the velocity as a share of the desired speed."""
+        return overtake(observation, layout, np.tile(self.weights, (len(observation), 1)))
+
+
 def inputs(observation: np.ndarray, layout: ObservationLayout) -> Floats:
     """Return the inputs (P, 7) of `Evolved` from an observation that holds its terms."""
     seen = {name: observation[:, layout[name]].astype(np.float64) for name in Evolved.terms}
@@ -322,6 +345,16 @@ def inputs(observation: np.ndarray, layout: ObservationLayout) -> Floats:
     match = np.minimum(ahead[:, 1] / desired, _FASTEST)
     own, far, density = seen["velocity"][:, 0] / desired, seen["travel_time"], seen["density"]
     return np.column_stack([own, far, density, ahead[:, 0], match, ahead[:, 2], np.ones(len(own))])
+
+
+def overtake(observation: np.ndarray, layout: ObservationLayout, weights: Floats) -> Floats:
+    """Return the actions (P, 2) of `Overtaking` for rows of weights (P, 22)."""
+    near = observation[:, layout["neighbors"]].astype(np.float64).reshape(len(observation), -1, 5)
+    sides = np.einsum("pkx,pk->px", near[:, :, [0, 1]], near[:, :, 4])
+    left = observation[:, layout["velocity"]][:, 1]
+    seen = np.column_stack([inputs(observation, layout), left, sides, near[:, :, 4].sum(axis=1)])
+    change = np.einsum("px,pax->pa", seen, weights.reshape(len(seen), 2, -1))
+    return np.asarray(np.clip(change + np.array([1.0, 0.0]), -1.0, 1.0))
 
 
 def desired_speed(observation: np.ndarray, layout: ObservationLayout) -> Floats:

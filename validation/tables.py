@@ -112,6 +112,22 @@ def algorithms(source: Source) -> Grid:
     return [line[2:-2].split(" | ") for line in (head, *rows)]
 
 
+def backgrounds(source: Source) -> Rows:
+    """One row a policy and background: the mean exit of the people that the policy moves, and how many runs blocked."""
+    for row in source.read("results.json")["backgrounds"]:
+        for others, told in _BACKGROUNDS.items():
+            yield {"crowd": row["crowd"], "others": told, **row[others]}
+
+
+_BACKGROUNDS = {
+    "push": "full speed, as in training",
+    "follow": "`follow`",
+    "headway": "`headway`",
+    "random": "random speed",
+    "learned": "PPO's best response to the queue",
+}
+
+
 def scenarios(source: Source) -> Rows:
     """One row a scenario in which arches hold and a scheme: 100 runs each."""
     for place in ("two-exit-hall-v0", "pillar-v0"):
@@ -213,6 +229,7 @@ _ROWS: dict[str, Callable[[Source], Rows]] = {
     "plans": lambda source: source.read("rows.json")["rows"],
     "dilemma": lambda source: source.read("results.json")["rows"],
     "dilemma-shares": lambda source: source.read("results.json")["shares"],
+    "dilemma-backgrounds": backgrounds,
     "scenarios": scenarios,
     "bodies": bodies,
     "theatre": theatre,

@@ -109,7 +109,8 @@ def _stands(one: Standing) -> dict[str, str]:
 def read_submissions(folder: Path = SUBMISSIONS) -> dict[str, list[dict[str, Any]]]:
     """Return the submissions in a folder by task, every one held against its task.
 
-    Doubtful ones stand last, the others in the order of `crowd_env.agents.evaluation.comparison.order_of`.
+    Doubtful ones stand last, the others in the order of `crowd_env.agents.evaluation.comparison.order_of`: of the last person's
+    time, or in a selfish task of the mean exit of the people that the policy moves.
 
     Raises
     ------
@@ -124,15 +125,22 @@ def read_submissions(folder: Path = SUBMISSIONS) -> dict[str, list[dict[str, Any
             raise ValueError(f"{path}: {mine} has been submitted twice")
         those.append(one)
     for those in found.values():
-        those.sort(key=lambda one: (_row(one)["credible"]["ok"] is False, order_of(_times(one))))
+        those.sort(key=lambda one: (_row(one)["credible"]["ok"] is False, order_of(payoffs_of(one))))
     return {name: those for name, those in found.items() if those}
 
 
-def _times(content: dict[str, Any], policy: str = "") -> np.ndarray:
-    """Return when the last person of each run was out [s]; nan where people were left inside."""
+def _times(content: dict[str, Any], policy: str = "", column: str = "last_time") -> np.ndarray:
+    """Return when the last person of each run was out [s], or another column; nan where people were left inside."""
     named = (policy or content["policy"]["name"], "task")
     found = next(one for one in content["runs"] if (one["policy"], one["variation"]) == named)
-    return np.array(found["last_time"], dtype=np.float64)
+    return np.array(found[column], dtype=np.float64)
+
+
+def payoffs_of(content: dict[str, Any]) -> np.ndarray:
+    """Return the times [s] that order the policies of a task, see `read_submissions`."""
+    task = TASKS[content["task"]["name"]]
+    own = "mean_exit" if task.learned_share is None else "mean_exit_learned"
+    return _times(content, column=own if task.selfish else "last_time")
 
 
 def _row(content: dict[str, Any], policy: str = "") -> dict[str, Any]:
@@ -155,6 +163,7 @@ def _judged(content: dict[str, Any], policy: str) -> dict[str, Any]:
     network = "" if is_ours else content["policy"]["sha256"]
     return {
         **row,
+        "mean_exit": row.get("mean_exit_learned", row["mean_exit"]),
         "policy": policy,
         "share": f", {row['constants']['share']:g}" if is_best else "",
         "start": "–" if network and policy not in PRETRAINED else starts_from(policy),

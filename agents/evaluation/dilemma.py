@@ -1,9 +1,9 @@
-"""Does it pay to push?  What everybody loses where all push, and what one gains who does so while the others queue.
+"""Does it pay to push?  What everybody loses where all push, and what one pedestrian gains by it while the others queue.
 
 A crowd that follows a policy is held against a few who deviate, on the same draws.  What the best deviator gains is the
 exploitability of the policy (Lanctot et al. 2017, "A unified game-theoretic approach to multiagent reinforcement learning").
 Every deviator that is tried bounds it from below, the free walk of the deviator from above.  Payoffs of both kinds over the
-share of those who push are the diagram of Schelling (1973), as Perolat et al. (2017) and Hughes et al. (2018, "Inequity
+share of pedestrians that push are the diagram of Schelling (1973), as Perolat et al. (2017) and Hughes et al. (2018, "Inequity
 aversion improves cooperation in intertemporal social dilemmas") draw it for learners.  A policy among others that it never
 trained with is what Leibo et al. (2021, "Scalable evaluation of multi-agent reinforcement learning with Melting Pot") judge.
 """
@@ -43,9 +43,9 @@ class RandomSpeed(ShortestPath):
 
 
 def follow(policy: Policy, task: Task, *, runs: int, deviator: Policy | None = None, share: float = 0.01) -> Evaluation:
-    """Evaluate a crowd of which everyone follows a policy, but for a ``share`` who follow ``deviator`` if there is one.
+    """Evaluate a crowd of which everyone follows a policy, but for a ``share`` that follows ``deviator`` if there is one.
 
-    Those who deviate are the ``learned`` of the evaluation.
+    Pedestrians that deviate are the ``learned`` of the evaluation.
 
     Parameters
     ----------
@@ -76,10 +76,10 @@ def among(policy: Policy, background: Policy, task: Task, *, runs: int) -> Evalu
         If the policy moves all pedestrians of the task, or one of the policies cannot be mixed with the other.
     """
     if task.learned_share is None:
-        raise ValueError(f"in the task {task.name} a policy moves everyone: nobody is left for a background")
+        raise ValueError(f"in the task {task.name} a policy moves everyone: there is no background")
     crowd = _crowd(background, task, policy, task.learned_share)
     manner = own_arguments(background).get("walking")
-    if manner is not None:  # in a mixed crowd the manner is that of the others, who walk at full speed but for it
+    if manner is not None:  # in a mixed crowd the manner is that of the others, and without it they walk at full speed
         crowd = replace(crowd, others=None, arguments={**crowd.arguments, "walking": manner})
     return evaluate_crowd(crowd, runs=runs)
 
@@ -99,7 +99,7 @@ def gain(before: Evaluation, after: Evaluation) -> Plain:
     who = np.zeros((after.runs, 0), dtype=np.bool_) if after.learned is None else after.learned
     who = who if before.learned is None else who & ~before.learned
     if not who.any():
-        raise ValueError("nobody deviates in the second evaluation who follows in the first")
+        raise ValueError("no more pedestrians deviate in the second evaluation than in the first")
     counted = (_mean_of(one.times_of_all(), who) for one in (before, after))
     return {**_relative(before.mean_exit_of(who), after.mean_exit_of(who)), "counted": paired(*counted)}
 
@@ -114,7 +114,7 @@ def _mean_of(times: Floats, who: Bools) -> Floats:
 
 
 def free_walks(task: Task, *, runs: int) -> Floats:
-    """Return how soon everyone [s] (R, N) could be out of each held-out draw with nobody in the way.
+    """Return how soon everyone [s] (R, N) could be out of each held-out draw alone.
 
     A pedestrian starts from rest and walks in a straight line to the nearest exit, at distance d, by its own drive alone:
 

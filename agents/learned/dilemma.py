@@ -3,13 +3,12 @@
 import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar, cast
+from typing import cast
 
 import numpy as np
 
-from crowd_env import ObservationLayout
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.console import say
 from crowd_env.core.files.json_file import json_number, write_json
@@ -42,7 +41,7 @@ from ..runs import versions
 from ..tasks import Task, make_preset, make_task
 from ..trained import NUMBERS, LearnedPolicy
 from ..training_config import TrainingConfig, make_env, physics_of, place_of, task_config
-from ..walking import Evolved, Follow, HeadwayRule, WalkingRule, inputs
+from ..walking import Evolved, Follow, HeadwayRule, Overtaking, overtake
 from .actor_critic import network_of, std_of
 from .ppo import make_ppo
 from .starts import begin
@@ -52,7 +51,7 @@ _DOOR, _MIXED, _RUNS, _FEW = "dilemma-door", "dilemma-mixed", 60, 24
 _QUEUES = "queue: `evolution`"
 # Actions of a best response by PPO, which include overtaking; it begins at random choices.
 _FREE = {"name": "speeds-directions", "speeds": [0.0, 0.5, 1.0], "headings": [k * math.pi / 6 for k in range(-3, 4)]}
-# Settings with which it finds more than with those of the preset: those of narrow-door.
+# Settings of narrow-door, with which PPO moves further than with the preset.
 _MOVES = {name: value for name, value in make_preset("narrow-door").ppo.items() if name != "rule_logit"}
 # Of a best response: share of pedestrians that learn, rooms, s in which most of them leave, steps of all slots, samples.
 _SHARE, _ROOMS, _LIMIT, _STEPS, _BATCH = 0.05, 16, 15.0, 3_000_000, 512
@@ -74,45 +73,12 @@ _FOCAL = (_QUEUES, "`generalist`", "PPO, own time", "PPO, own time, 20 % push")
 def train_crowd(task: str, start: str, reward: Mapping[str, object], seed: int = 0) -> LearnedPolicy:
     """Return the last policy of PPO with the preset of a task, from a start, with a changed ``reward``.
 
-    From full speed the settings are those of `_MOVES`: with those of the preset the likeliest action never changes.
+    From full speed it takes `_MOVES`: with the settings of the preset the likeliest action never changes.
     """
     config = task_config(task, seed, start=start)
     ppo = replace(config.ppo, **_MOVES, rule_logit=1.0) if start == RULE else config.ppo
     config = replace(config, reward={**config.reward, **reward}, ppo=ppo)
     return _trained(cast(WalkingBatch, make_env(config)), config, config.steps)
-
-
-@dataclass(frozen=True)
-class Overtaking(WalkingRule):
-    """A weighted sum of observed terms along the way, and another to its left.
-
-        V = v_0 (clip(1 + w . x, -1, 1), clip(u . x, -1, 1))
-
-    The inputs x are those of `Evolved`, the speed to the left, and the sums over the neighbors of their closeness, alone and
-    times their distance ahead and to the left.  Zero weights are full speed.
-
-    Parameters
-    ----------
-    weights : (22,) w and u.
-    """
-
-    name = "overtaking"
-    terms: ClassVar[tuple[str, ...]] = (*Evolved.terms, "neighbors")
-    weights: tuple[float, ...] = (0.0,) * 22
-
-    def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
-        """Return the velocity as a share of the desired speed."""
-        return _overtake(observation, layout, np.tile(self.weights, (len(observation), 1)))
-
-
-def _overtake(observation: np.ndarray, layout: ObservationLayout, weights: Floats) -> Floats:
-    """Return the actions (P, 2) of `Overtaking` for rows of weights (P, 22)."""
-    near = observation[:, layout["neighbors"]].astype(np.float64).reshape(len(observation), -1, 5)
-    sides = np.einsum("pkx,pk->px", near[:, :, [0, 1]], near[:, :, 4])
-    left = observation[:, layout["velocity"]][:, 1]
-    seen = np.column_stack([inputs(observation, layout), left, sides, near[:, :, 4].sum(axis=1)])
-    change = np.einsum("px,pax->pa", seen, weights.reshape(len(seen), 2, -1))
-    return np.asarray(np.clip(change + np.array([1.0, 0.0]), -1.0, 1.0))
 
 
 def searched_response(crowd: Policy, task: str, seed: int = 0, generations: int = _GENERATIONS) -> Overtaking:
@@ -147,7 +113,7 @@ def _times(env: MixedEnv, weights: Floats, seeds: list[int]) -> Floats:
     action = np.zeros((env.num_people, 2))
     while (moved := env.learned & env.active).any():
         rows = np.flatnonzero(moved)
-        action[rows] = _overtake(observation[rows], env.layout, weights[env.env_of_person[rows]])
+        action[rows] = overtake(observation[rows], env.layout, weights[env.env_of_person[rows]])
         observation = env.step(action).observation
         if env.finished.all():
             break

@@ -21,6 +21,7 @@ from validation.pages import TABLES, facts_in, filled, grid, pivoted, read_table
 from validation.pictures import commands
 from validation.sources import Source, run
 from validation.tables import MAKERS
+from validation.task_tables import payoffs_of
 
 PAGES = pages.pages_of()
 NO_SOURCE = Source(dict)
@@ -105,6 +106,13 @@ def test_the_tables_of_the_tasks_say_what_these_are_now():
 def test_submissions_fit_their_tasks_and_stand_in_the_tables():
     for name in ("submissions", "variations", "cards", "tiers"):
         assert MAKERS[name](NO_SOURCE) == read_table(name), f"run python -m validation pages {name}"
+
+
+def test_a_task_in_which_all_are_paid_for_their_own_time_is_ordered_by_it():
+    run = {"variation": "task", "last_time": [9.0], "mean_exit": [5.0], "mean_exit_learned": [6.0]}
+    for task, time in {"competitive-door": 9.0, "dilemma-door": 5.0, "dilemma-mixed": 6.0}.items():
+        content = {"task": {"name": task}, "policy": {"name": "x"}, "runs": [{"policy": "x", **run}]}
+        assert payoffs_of(content).tolist() == [time]
 
 
 @pytest.mark.nightly

@@ -38,11 +38,11 @@ def tiers(
 
 @app.command()
 def dilemma(out: Annotated[Path, typer.Argument(help="Folder for results.json and dilemma.png.")]) -> None:
-    """Measure what crowds that push lose, what a deviator gains, and what learning makes of it: a quarter of an hour.
+    """Measure what crowds that push lose, what a deviator gains, and what learning makes of it: half an hour.
 
     Example: crowd-env dilemma runs/dilemma
     """
-    with friendly_errors():
+    with friendly_errors("the same command goes on"):
         from crowd_env.agents.learned.dilemma import measure
 
         measure(out)
