@@ -124,7 +124,7 @@ _BACKGROUNDS = {
     "follow": "`follow`",
     "headway": "`headway`",
     "random": "random speed",
-    "learned": "PPO's best response to the queue",
+    "learned": "PPO's best response to full speed",
 }
 
 

@@ -186,7 +186,7 @@ def measure(out: Path) -> None:
             "follow": Follow(),
             "headway": HeadwayRule(),
             "random": RandomSpeed(),
-            "learned": responses[_QUEUES],
+            "learned": responses["full speed"],
         }
         crowds = {"full speed": push, "`follow`": Follow(), **{title: crowds[title] for title in _FOCAL}}
         others = {"push": push, **held_out}

@@ -38,7 +38,7 @@ def tiers(
 
 @app.command()
 def dilemma(out: Annotated[Path, typer.Argument(help="Folder for results.json and dilemma.png.")]) -> None:
-    """Measure what crowds that push lose, what a deviator gains, and what learning makes of it: half an hour.
+    """Measure what crowds that push lose, what a deviator gains, and what learning makes of it: 45 CPU minutes.
 
     Example: crowd-env dilemma runs/dilemma
     """
