@@ -379,6 +379,6 @@ def test_who_learns_among_people_in_the_way_does_not_stand_still():
     pytest.importorskip("stable_baselines3")
     from crowd_env.agents.learned.dilemma import best_response
 
-    found = best_response(QUEUE, "dilemma-door", steps=150_000)
+    found = best_response(QUEUE, "dilemma-door", steps=1_000_000)
     gains = gain(follow(QUEUE, DOOR, runs=4), follow(QUEUE, DOOR, runs=4, deviator=found, share=0.1))
     assert gains["mean"] > 0.0
