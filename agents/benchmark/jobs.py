@@ -183,7 +183,7 @@ def _final(policy: Policy, task: str, plan: Plan) -> Plain:
 
 
 def _load() -> float | None:
-    """Return how many processes wait for the processors, a mean of the last minute; None where no system says."""
+    """Return how many processes wait for the processors, a mean of the last minute; None where no system knows."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 

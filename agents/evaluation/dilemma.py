@@ -78,9 +78,9 @@ def among(policy: Policy, background: Policy, task: Task, *, runs: int) -> Evalu
     if task.learned_share is None:
         raise ValueError(f"in the task {task.name} a policy moves everyone: there is no background")
     crowd = _crowd(background, task, policy, task.learned_share)
-    manner = own_arguments(background).get("walking")
-    if manner is not None:  # in a mixed crowd the manner is that of the others, and without it they walk at full speed
-        crowd = replace(crowd, others=None, arguments={**crowd.arguments, "walking": manner})
+    walking = own_arguments(background).get("walking")
+    if walking is not None:  # in a mixed crowd this is how the others walk; without it they walk at full speed
+        crowd = replace(crowd, others=None, arguments={**crowd.arguments, "walking": walking})
     return evaluate_crowd(crowd, runs=runs)
 
 

@@ -184,7 +184,7 @@ def measure(out: Path) -> None:
         shares = [_kept(store, f"share {share:g}", _at_share, queue, task, push, share) for share in SHARES]
         held_out = {
             "follow": Follow(),
-            "headway": HeadwayRule(),
+            HeadwayRule.name: HeadwayRule(),
             "random": RandomSpeed(),
             "learned": responses["full speed"],
         }
