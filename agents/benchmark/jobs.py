@@ -58,7 +58,7 @@ ALGORITHMS: Mapping[str, Algorithm] = MappingProxyType(
         "ppo": Algorithm("the same, begun at full speed"),
         "mappo": Algorithm("MAPPO, PPO whose critic sees the crowd, begun at full speed"),
         "network-search": Algorithm("CMA-ES over the weights of a network without hidden layers"),
-        "search-clone-ppo": Algorithm("CMA-ES over seven weights of what is seen, its clone, then PPO", start=NOTHING),
+        "search-clone-ppo": Algorithm("the same for half of the time, its clone, then PPO", start=NOTHING),
     }
 )
 

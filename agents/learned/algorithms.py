@@ -1,20 +1,16 @@
 """The algorithms of a comparison: each trains a policy for a task until its callback ends the training."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Generic, TypeVar, cast
+from typing import cast
 
 from crowd_env.envs.protocol import WalkingBatch
 
 from ..policy import Policy
-from ..training_config import TrainingConfig, make_env, physics_of, place_of
-from ..walking import Evolved
+from ..training_config import TrainingConfig, make_env
 from . import network_search
 from .callbacks import ComparisonCallback, EvaluationCallback
-from .evolution import evolve
-from .starts import MOST
 from .training import train_ppo
 
 _SEARCHED = 0.5  # of the budget, at most
@@ -34,9 +30,9 @@ def _mappo(config: TrainingConfig, callback: ComparisonCallback) -> None:
 
 
 def _search_clone_ppo(config: TrainingConfig, callback: ComparisonCallback) -> None:
-    search: Stage[Evolved] = Stage(callback, _SEARCHED, MOST)
-    evolve(place_of(config), physics_of(config), config.seed, search)
-    refine: Stage[Policy] = Stage(callback, decided=search.steps)
+    search = Stage(callback, _SEARCHED)
+    network_search.train(config, search)
+    refine = Stage(callback, decided=search.steps)
     train_ppo(_rooms(config), config.ppo, config.seed, refine, search.best)
 
 
@@ -44,17 +40,13 @@ def _rooms(config: TrainingConfig) -> WalkingBatch:
     return cast(WalkingBatch, make_env(config))
 
 
-Learner = TypeVar("Learner", bound=Policy)
-
-
-class Stage(EvaluationCallback[Learner], Generic[Learner]):
+class Stage(EvaluationCallback[Policy]):
     """A part of a training, which the callback of the whole judges.
 
     Parameters
     ----------
     whole : the callback of the whole training.
     share : of the whole budget at which the stage ends.
-    updates : at which it ends at the latest.
     decided : decisions before it.
 
     Attributes
@@ -63,12 +55,10 @@ class Stage(EvaluationCallback[Learner], Generic[Learner]):
     steps : decisions of the whole training so far.
     """
 
-    best: Learner
+    best: Policy
 
-    def __init__(
-        self, whole: EvaluationCallback[Policy], share: float = 1.0, updates: float = math.inf, decided: int = 0
-    ) -> None:
-        self._whole, self._share, self._left = whole, share, updates
+    def __init__(self, whole: EvaluationCallback[Policy], share: float = 1.0, decided: int = 0) -> None:
+        self._whole, self._share = whole, share
         self._first, self._begun, self.steps = decided, whole.progress, decided
 
     @property
@@ -76,10 +66,10 @@ class Stage(EvaluationCallback[Learner], Generic[Learner]):
         """Share of the budget of the stage that is spent."""
         return (self._whole.progress - self._begun) / (self._share - self._begun)
 
-    def on_update(self, steps: int, policy: Callable[[], Learner], returns: Sequence[float] = ()) -> bool:
+    def on_update(self, steps: int, policy: Callable[[], Policy], returns: Sequence[float] = ()) -> bool:
         """Let the whole judge the policy; return whether the stage goes on."""
-        self.best, self.steps, self._left = policy(), self._first + steps, self._left - 1
-        return self._whole.on_update(self.steps, policy, returns) and self._left > 0 and self.progress < 1.0
+        self.best, self.steps = policy(), self._first + steps
+        return self._whole.on_update(self.steps, policy, returns) and self.progress < 1.0
 
 
 TRAIN: Mapping[str, Callable[[TrainingConfig, ComparisonCallback], None]] = MappingProxyType(

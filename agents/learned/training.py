@@ -27,10 +27,9 @@ from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from ..networks import MLP, BetweenMLP, Network
 from ..trained import LearnedController, LearnedPolicy
 from ..training_config import PPOSettings, TrainingConfig, facts_of, make_env
-from ..walking import WalkingRule
 from .actor_critic import network_of, std_of
 from .callbacks import EvaluationCallback, RunCallback, Trained
-from .cloning import DECISIONS, ROUNDS, clone
+from .cloning import DECISIONS, ROUNDS, Expert, clone
 from .ppo import FallingRate, make_ppo
 from .starts import begin
 
@@ -105,7 +104,7 @@ def train_ppo(
     settings: PPOSettings,
     seed: int,
     callback: EvaluationCallback[LearnedPolicy],
-    start: WalkingRule | None = None,
+    start: Expert | None = None,
     *,
     central: bool = False,
 ) -> None:
@@ -114,7 +113,7 @@ def train_ppo(
     Parameters
     ----------
     env : made with ``autoreset=True``.
-    start : a rule to clone first.  Cloning counts as training, with the decisions of all pedestrians.
+    start : a policy to clone first.  Cloning counts as training, with the decisions of all pedestrians.
     central : train by MAPPO, see `make_ppo`.
     """
     model, decided = make_ppo(env, settings, seed, central=central), 0

@@ -15,6 +15,7 @@ from crowd_env.agents.benchmark import jobs, report
 from crowd_env.agents.benchmark.jobs import ALGORITHMS, BOUND, TASKS, Algorithm, Job, Plan, checkpoint, do, made_by_of
 from crowd_env.agents.benchmark.report import bootstrap_interval, interquartile_mean, score, summarize, table
 from crowd_env.agents.rules import ShortestPath
+from crowd_env.agents.training_config import task_config
 from crowd_env.agents.walking import Evolved
 from crowd_env.cli.agents import benchmark as command
 
@@ -305,4 +306,26 @@ def test_a_stage_ends_with_its_share_and_the_next_one_counts_on():
     assert second.progress == 0.0 and second.on_update(1, Evolved) and whole.told == [7, 9, 10]
     whole.progress = 0.75
     assert second.progress == 0.5 and isinstance(second.best, Evolved)
-    assert not Stage(whole, updates=1).on_update(0, ShortestPath)
+
+
+@pytest.mark.more
+@looped("task", ("counter-flow", "narrow-door"))
+def test_every_algorithm_fits_what_each_task_observes(task, monkeypatch):
+    """A search is cloned in the observation of the task, whatever terms that has."""
+    algorithms = pytest.importorskip("crowd_env.agents.learned.algorithms")
+    from crowd_env.agents.learned import network_search
+
+    monkeypatch.setattr(network_search, "POPULATION", 4)
+    monkeypatch.setattr(network_search, "DRAWS", 1)
+    monkeypatch.setattr("crowd_env.agents.learned.training.clone", lambda *given: cloned.append(given[1].name))
+    cloned, whole = [], SimpleNamespace(progress=0.0)
+
+    def on_update(steps, policy, returns=()):
+        policy()
+        whole.progress += 0.5
+        return whole.progress < 1.0
+
+    whole.on_update = on_update
+    config = task_config(task, start=ALGORITHMS["search-clone-ppo"].start, people=8, envs=2)
+    algorithms.TRAIN["search-clone-ppo"](config, whole)
+    assert len(cloned) == 1 and whole.progress >= 1.0
