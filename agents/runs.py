@@ -41,11 +41,10 @@ def commit() -> str | None:
     """Return the git commit of the checkout that this is, with "-dirty" where tracked files differ; None elsewhere."""
     here = Path(__file__).resolve()
     try:
-        for command in (
-            ["ls-files", "--error-unmatch", here.name],
-            ["describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"],
-        ):
-            done = subprocess.run(["git", *command], cwd=here.parent, capture_output=True, text=True, check=True)
+        tracked, at, changed = (
+            subprocess.run(["git", *words], cwd=here.parent, capture_output=True, text=True, check=True).stdout.strip()
+            for words in (["ls-files", here.name], ["rev-parse", "HEAD"], ["status", "-s", "-uno"])
+        )
     except (OSError, subprocess.CalledProcessError):
         return None
-    return done.stdout.strip()
+    return f"{at}{'-dirty' if changed else ''}" if tracked else None
