@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from crowd_env import SCENARIOS, SCHEMES, ObservationLayout
+from crowd_env import SCENARIOS, SCHEMES
 from crowd_env.agents import PRETRAINED
 from crowd_env.agents.tasks import TASKS
 from crowd_env.core.behaviors import BEHAVIORS
@@ -32,7 +32,7 @@ def facts() -> Rows:
         "notebooks": (ROOT / "docs/notebooks").glob("*.ipynb"),
     }
     values: dict[str, object] = {name: len(list(found)) for name, found in counts.items()}
-    values |= {"observation": ObservationLayout().size, "manners": ", ".join(f"`{name}`" for name in MANNERS)}
+    values |= {"manners": ", ".join(f"`{name}`" for name in MANNERS)}
     for name, policy in (("door-policy-cpu", "competitive-door/ppo"), ("generalist-cpu", "generalist")):
         card = read_json(PRETRAINED[policy].with_suffix(".json"))
         values[name] = f"{card['spent']['cpu_seconds']:.0f}"

@@ -12,7 +12,7 @@ from crowd_env.cli.main import app
 
 DOOR = "--exit 6,2,6,3"
 OF_BOTH = ("evaluate", "train")
-OF_TASKS = (*OF_BOTH, "submit --policy rule", "benchmark", "export rule --transitions runs.npz")
+OF_TASKS = (*OF_BOTH, "submit --policy rule", "export rule --transitions runs.npz")
 
 CASES = [
     # names, numbers and options
