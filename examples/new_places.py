@@ -29,8 +29,8 @@ def places() -> dict[int, Scenario]:
     """Return the first held-out place of each kind under its law, seed -> place, whose people are large enough to see."""
     found: dict[str, int] = {}
     for seed in range(HELD_OUT_SEED, HELD_OUT_SEED + 1000):
-        kind, (law, _, noise) = kind_of(seed), conditions_of(seed)
-        if kind not in found and SHOWN.get(kind) == law and noise == 0.0 and _fits(draw_place(seed=seed)):
+        kind, (law, _, *hindrance) = kind_of(seed), conditions_of(seed)
+        if kind not in found and SHOWN.get(kind) == law and not any(hindrance) and _fits(draw_place(seed=seed)):
             found[kind] = seed
     return {found[kind]: draw_place(seed=found[kind]) for kind in SHOWN}
 
@@ -42,7 +42,7 @@ def _fits(place: Scenario) -> bool:
 
 def walked(policy: str, seed: int, place: Scenario) -> Recording:
     """Return the evacuation of a place under a policy, with the law and the manner of its seed."""
-    law, manner, _ = conditions_of(seed)
+    law, manner, *_ = conditions_of(seed)
     arguments = {"physics": law, "walking": manner, "routing": routing_of(place)}
     return record(place, seed=seed, driver=DrivenCrowd(make_policy(policy), place, arguments).settled())
 

@@ -1,6 +1,6 @@
 """Policies in places that `crowd_env.scenarios.generated` draws: does everybody get out, how soon, and how hard do they press?
 
-Every plan is one evacuation, under the law and the manner of its seed, with the noise of its seed on what a policy sees.  All
+Every plan is one evacuation, under the law and the manner of its seed, with the noise and the delay of its seed.  All
 policies walk along the same routes, `routing_of`, unless their actions choose others.  Plans have seeds from `HELD_OUT_SEED`
 on, which no training draws.
 """
@@ -159,7 +159,7 @@ def judge_plan(
     policy: str | Policy, seed: int, most: int | None = None, stopped: Callable[[], bool] = never
 ) -> Outcome[float]:
     """Run one policy in the place of a ``seed``, the draw of people being that of the seed too."""
-    place, (law, manner, noise) = draw_place(seed=seed), conditions_of(seed)
+    place, (law, manner, *hindrance) = draw_place(seed=seed), conditions_of(seed)
     if most is not None and place.population.people > most:
         return Outcome(*[np.nan] * len(Outcome._fields))
     routing = routing_of(place)
@@ -167,7 +167,7 @@ def judge_plan(
         StrategyPolicy(routing, name=RULE) if policy == RULE else make_policy(policy),
         place,
         {"physics": law, "walking": manner, "routing": routing},
-        hindrance=Hindrance(noise=noise),
+        hindrance=Hindrance(*hindrance),
         passes_rest=True,
     ).settled()
     batches = make_batches(place, 1, seed=seed, driver=driver, recorder=PressureRecorder())

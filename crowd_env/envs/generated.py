@@ -35,6 +35,7 @@ class _Turn(NamedTuple):
     crowd: CrowdEnv
     e: int  # in the crowd
     noise: float
+    late: int  # decisions until one takes effect
     number: int
 
     @property
@@ -56,11 +57,12 @@ class GeneratedCrowds(Restorable):
     """A batch of places that `crowd_env.scenarios.generated` draws, to train in: a `CrowdEnv` with ``autoreset`` to a learner.
 
     Each environment has ``people`` slots; those that a place leaves empty are never inside.  An environment that is over goes
-    on in another place, under the law and manner of its seed, and with the noise of its seed on everything that is seen.
-    Places of one law and one manner share a `CrowdEnv` and step in one compiled call.  They are drawn ahead, as many as
-    environments at once, so that each is built once.  What happens to the people of a place is bit by bit what happens in a
-    `CrowdEnv` of that place.  ``info`` of a step holds ``reward/<name>`` (P,), ``finished`` (E,), and where one is, its
-    ``metrics`` and the ``final_observation`` (P, D) before another took its turn.
+    on in another place, under the law and manner of its seed, with the noise of its seed on everything that is seen, and with
+    its delay of actions; before the first one takes effect people follow the rule.  Places of one law and one manner share a
+    `CrowdEnv` and step in one compiled call.  They are drawn ahead, as many as environments at once, so that each is built
+    once.  What happens to the people of a place is bit by bit what happens in a `CrowdEnv` of that place.  ``info`` of a step
+    holds ``reward/<name>`` (P,), ``finished`` (E,), and where one is, its ``metrics`` and the ``final_observation`` (P, D)
+    before another took its turn.
 
     Parameters
     ----------
@@ -95,7 +97,7 @@ class GeneratedCrowds(Restorable):
     learned = True  # all are moved by actions
     action_mask = None  # none chooses an exit
     _behind = "_first"
-    _kept = ("_rng", "_ahead", "_turns", "_parts", "finished")  # whole places: they come and go
+    _kept = ("_rng", "_ahead", "_turns", "_parts", "_decided", "finished")  # whole places: they come and go
 
     def __init__(
         self,
@@ -121,6 +123,7 @@ class GeneratedCrowds(Restorable):
         self._ahead: deque[_Turn] = deque()
         self._turns: list[_Turn] = []
         self._parts: list[_Part] = []
+        self._decided: list[list[np.ndarray]] = [[] for _ in range(self.num_envs)]  # actions before their effect
         self._first: CrowdEnv | None = None
         self._first = first = self._built([self._draw(np.random.default_rng(0))])[0].crowd
         if first.action_kind.routes is not None or first.layout.tells_of_routes:
@@ -184,6 +187,7 @@ class GeneratedCrowds(Restorable):
         reward, flags = np.zeros(self.num_people), np.zeros((2, self.num_people), dtype=np.bool_)
         finished, metrics = np.zeros(self.num_envs, dtype=np.bool_), dict[int, EpisodeMetrics]()
         terms: dict[str, Any] = {}
+        action = None if action is None else self._delayed(action)
         for crowd, here, there, environments in self._parts:
             acts = None
             if action is not None:
@@ -240,6 +244,18 @@ class GeneratedCrowds(Restorable):
             chosen = mask[part.crowd.env_of_person[part.there]]
             observation[part.here[chosen]] = seen[part.there[chosen]]
         self._disturb(environments, observation)
+        rule = np.asarray(self.action_kind.neutral)
+        for e in environments:
+            self._decided[e] = [np.broadcast_to(rule, (self.slots, *rule.shape))] * self._turns[e].late
+
+    def _delayed(self, action: np.ndarray) -> np.ndarray:
+        """Return the actions that take effect now."""
+        action = action.copy()
+        for e, decided in enumerate(self._decided):
+            if decided:
+                decided.append(action[self.people(e)].copy())
+                action[self.people(e)] = decided.pop(0)
+        return action
 
     def _part(self, environments: Sequence[int]) -> _Part:
         """Return the part that some environments make, whose turns are in one crowd."""
@@ -271,7 +287,7 @@ class GeneratedCrowds(Restorable):
         """Return the turns of places, in their order: those that one simulation can hold share a crowd."""
         turns: dict[int, _Turn] = {}
         together: dict[tuple[str, str, float, str], list[int]] = {}
-        for k, (place, (law, manner, _), which) in enumerate(drawn):
+        for k, (place, (law, manner, *_), which) in enumerate(drawn):
             if spare := self._spare.get(which):
                 turns[k] = spare.pop()
                 continue
@@ -287,7 +303,9 @@ class GeneratedCrowds(Restorable):
                 **self._options,
             )
             require_same_spaces(crowd, self._first or crowd)
-            turns |= {k: _Turn(crowd, e, drawn[k].conditions.noise, drawn[k].number) for e, k in enumerate(those)}
+            for e, k in enumerate(those):
+                conditions, late = drawn[k].conditions, round(drawn[k].conditions.delay / crowd.decision_dt)
+                turns[k] = _Turn(crowd, e, conditions.noise, late, drawn[k].number)
         return [turns[k] for k in range(len(drawn))]
 
     def _disturb(self, environments: Sequence[int], observation: np.ndarray) -> None:

@@ -1,8 +1,9 @@
 """Places without end: a seed draws a plan, its people, and their physics and manner, always the same.
 
-Nine kinds of places: a room with one to four doors, a room behind a corridor, a corner, a room with pillars, rooms behind
-rooms, rooms on a corridor, streams that merge, cross, and meet.  Doors are 0.6 to 2.4 m wide.  10 to 400 people have desired
-speeds of 0.8 to 2.5 m/s and radii of 0.15 to 0.3 m, and respond at once or late.  Places are turned by any angle, half of them
+Ten kinds of places: a room with one to four doors, a room before a passage, a corridor with a door at its end, a corner, a
+room with pillars, rooms behind rooms, rooms on a corridor, streams that merge, cross, and meet.  Doors are 0.6 to 2.4 m wide,
+in one place of four no wider than two bodies.  One exit of several may shut in mid-run.  10 to 400 people have desired speeds
+of 0.6 to 2.5 m/s and radii of 0.15 to 0.3 m, and respond at once or late.  Places are turned by any angle, half of them
 mirrored.  A place is as large as its people need: they start at 0.2 to 2 /m2.  `conditions_of` returns contact law and manner.
 
 `VERSION` goes up where a seed draws another place: results of training and evaluation in these places name it.
@@ -19,6 +20,7 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import Range, known, whole
 from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.route_set import Target
+from crowd_env.routing.spec import DoorEvent
 from crowd_env.scenarios.cohorts import Cohorts, People
 from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
 from crowd_env.scenarios.file import Line
@@ -26,7 +28,7 @@ from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario, changed_place
 from crowd_env.scenarios.shapes import circle, rectangle
 
-VERSION = 1
+VERSION = 2
 SEEDS = Range(0, 2**62)
 LAWS = ("dem", "nsm1", "nsm2", "hertz")
 MANNERS = ("competitive", "hurried")
@@ -37,6 +39,9 @@ _COVER = 0.3  # share of the floor that bodies cover at the start, at most
 _WALL = 0.2  # m, between two rooms
 _SPARSEST, _LONGEST = 0.6, 30.0  # 1/m2 and m of a stream at the start: thinner ones never meet
 _LEAST_FLOW = 0.25  # people a second and meter of exits: the time limit covers no slower crowd
+_FREE_FLOW = 1.3  # the same of a calm crowd (Seyfried et al. 2009 measure 1.2 to 1.8): an exit shuts before all are out
+_ADULTS = Normal(1.34, 0.26, 0.6, 2.1)  # m/s (Weidmann 1993)
+_ALL_AGES = Uniform(0.6, 2.0)  # m/s
 
 
 class Conditions(NamedTuple):
@@ -45,6 +50,7 @@ class Conditions(NamedTuple):
     law: str  #: of contacts, one of `LAWS`
     manner: str  #: one of `MANNERS`
     noise: float  #: standard deviation of noise on every number that a policy sees, which lie in [-1, 1]
+    delay: float = 0.0  #: s, until a decision takes effect
 
 
 class _People(NamedTuple):
@@ -55,6 +61,7 @@ class _People(NamedTuple):
     fields: dict[str, Any]  # of a Population
     body: float  # m, diameter of the largest
     door: float  # m, width of the narrowest door
+    widest: float  # m, width of the widest door
 
     @property
     def area(self) -> float:
@@ -99,9 +106,15 @@ def draw_place(
     turn = _turn(rng)
     # In whole millimeters, and before the turn, so that touching shapes still touch.
     floor = shapely.union_all(shapely.polygons([np.round(shape, 3) for shape in plan.walkable]))
+    about, widths = plan.about, {name: float(np.hypot(*np.diff(line, axis=0)[0])) for name, line in plan.exits.items()}
+    shuts: list[DoorEvent] = []
+    if len(widths) > 1 and not plan.routes and rng.random() < 0.3:
+        shuts = [DoorEvent(str(rng.choice(list(widths))), False, at=_shutting(rng, crowd.number, sum(widths.values())))]
+        about += f", {shuts[0].door} shuts after {shuts[0].at:g} s"
     geometry = Geometry.from_polygon(
         shapely.transform(floor, turn),
         exits={name: turn(line) for name, line in plan.exits.items()},
+        doors={one.door: one.door for one in shuts},
         obstacles=[turn(shape) for shape in plan.obstacles],
         regions={name: turn(shape) for name, shape in plan.starts.items()},
     )
@@ -114,15 +127,15 @@ def draw_place(
     ]
     slow, late = crowd.fields["desired_speed"].low, crowd.fields["response_time"].high
     walk = 2.0 * np.ptp(shapely.get_coordinates(geometry.walkable), axis=0).sum() / slow
-    queue = crowd.number / (_LEAST_FLOW * sum(geometry.exit_widths.values()))
+    queue = crowd.number / (_LEAST_FLOW * (sum(widths.values()) - sum(widths[one.door] for one in shuts)))
     place = Scenario(
         "generated-v0",
         geometry,
         Cohorts(tuple(cohorts)) if len(cohorts) > 1 else cohorts[0],
         float(np.ceil(60.0 + walk + queue + late)),
-        f"place {seed}: {plan.about}",
+        f"place {seed}: {about}",
         f"drawn by version {VERSION} of crowd_env.scenarios.generated from the seed {seed}",
-        **{**FULL_SPEED, "strategy": None, "blocked_after": 30.0 + late},
+        **{**FULL_SPEED, "strategy": None, "blocked_after": 30.0 + late, "door_events": tuple(shuts)},
     )
     given = {"people": people, "population": population, "time_limit": time_limit}
     return changed_place(place, {**given, "blocked_after": blocked_after, "target": target})
@@ -134,27 +147,38 @@ def kind_of(seed: int) -> str:
 
 
 def conditions_of(seed: int) -> Conditions:
-    """Return the conditions of the place of a seed: each law as often, one crowd in five keeps a distance, noise in four."""
+    """Return the conditions of the place of a seed.
+
+    Each law is as frequent.  One crowd in five keeps a distance.  One in four sees noise, one in four decides late.
+    """
     rng = np.random.default_rng((VERSION, seed, 1))
     law, manner = LAWS[int(rng.integers(len(LAWS)))], MANNERS[int(rng.random() < 0.2)]
-    return Conditions(law, manner, float(rng.uniform(0.0, 0.1) * (rng.random() < 0.25)))
+    noise = float(rng.uniform(0.0, 0.1) * (rng.random() < 0.25))
+    return Conditions(law, manner, noise, int(rng.integers(1, 5) * (rng.random() < 0.25)) / 10.0)
 
 
 def _draw_people(rng: np.random.Generator) -> _People:
-    """Draw the people: adults of one size or several, with one desired speed or one each."""
+    """Draw the people: adults of one size or several, with one desired speed or one each, and how wide their doors are."""
     people = round(_FEWEST * (_MOST / _FEWEST) ** rng.random())
     radius = rng.uniform(0.15, 0.25)
     bodies = Uniform(radius, radius + rng.choice([0.0, 0.05]))
     speed = rng.uniform(0.8, 2.5)
     own = Normal(speed, 0.15 * speed, 0.7 * speed, 1.3 * speed)
+    kind = int(rng.choice(4, p=[0.35, 0.35, 0.15, 0.15]))
     fields = {
         "radius": bodies,
-        "desired_speed": own if rng.random() < 0.5 else Uniform(speed, speed),
+        "desired_speed": (Uniform(speed, speed), own, _ADULTS, _ALL_AGES)[kind],
         "relaxation_time": Uniform(0.1, 0.5) if rng.random() < 0.5 else Uniform(0.5, 0.5),
         "response_time": LogNormal(3.0, 0.5, 12.0) if rng.random() < 0.25 else Uniform(0.0, 0.0),
     }
     density = min(np.exp(rng.uniform(np.log(0.2), np.log(2.0))), _COVER / (np.pi * bodies.high**2))
-    return _People(people, float(density), fields, 2.0 * bodies.high, _NARROWEST)
+    body = 2.0 * bodies.high
+    return _People(people, float(density), fields, body, _NARROWEST, 2.0 * body if rng.random() < 0.25 else np.inf)
+
+
+def _shutting(rng: np.random.Generator, people: int, width: float) -> float:
+    """Draw when an exit shuts [s]: after 2 s, while pedestrians still leave through exits of this width [m] in all."""
+    return round(float(rng.uniform(2.0, 3.0 + 0.7 * people / (_FREE_FLOW * width))), 1)
 
 
 def _turn(rng: np.random.Generator) -> Callable[[ArrayLike], Floats]:
@@ -167,7 +191,7 @@ def _turn(rng: np.random.Generator) -> Callable[[ArrayLike], Floats]:
 def _width(rng: np.random.Generator, people: _People, most: float = 2.4) -> float:
     """Draw the width of a door: the largest bodies fit through."""
     least = max(people.door, people.body + 0.05)
-    return float(np.exp(rng.uniform(np.log(least), np.log(max(most, least)))))
+    return float(np.exp(rng.uniform(np.log(least), np.log(max(min(most, people.widest), least)))))
 
 
 def _room(rng: np.random.Generator, people: _People, floor: float = 1.0) -> tuple[float, float]:
@@ -210,6 +234,21 @@ def _bottleneck(rng: np.random.Generator, people: _People) -> _Plan:
     room, passage = rectangle(0.0, 0.0, length, depth), rectangle(length, low, end, high)
     about = f"a room before a passage {high - low:.2f} m wide"
     return _Plan(about, [room, passage], {"end": [(end, low), (end, high)]}, {"room": room})
+
+
+def _corridor(rng: np.random.Generator, people: _People) -> _Plan:
+    """A corridor with a door at its end; half of the crowds, and those that it cannot hold, start in a room before it."""
+    width, (length, depth) = float(rng.uniform(1.2, 4.0)), _room(rng, people)
+    room = rng.random() < 0.5 or people.area > _LONGEST * width
+    end = rng.uniform(3.0, 12.0) if room else people.area / width + rng.uniform(1.0, 10.0)
+    begin, low = _opening(rng, width, min(_width(rng, people), width - 0.3)), rng.uniform(0.0, max(depth - width, 0.0))
+    shapes = [rectangle(0.0, 0.0, end, width)]
+    starts = {"corridor": rectangle(0.0, 0.0, people.area / width, width)}
+    if room:
+        starts = {"room": rectangle(-length, -low, 0.0, max(depth, width) - low)}
+        shapes += starts.values()
+    about = f"a corridor {width:.1f} m wide with a door at its end"
+    return _Plan(about, shapes, {"end": [(end, begin[0]), (end, begin[1])]}, starts)
 
 
 def _corner(rng: np.random.Generator, people: _People) -> _Plan:
@@ -330,6 +369,7 @@ def _counter_flow(rng: np.random.Generator, people: _People) -> _Plan:
 KINDS: Mapping[str, Callable[[np.random.Generator, _People], _Plan]] = {
     "doors": _doors,
     "bottleneck": _bottleneck,
+    "corridor": _corridor,
     "corner": _corner,
     "pillars": _pillars,
     "row of rooms": _row_of_rooms,

@@ -36,9 +36,15 @@ class Alone:
     """A place by itself, from the draw that the batch gave it."""
 
     def __init__(self, seed, place, drawn):
-        law, manner, self.noise = conditions_of(seed)
+        law, manner, self.noise, delay = conditions_of(seed)
         self.env = CrowdEnv(place, physics=law, walking=manner, **OPTIONS)
         self.first, _ = self.env.reset(drawn)
+        rule = np.full(self.env.num_people, self.env.action_kind.neutral)
+        self.decided = [rule] * round(10 * delay)
+
+    def step(self, action):
+        self.decided.append(action)
+        return self.env.step(self.decided.pop(0))
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -52,16 +58,16 @@ def test_places_are_what_they_are_alone_and_take_turns(monkeypatch, threads):
     def seed_of(env, e):
         return drawn[id(env._turns[e].crowd), env._turns[e].e]
 
-    env, rng = crowds(5, people=16, threads=threads), np.random.default_rng(0)
+    env, rng = crowds(7, people=16, threads=threads), np.random.default_rng(0)
     with monkeypatch.context() as patched:
         patched.setattr(CrowdEnv, "reset", watched)
         seen, _ = env.reset(seed=0)
-    assert len(env._parts) < 5  # some share a call
+    assert len(env._parts) < 7  # some share a call
     alone = [
         Alone(*pair, seed_of(env, e)) for e, pair in enumerate(zip(seeds_of(env), env.scenario_of_env, strict=True))
     ]
-    ended, noisy = 0, False
-    while ended < 3 or not noisy:
+    ended, noisy, late = 0, False, False
+    while ended < 3 or not noisy or not late:
         for e, one in enumerate(alone):
             rows, n = seen[env.people(e)], one.env.num_people
             assert not rows[n:].any() and not env.active[env.people(e)][n:].any()
@@ -78,7 +84,8 @@ def test_places_are_what_they_are_alone_and_take_turns(monkeypatch, threads):
         seen = step.observation
         for e, one in enumerate(alone):
             people, n = env.people(e), one.env.num_people
-            own = one.env.step(action[people][:n])
+            late |= len(one.decided) > 0
+            own = one.step(action[people][:n])
             for ours, theirs in zip(step[1:4], own[1:4], strict=True):
                 np.testing.assert_array_equal(ours[people][:n], theirs)
                 assert not ours[people][n:].any()
