@@ -64,7 +64,8 @@ class Stage(EvaluationCallback[Policy]):
     @property
     def progress(self) -> float:
         """Share of the budget of the stage that is spent."""
-        return (self._whole.progress - self._begun) / (self._share - self._begun)
+        left = self._share - self._begun
+        return (self._whole.progress - self._begun) / left if left > 0.0 else 1.0
 
     def on_update(self, steps: int, policy: Callable[[], Policy], returns: Sequence[float] = ()) -> bool:
         """Let the whole judge the policy; return whether the stage goes on."""

@@ -306,6 +306,8 @@ def test_a_stage_ends_with_its_share_and_the_next_one_counts_on():
     assert second.progress == 0.0 and second.on_update(1, Evolved) and whole.told == [7, 9, 10]
     whole.progress = 0.75
     assert second.progress == 0.5 and isinstance(second.best, Evolved)
+    whole.progress = 1.0  # all of it is spent
+    assert Stage(whole).progress == 1.0
 
 
 @pytest.mark.more
