@@ -1,13 +1,15 @@
 """Scenarios in files, TOML or JSON with the same keys: lengths in m, times in s, speeds in m/s, masses in kg.
 
 A file is data: its keys are the fields of `Scenario`, and the checks are the same as in Python.  Nothing is ignored.  A place
-with options of its own is a function that returns a `Scenario`.
+with options of its own is a function that returns a `Scenario`.  The plan stands in the file, or in a drawing that it names:
+then the file is a project, which adds people, doors, zones and all else to the drawing.
 """
 
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -15,10 +17,13 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from crowd_env.core.checks import POSITIVE, NotNegative, Plain, Positive, at, check_keys, from_table, number, table
+from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.atomic import legible
 from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.cohorts import Cohorts, People
+from crowd_env.scenarios.floor_plan import area_on, people_on, scenario_on, with_own
+from crowd_env.scenarios.plans.reading import read_plan
 from crowd_env.scenarios.population import Population, population_of
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.shapes import circle, rectangle
@@ -55,18 +60,25 @@ Areas: TypeAlias = AreaOrLine | list[AreaOrLine]
 
 @dataclass(frozen=True)
 class Plan:
-    """The plan: walls, exits, regions and doors."""
+    """The plan: walls, exits, regions and doors; or a drawing, and what stands beside it."""
 
-    walkable: Areas
+    file: str = ""
+    """a floor plan: WKT, GeoJSON, DXF, JuPedSim or Vadere; what else stands in this table is added to it."""
+    level: str | float | None = None
+    """the level of the floor plan, where it has several."""
+    unit: str | None = None
+    """of the coordinates of the floor plan: m, cm, mm, ft or in; all other lengths here are in m."""
+    walkable: Areas | None = None
     """where people can be: an area, or a list of areas that are united."""
-    exits: dict[str, AreaOrLine]
-    """name = line on the edge of the walkable area, or area that people walk into."""
+    exits: dict[str, AreaOrLine] | None = None
+    """name = line on the edge of the walkable area, area that people walk into, or an exit of the floor plan; by default all of
+    the floor plan."""
     obstacles: tuple[AreaOrLine, ...] = ()
     """areas that are cut out of the walkable area."""
     thin_walls: tuple[str | Line, ...] = ()
     """walls without thickness."""
     regions: dict[str, Areas] | None = None
-    """name = area or list of areas, for starts, rules and zones."""
+    """name = area or list of areas, or a region of the floor plan, for starts, rules and zones."""
     doors: dict[str, str | Line] | None = None
     """name = line across a passage, or the name of an exit that can be closed."""
     jamb_radius: NotNegative = 0.0
@@ -92,16 +104,29 @@ def _read_scenario(path: Path) -> Scenario:
     with at(str(path)):
         content = _today("", content)
         check_keys(str(path), content, KEYS)
-        for key in ("geometry", "cohorts" if "cohorts" in content else "population"):
-            if key not in content:
-                raise ValueError(f"key {key!r} is missing")
-        own = {key: value for key, value in content.items() if key not in ("$schema", "cohorts")}
-        own |= {"geometry": _geometry(content["geometry"]), "population": _people(content, path.parent)}
+        given = from_table("geometry", Plan, table("geometry", _needed(content, "geometry"), "keys and values"))
+        apart = ("$schema", "geometry", "population", "cohorts")
+        own = {key: value for key, value in content.items() if key not in apart}
         if isinstance(pulls := own.get("pulls"), Mapping):
             own["pulls"] = _today("pulls", pulls)
-        scenario = Scenario(**{"name": legible(path.stem), "time_limit": 1.0, **own})
+        own = {"name": legible(path.stem), **own}
+        shapes = _shapes(given)
+        if given.file:
+            with at("geometry"):
+                plan = read_plan(path.parent / path_of("file", given.file), unit=given.unit, level=given.level)
+                plan = with_own(plan, **{key: shapes.pop(key) for key in ("walkable", "exits", "regions")})
+            crowd = _people(content, path.parent, partial(area_on, plan), partial(people_on, plan))
+            scenario = scenario_on(plan, crowd, beside=shapes, **own)
+        else:
+            with at("geometry"):
+                for key in ("walkable", "exits"):
+                    _needed(shapes, key)
+                geometry = Geometry.from_polygon(**shapes)
+            crowd = _people(content, path.parent, geometry.area_of)
+            scenario = Scenario(**{"time_limit": 1.0, **own}, geometry=geometry, population=crowd)
+            scenario = scenario if "time_limit" in own else scenario.with_enough_time()
         _require_ways(scenario)
-        return scenario if "time_limit" in own else scenario.with_enough_time()
+        return scenario
 
 
 def _read(path: Path) -> Plain:
@@ -121,14 +146,23 @@ def _today(name: str, content: Mapping[str, Any]) -> Mapping[str, Any]:
     return {older.get(key, key): value for key, value in content.items()}
 
 
-def _geometry(content: Any) -> Geometry:
-    given = from_table("geometry", Plan, table("geometry", content, "keys and values"))
-    plan: dict[str, Any] = {}
-    for key, value in vars(given).items():
+def _needed(content: Plain, key: str) -> Any:
+    if content.get(key) is None:
+        raise ValueError(f"key {key!r} is missing")
+    return content[key]
+
+
+def _shapes(plan: Plan) -> dict[str, Any]:
+    """Return what stands in a file itself, as `Geometry.from_polygon` takes it."""
+    shapes: dict[str, Any] = {}
+    for key, value in vars(plan).items():
         named = key in ("exits", "regions", "doors") and isinstance(value, Mapping)
-        plan[key] = {name: _shape(f"{key}.{name}", one) for name, one in value.items()} if named else _shape(key, value)
-    with at("geometry"):
-        return Geometry.from_polygon(**plan)
+        if key in ("file", "level", "unit"):
+            continue
+        shapes[key] = (
+            {name: _shape(f"{key}.{name}", one) for name, one in value.items()} if named else _shape(key, value)
+        )
+    return shapes
 
 
 def _shape(where: str, value: Any) -> Any:
@@ -155,10 +189,25 @@ def _shape(where: str, value: Any) -> Any:
     return Polygon(rectangle(x0, y0, x1, y1))
 
 
-def _people(content: Plain, folder: Path) -> People:
+def _people(
+    content: Plain, folder: Path, area_of: Callable[[str | None], float], usual: Callable[..., People] | None = None
+) -> People:
+    """Return the people of a file.
+
+    Parameters
+    ----------
+    area_of : returns the area [m2] of a start region; None = of all floor.
+    usual : makes the people of a floor plan from fields that name neither cohorts nor a start.
+    """
     shared = table("population", content.get("population", {}), "keys and values")
     if "cohorts" not in content:
-        return _population(shared, "population", folder)
+        if usual is None:
+            _needed(content, "population")
+        if usual is None or {"starts", "start_region", "density"} & set(shared):
+            return _population(shared, "population", folder, area_of)
+        with at("population"):
+            from_table("population", Population, {"people": 1, **_today("population", shared)})
+            return usual(**_today("population", shared))
     for key in ("people", "starts", "name"):
         if key in shared:
             raise ValueError(f"population: {key!r} is a matter of each cohort; write it there")
@@ -168,13 +217,21 @@ def _people(content: Plain, folder: Path) -> People:
         own = table(f"cohorts[{k}]", cohort, "keys and values")
         elsewhere = {"start_region"} if "starts" in own and "start_region" not in own else ()
         of_all = {name: value for name, value in shared.items() if name not in elsewhere}
-        parts.append(_population({**of_all, **own}, f"cohorts[{k}]", folder))
+        parts.append(_population({**of_all, **own}, f"cohorts[{k}]", folder, area_of))
     with at("cohorts"):
         return Cohorts(tuple(parts))
 
 
-def _population(given: Plain, key: str, folder: Path) -> Population:
+def _population(given: Plain, key: str, folder: Path, area_of: Callable[[str | None], float]) -> Population:
     starts = given.get("starts")
+    if "density" in given:
+        if "people" in given:
+            raise ValueError(f"{key}: people or density, not both")
+        density = number(f"{key}.density", given["density"], POSITIVE, "/m2")
+        region = given.get("start_region")
+        with at(key):
+            many = max(1, round(density * area_of(region)))
+        given = {"people": many, **{name: value for name, value in given.items() if name != "density"}}
     if isinstance(starts, str):
         with at(f"{key}.starts"):
             path = (folder / starts).resolve()

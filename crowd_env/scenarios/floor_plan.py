@@ -1,16 +1,17 @@
 """Scenarios on floor plans in files: default starts of the people, and recorded starting positions."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
 
-from crowd_env.core.checks import Plain, at, counted, texts
+from crowd_env.core.checks import Plain, at, counted, known, texts
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.geometry.parsing import SLIVER, Area
+from crowd_env.geometry.parsing import SLIVER, Area, read_area, read_exits
 from crowd_env.geometry.placement import lattice
 from crowd_env.routing.route_set import Target
 from crowd_env.scenarios.cohorts import Cohorts, People, as_people
@@ -72,8 +73,10 @@ def scenario_from_plan(
     return scenario_on(plan, crowd, time_limit=time_limit, blocked_after=blocked_after, target=target)
 
 
-def scenario_on(plan: FloorPlan, population: People, *, time_limit: float | None = None, **options: Any) -> Scenario:
-    """Return a scenario on a floor plan; ``options`` are fields of `Scenario`.
+def scenario_on(
+    plan: FloorPlan, population: People, *, time_limit: float | None = None, beside: Plain | None = None, **options: Any
+) -> Scenario:
+    """Return a scenario on a floor plan; ``options`` are fields of `Scenario`, ``beside`` are doors and more of its `Geometry`.
 
     Raises
     ------
@@ -90,11 +93,68 @@ def scenario_on(plan: FloorPlan, population: People, *, time_limit: float | None
     if not plan.exits:
         raise ValueError(f"{plan.path}: a floor plan needs at least one exit, for example --exit 5,2,5,3")
     with at(str(plan.path)):
-        geometry = Geometry.from_polygon(plan.walkable, exits=plan.exits, narrowest=population.radius.low)
+        geometry = Geometry.from_polygon(
+            plan.walkable, exits=plan.exits, narrowest=population.radius.low, **(beside or {})
+        )
         geometry = geometry.with_regions(_reached(geometry, plan))
         limit = 1.0 if time_limit is None else time_limit
-        place = Scenario(plan.name, geometry, population, limit, title=plan.title, **options)
+        given = {"name": plan.name, "title": plan.title, **options}
+        place = Scenario(**given, geometry=geometry, population=population, time_limit=limit)
         return place.with_enough_time() if time_limit is None else place
+
+
+def with_own(
+    plan: FloorPlan,
+    walkable: Any = None,
+    exits: Mapping[str, Any] | None = None,
+    regions: Mapping[str, Any] | None = None,
+) -> FloorPlan:
+    """Return a floor plan with more floor and regions, and with these exits in place of its own.
+
+    A name in place of a shape is that of an exit or region of the plan, which then has another name.
+
+    Raises
+    ------
+    ValueError
+        If the plan has no shape of that name, or a shape is wrong.
+    """
+    if walkable is not None:
+        floor = shapely.union(plan.walkable, read_area(walkable, "walkable area"))
+        plan = replace(plan, walkable=read_area(floor, "walkable area"))
+    if exits is not None:
+        plan = replace(plan, exits=read_exits(_taken("exits", exits, plan.exits, plan)))
+    own = _taken("regions", {} if regions is None else regions, plan.regions, plan)
+    renamed = {
+        shape: name for name, shape in (regions or {}).items() if isinstance(shape, str) and shape in plan.regions
+    }
+    rest = {name: shape for name, shape in plan.regions.items() if name not in renamed}
+    return replace(
+        plan,
+        regions=rest | {name: read_area(shape, f"region {name!r}") for name, shape in own.items()},
+        starts={renamed.get(name, name): many for name, many in plan.starts.items()},
+    )
+
+
+def _taken(key: str, own: Mapping[str, Any], drawn: Mapping[str, Any], plan: FloorPlan) -> dict[str, Any]:
+    """Return shapes, those of the plan in place of their names."""
+    names = {name: shape for name, shape in own.items() if isinstance(shape, str) and not set(shape) & set("(,")}
+    for name, shape in names.items():
+        if shape not in drawn:
+            there = f"its {key} are {listed(drawn, most=12)}" if drawn else f"it has no {key}"
+            raise ValueError(f"{key}.{name} is {shape!r}, which {plan.path.name} does not have; {there}")
+    return {name: drawn[shape] if name in names else shape for name, shape in own.items()}
+
+
+def area_on(plan: FloorPlan, region: str | None = None) -> float:
+    """Return the walkable area [m2] of a floor plan, or of a region of it.
+
+    Raises
+    ------
+    ValueError
+        If there is no such region.
+    """
+    shape = plan.walkable if region is None else plan.regions[known("region", region, plan.regions)]
+    return float(shapely.intersection(plan.walkable, shape).area)
 
 
 def _reached(geometry: Geometry, plan: FloorPlan) -> dict[str, Area]:
@@ -122,7 +182,7 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
     """
     if fields.get("starts") is not None or not plan.starts:
         return Population(**{"people": PEOPLE if people is None else people, **fields})
-    areas = {name: float(plan.regions[name].intersection(plan.walkable).area) for name in plan.starts}
+    areas = {name: area_on(plan, name) for name in plan.starts}
     most = _room(plan, Population(**{"people": 1, **fields}).radius.high, beside=people is None)
     spread = {name: max(1, int(_CROWDED * area)) for name, area in areas.items()}
     room = {name: min(many, most.get(name, many)) for name, many in spread.items()}

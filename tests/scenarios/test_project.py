@@ -1,0 +1,131 @@
+"""Projects: a scenario file that names a drawing, and adds people, doors, zones and all else to it."""
+
+import json
+
+import numpy as np
+import pytest
+from shapely.geometry import box, mapping
+
+from crowd_env import CrowdEnv, make_scenario
+
+PROJECT = """
+time_limit = 90
+closed_doors = ["gate"]
+
+[geometry]
+file = "drawings/hall.geojson"
+obstacles = [{ box = [4, 4, 5, 5] }]
+
+[geometry.exits]
+main = "east"
+side = [[0, 3], [0, 5]]
+
+[geometry.regions]
+stage = "corner"
+stairs = { box = [6, 2, 8, 6] }
+
+[geometry.doors]
+gate = "side"
+
+[[cohorts]]
+density = 0.5
+start_region = "stage"
+
+[[cohorts]]
+people = 7
+response_time = 5
+
+[[zones]]
+region = "stairs"
+speed = 0.6
+"""
+
+
+def drawing(tmp_path, **others):
+    """A hall of 12 m x 8 m in millimeters, an exit on each long side, a corner of 4 m2 to start in."""
+    shapes = {
+        "hall": ("walkable", box(0, 0, 12, 8)),
+        "east": ("exit", box(12, 3, 12.1, 5)),
+        "north": ("exit", box(3, 8, 5, 8.1)),
+        "corner": ("start", box(0, 0, 2, 2)),
+        **others,
+    }
+    features = [
+        {"type": "Feature", "properties": {"kind": role, "name": name}, "geometry": mapping(shape)}
+        for name, (role, shape) in shapes.items()
+    ]
+    path = tmp_path / "drawings" / "hall.geojson"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return path
+
+
+def project(tmp_path, text=PROJECT):
+    drawing(tmp_path)
+    path = tmp_path / "hall.toml"
+    path.write_text(text)
+    return path
+
+
+def test_a_project_adds_to_its_drawing(tmp_path):
+    place = make_scenario(project(tmp_path))
+    assert place.name == "hall" and "hall.geojson" in place.title and place.time_limit == 90.0
+    assert place.exits == ("main", "side")  # the north one is not among them
+    assert place.geometry.area == pytest.approx(12 * 8 - 1)
+    assert set(place.geometry.regions) == {"stage", "stairs"} and place.geometry.area_of("stage") == pytest.approx(4.0)
+    assert [part.people for part in place.population.parts] == [2, 7]
+    assert place.population.parts[0].start_region == "stage"
+    assert place.closed_doors == ("gate",) and place.zones[0].region == "stairs"
+    env = CrowdEnv(place, physics="dem")
+    env.reset(seed=0)
+    env.step(None)
+
+
+def test_what_a_project_leaves_out_is_that_of_the_drawing(tmp_path):
+    path = project(tmp_path, '[geometry]\nfile = "drawings/hall.geojson"\n')
+    place, alone = make_scenario(path), make_scenario(drawing(tmp_path))
+    assert place.exits == alone.exits == ("east", "north") and place.time_limit == alone.time_limit
+    for ours, theirs in zip((place, alone), (alone, place), strict=True):
+        np.testing.assert_array_equal(ours.geometry.walls, theirs.geometry.walls)
+        assert ours.population.start_region == "corner" and ours.population.people == theirs.population.people
+    more = project(tmp_path, '[geometry]\nfile = "drawings/hall.geojson"\n[population]\npeople = 9\nradius = 0.2\n')
+    crowd = make_scenario(more).population
+    assert (crowd.people, crowd.radius.high, crowd.start_region) == (9, 0.2, "corner")
+
+
+def test_a_drawing_that_changes_keeps_its_project(tmp_path):
+    path = project(tmp_path)
+    drawing(tmp_path, hall=("walkable", box(0, 0, 12, 9)), north=("exit", box(3, 9, 5, 9.1)))
+    place = make_scenario(path)
+    assert place.geometry.area == pytest.approx(12 * 9 - 1) and place.exits == ("main", "side")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (('main = "east"', 'main = "west"'), r"hall.toml: geometry: exits.main is 'west', which hall.geojson does not have; "
+         "its exits are east, north"),
+        (('stage = "corner"', 'stage = "edge"'), "regions.stage is 'edge', .* its regions are corner"),
+        (('start_region = "stage"', 'start_region = "corner"'), r"cohorts\[0\]: unknown region 'corner'; known: "),
+        (("density = 0.5", "density = -1"), r"cohorts\[0\].density is -1"),
+        (("density = 0.5", "density = 1\npeople = 3"), r"cohorts\[0\]: people or density, not both"),
+        (('file = "drawings/hall.geojson"', 'file = "drawings/hull.geojson"'), "hull.geojson"),
+        (('file = "drawings/hall.geojson"', "file = 5"), "geometry: file is 5"),
+        (('file = "drawings/hall.geojson"', ""), "geometry: key 'walkable' is missing"),
+        (('side = [[0, 3], [0, 5]]', "side = [[1, 3], [1, 5]]"), "exit 'side' is not on the boundary"),
+        (("[geometry]", "[geometry]\nunit = 'parsec'"), "unknown unit 'parsec'"),
+        (("[geometry]", "[geometry]\nlevel = 3"), "it has no level '3'"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_named(tmp_path, change, words):
+    text = PROJECT.replace(*change)
+    assert text != PROJECT
+    with pytest.raises(ValueError, match=words):
+        make_scenario(project(tmp_path, text))
+
+
+def test_density_of_a_plan_in_the_file_itself(tmp_path):
+    path = tmp_path / "room.toml"
+    plan = "[geometry]\nwalkable = { box = [0, 0, 10, 5] }\nexits = { a = [[0, 1], [0, 2]] }\n"
+    path.write_text(plan + "[population]\ndensity = 0.4\n")
+    assert make_scenario(path).population.people == 20
