@@ -3,7 +3,7 @@
 import json
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,10 +19,11 @@ from crowd_env.envs.tasks.task import named_task
 from crowd_env.physics import make_scheme
 from crowd_env.physics.settings import Physics
 from crowd_env.scenarios import PLACES_OF_TASKS, SCENARIOS, kind_of_place, make_scenario
+from crowd_env.scenarios.distributions import LAWS, Distribution, Uniform
 from crowd_env.scenarios.floor_plan import people_on, scenario_on
 from crowd_env.scenarios.plans.reading import read_plan, split_level
 from crowd_env.scenarios.plans.units import unit_in_meters
-from crowd_env.scenarios.population import DRAWN, TABLE_4, Uniform
+from crowd_env.scenarios.population import DRAWN, TABLE_4
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.starts import read_starts
 from crowd_env.scenarios.titles import with_manner
@@ -196,7 +197,7 @@ def people_options(options: CrowdOptions, drawn: Mapping[str, str]) -> dict[str,
 
     Parameters
     ----------
-    drawn : radius, speed and other properties of pedestrians, each as "0.2" or "0.2,0.25".
+    drawn : radius, speed and other properties of pedestrians, each as "0.2", "0.2,0.25" or "lognormal,5,0.5,30".
 
     Raises
     ------
@@ -211,7 +212,7 @@ def people_options(options: CrowdOptions, drawn: Mapping[str, str]) -> dict[str,
         found = {"starts": starts, "start_region": None, "people": len(starts)}
     for name, text in drawn.items():
         field = _DRAWN[known("property of people", name, _DRAWN, "--set: ")]
-        found[field] = _range(name, text)
+        found[field] = _drawn(name, text)
         if name == "speed" and not 0.0 < found[field].high <= _RUNNING:
             warnings.warn(f"--set speed={text} is in m/s: people walk at 1.34 and run at 3 to 4", stacklevel=2)
     return found
@@ -262,12 +263,17 @@ def _value(text: str) -> Any:
     return _SWITCHES.get(text.lower(), text)
 
 
-def _range(name: str, text: str) -> Uniform:
-    """Read "0.2,0.25" or "0.2"."""
+def _drawn(name: str, text: str) -> Distribution:
+    """Read "0.2", "0.2,0.25", or a distribution and its numbers in their order: "lognormal,5,0.5,30"."""
+    first, *rest = text.split(",")
+    kind, numbers = (LAWS[first], rest) if first in LAWS else (Uniform, [first, *(rest or [first])])
     try:
-        bounds = [float(part) for part in text.split(",")]
+        given = [float(one) for one in numbers]
     except ValueError:
-        bounds = []
-    if len(bounds) not in (1, 2):
-        raise ValueError(f"--set {name}={text}: this must be one number or two separated by a comma, such as 0.2,0.25")
-    return Uniform(bounds[0], bounds[-1])
+        given = []
+    needed = [one.name for one in fields(kind) if one.default is MISSING]
+    if not len(needed) <= len(given) <= len(fields(kind)):
+        laws = "; ".join(f"{word},{','.join(one.name for one in fields(law))}" for word, law in LAWS.items())
+        raise ValueError(f"--set {name}={text}: this must be one number, two such as 0.2,0.25, or a distribution: {laws}")
+    with at(f"--set {name}={text}"):
+        return kind(*given)

@@ -50,6 +50,8 @@ CASES = [
     ("run --set radius=wide", "--set radius=wide 0.2,0.25"),
     ("run --set radius=0.1,0.2,0.3", "--set 0.2,0.25"),
     ("run --set radius=0.3,0.2", "0.3 0.2 not be larger"),
+    ("run --set response_time=lognormal,5", "--set response_time=lognormal,5 lognormal,median,sigma,high"),
+    ("run --set response_time=normal,5,1,9,3", "--set response_time 9 3"),
     ("run --set radius=0", "radius > 0"),
     ("run --set radius=-0.2", "radius > 0"),
     ("run --set radius=nan", "nan"),

@@ -4,7 +4,7 @@ import pytest
 from cases import looped
 from commands import call, figures
 
-from crowd_env import MANNERS, OUTLINES, CrowdEnv, Outline, Routing
+from crowd_env import MANNERS, OUTLINES, CrowdEnv, LogNormal, Normal, Outline, Routing
 from crowd_env.cli.place import CrowdOptions, setting_of
 from crowd_env.scenarios import make_scenario
 from crowd_env.scenarios.titles import run_title, with_manner
@@ -69,6 +69,8 @@ def test_what_is_set_reaches_the_people_the_physics_and_the_routing():
     people = place.population
     assert (people.desired_speed.low, people.desired_speed.high) == (0.5, 0.5)
     assert (people.radius.low, people.radius.high) == (0.2, 0.22)
+    late = setting_of(CrowdOptions(set=["response_time=lognormal,5,0.5,60", "mass=normal,70,5,60,80"])).place.population
+    assert (late.response_time, late.mass) == (LogNormal(5.0, 0.5, 60.0), Normal(70.0, 5.0, 60.0, 80.0))
     assert physics.law.max_iterations == 40 and physics.law.info.name == "nsm2"
     assert (physics.dt, physics.max_drive) == (0.005, 300) and routing == Routing("nearest", signs=False)
 
