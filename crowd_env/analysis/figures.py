@@ -35,6 +35,7 @@ _HANDFUL = 10  # people; the flow of fewer is chance: three side by side are 20 
 _ENTERED = 0.05  # of the people of an exit; a side that fewer took is none that it is entered by
 _SIDE = 0.5  # cosine: lines of an area that turn by less are one side
 _EXITS_SHOWN, _RUNS_SHOWN = 4, 10
+_FASTER = 2.0 / 3.0  # of the time by hand: a crowd that needs less is doubtful
 
 
 class Figure(NamedTuple):
@@ -327,6 +328,8 @@ def cells(place: Scenario, figures: Mapping[str, Any]) -> dict[str, str]:
         rows[figure.title] = spread(figures[name], figure.unit) + (of if name == "evacuation_time" else "")
         if name == "evacuation_time" and (bounds := interval(figures[name], figure.unit)):
             rows["  95 % interval of the mean"] = bounds
+        if name == "evacuation_time" and "by_hand" in figures:
+            rows["  by hand (SFPE)"] = figures["by_hand"]["words"]
     flows = {name: number(taken["flow_per_meter"]["mean"]) for name, taken in figures["exits"].items()}
     parts = [f"{name} {flow}" if len(flows) > 1 else flow for name, flow in flows.items()]
     rows["flow per meter of exit"] = f"{listed(parts)} 1/(s m); {recorded_flow(figures)[1]}"
@@ -373,6 +376,9 @@ def doubts(figures: Mapping[str, Any]) -> str:
     ]
     if max(fast.values(), default=0.0) > _OF_PAPERS and Headway.of(figures.get("manner")) is None:
         said.append("competitive people are those of the papers, faster than any recorded crowd")
+    by_hand, mean = figures.get("by_hand", {}).get("time"), figures["evacuation_time"]["mean"]
+    if by_hand and mean and mean < _FASTER * by_hand:
+        said.append(f"the last person is out after {mean:.0f} s, by hand (SFPE) after {by_hand:.0f} s")
     if figures["unfinished"]:
         left, cut = figures["unfinished"], figures["unfinished_runs"] - figures["blocked_runs"]
         said.append(f"{counted(left, 'person is', 'people are')} left inside")

@@ -274,6 +274,8 @@ def _drawn(name: str, text: str) -> Distribution:
     needed = [one.name for one in fields(kind) if one.default is MISSING]
     if not len(needed) <= len(given) <= len(fields(kind)):
         laws = "; ".join(f"{word},{','.join(one.name for one in fields(law))}" for word, law in LAWS.items())
-        raise ValueError(f"--set {name}={text}: this must be one number, two such as 0.2,0.25, or a distribution: {laws}")
+        raise ValueError(
+            f"--set {name}={text}: this must be one number, two such as 0.2,0.25, or a distribution: {laws}"
+        )
     with at(f"--set {name}={text}"):
         return kind(*given)

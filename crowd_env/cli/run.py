@@ -14,6 +14,7 @@ import numpy as np
 import typer
 from rich.text import Text
 
+from crowd_env.analysis.by_hand import by_hand
 from crowd_env.analysis.figures import FEWEST, cells, doubts, report, runs_enough
 from crowd_env.analysis.results.crowding import CrowdingRecorder
 from crowd_env.cli import options
@@ -129,6 +130,7 @@ def run(
             keep=None if folder is None else keep_in(folder),
         )
         figures = report(place, physics.law, done.episodes, dt=physics.dt, strategy=ways.strategy)
+        figures["by_hand"] = by_hand(place)
         if led is not None:
             figures["policy"] = led.name
         if share is not None:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
+from crowd_env.analysis.by_hand import by_hand
 from crowd_env.analysis.figures import listed, report
 from crowd_env.analysis.results.config import read_config
 from crowd_env.analysis.results.crowding import Crowding
@@ -111,6 +112,7 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
     if not episodes:
         raise ValueError(f"{folder / KEPT} holds no finished run; the command that began it goes on with it")
     figures = report(scenario, scheme, episodes, dt=config["dt"], strategy=config["strategy"])
+    figures["by_hand"] = by_hand(scenario)
     return Runs("", folder, config, scenario, scheme, episodes, figures, kept.crowding(episodes))
 
 

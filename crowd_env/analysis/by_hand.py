@@ -1,0 +1,67 @@
+"""The hand calculation of fire engineers: pedestrians walk to the exits, and queue at the narrowest passages on the way.
+
+The hydraulic model of first order (SFPE Handbook of Fire Protection Engineering, 5th edition 2016, chapter 59): a door passes
+1.32 people a second and meter of effective width, which is 0.15 m less on each side than the clear width, and pedestrians
+alone walk at 1.19 m/s.  The queue begins when the first have come; everybody uses the exits in proportion to their widths.
+"""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import shapely
+
+from crowd_env.analysis.passages import Gap
+from crowd_env.analysis.plan_check import PlanCheck, check_place, spot
+from crowd_env.core.files.json_file import json_number
+from crowd_env.scenarios.distributions import Uniform
+from crowd_env.scenarios.scenario import Scenario
+
+FLOW = 1.32  # 1/(s m)  of effective width: k / (4 a) with k = 1.4 m/s and a = 0.266 m2
+BOUNDARY = 0.15  # m  on each side of a door
+SPEED = 1.19  # m/s  0.85 k
+
+
+def by_hand(place: Scenario) -> dict[str, Any]:
+    """Return what an evacuation takes by hand, in ``words`` and ready for JSON: times in s, widths in m.
+
+    ``walk`` is that of the first and of the last.  The queue is the longest of those at all exits together and at each passage
+    that people have to pass, ``at`` which it is; it and ``time`` are None if that is no wider than its boundary layers.
+    """
+    people, check, field = place.population, check_place(place), place.field()
+    steady = people.changed(desired_speed=Uniform(SPEED, SPEED), response_time=Uniform(0.0, 0.0))
+    last, _ = replace(place, population=steady).longest_walk()
+    ways = field.travel_time_for(check.position, 0.0) - field.behind
+    first = float(ways.min(initial=SPEED * last)) / SPEED
+    queues = [_queue(people.people, sum(map(_effective, place.geometry.exit_lengths.values())), "the exits")]
+    for passage in check.passages.values():
+        if passage is not None and not passage.is_exit:
+            behind = round(people.people * _share_behind(check, passage.gap))
+            queues.append(_queue(behind, _effective(passage.gap.width), spot(passage.gap)))
+    queue, effective, at = max(queues)
+    response = max(part.response_time.high for part in people.parts)
+    time = response + max(last, first + queue)
+    late = f"{response:.0f} s of response, " if response else ""
+    line = f"{queue:.0f} s of queue at {at}, {effective:.2f} m of effective width"
+    words = f"{time:.0f} s: {late}walks of {first:.0f} to {last:.0f} s, {line}"
+    times = {"time": json_number(time), "response": response, "walk": [first, last], "queue": json_number(queue)}
+    return {"words": words, "people": people.people, **times, "effective_width": effective, "at": at}
+
+
+def _effective(width: float) -> float:
+    return max(width - 2.0 * BOUNDARY, 0.0)
+
+
+def _queue(people: int, effective: float, at: str) -> tuple[float, float, str]:
+    """Return for how long [s] people pass an effective width [m], and both."""
+    return (people / (FLOW * effective) if effective > 0.0 else np.inf if people else 0.0), effective, at
+
+
+def _share_behind(check: PlanCheck, gap: Gap) -> float:
+    """Return which share of the people reach no exit if a gap is shut."""
+    if not len(check.position):
+        return 0.0
+    shut = shapely.difference(check.geometry.walkable, shapely.buffer(shapely.LineString(gap.line), 0.02))
+    exits = shapely.MultiLineString(list(check.geometry.exits))
+    free = [part for part in shapely.get_parts(shut) if shapely.dwithin(part, exits, 0.05)]
+    return float(1.0 - shapely.intersects_xy(shapely.union_all(free), *check.position.T).mean())

@@ -1,0 +1,59 @@
+"""The hand calculation: closed forms of a room, of rooms in a row and side by side, and what is told beside a result."""
+
+import pytest
+from shapely.geometry import box
+
+from crowd_env import Geometry, Population, Scenario, Uniform
+from crowd_env.analysis.by_hand import by_hand
+from crowd_env.analysis.figures import doubts
+
+
+def place(walkable, exits, people=60, **fields):
+    return Scenario("place", Geometry.from_polygon(walkable, exits=exits), Population(people, **fields), 300.0)
+
+
+def test_a_queue_at_one_door():
+    found = by_hand(place(box(0, 0, 10, 8), {"door": [(10, 3.5), (10, 4.5)]}, response_time=Uniform(5.0, 20.0)))
+    queue = 60 / (1.32 * (1.0 - 0.3))  # SFPE: 1.32 people a second and meter of effective width
+    assert found["queue"] == pytest.approx(queue) and found["at"] == "the exits"
+    first, last = found["walk"]
+    assert 0.0 < first < 2.0 and 10.0 < 1.19 * last < 11.0  # the furthest start is in a corner
+    assert found["time"] == pytest.approx(20.0 + first + queue)
+    assert found["words"].startswith(f"{found['time']:.0f} s: 20 s of response, walks of ")
+
+
+def test_a_passage_counts_where_people_have_to_pass_it():
+    """A door of 0.8 m between two halves holds half of the people; two exits of 1 m hold all of them."""
+    halves = [box(0, 0, 5, 8), box(5.2, 0, 10, 8), box(4.9, 4, 5.3, 4.8)]
+    exits = {"a": [(10, 1), (10, 2)], "b": [(10, 6), (10, 7)]}
+    found = by_hand(place(halves, exits))
+    assert found["at"].startswith("(5.1") and found["effective_width"] == pytest.approx(0.5, abs=1e-6)
+    assert found["queue"] == pytest.approx(30 / (1.32 * 0.5), rel=0.3)  # a draw of who is behind it
+    beside = [
+        box(0, 0, 5, 8),
+        box(5.2, 0, 10, 8),
+        box(4.9, 4, 5.3, 4.8),
+        box(2, -2.2, 8, -0.2),
+        box(2, -0.3, 3, 0.1),
+        box(7, -0.3, 8, 0.1),
+    ]
+    two_ways = by_hand(place(beside, {"out": [(2, -2.2), (2, -0.2)]}))
+    assert two_ways["at"] == "the exits"  # neither of the two doors alone holds anybody up
+
+
+def test_a_long_walk_counts_where_nobody_waits():
+    found = by_hand(place(box(0, 0, 60, 2), {"end": [(60, 0), (60, 2)]}, people=2))
+    assert found["time"] == pytest.approx(60 / 1.19, rel=0.02) == found["walk"][1]
+
+
+def test_a_door_without_effective_width_has_no_time():
+    found = by_hand(place(box(0, 0, 5, 5), {"slit": [(5, 2), (5, 2.3)]}, people=2, radius=Uniform(0.1, 0.1)))
+    assert found["time"] is None is found["queue"]
+
+
+@pytest.mark.parametrize(("mean", "doubtful"), [(50.0, True), (70.0, False), (None, False)])
+def test_a_crowd_that_is_faster_by_a_third_is_doubted(mean, doubtful):
+    figures = {
+        "exits": {}, "unfinished": 0, "evacuation_time": {"mean": mean}, "by_hand": {"time": 90.0},
+    }  # fmt: skip
+    assert ("by hand" in doubts(figures)) is doubtful
