@@ -43,7 +43,9 @@ class Observer:
         direction = np.zeros((people, 2))
         self._simulation, self._known = simulation, list[NavigationField | None]()
         self._openings = by_reference(no_bottlenecks())
-        self._update_openings()
+        if "opening" in layout.names:
+            self._update_openings()
+            simulation.told_of_fields.append(self._update_openings)  # a door may move within a step, before `look`
         self._everywhere = np.arange(environments)
         largest = int(np.diff(simulation.bodies.env_start).max())
         self._plans = {first: struct_ref(layout.plan(largest, all_pairs)) for first, _ in simulation.ranges}
@@ -88,7 +90,6 @@ class Observer:
         out : (P, D) float32 to write into instead of a new array.
         """
         rows = self.begin(seen) if out is None else out
-        self._update_openings()
         self.view.fields.seen[:] = seen
         chosen = self._everywhere if environments is None else environments
         perceive(chosen, self.view, self._plans[0], rows)
@@ -96,7 +97,6 @@ class Observer:
 
     def begin(self, seen: Bools) -> np.ndarray:
         """Return an array (P, D) for pedestrians ``seen`` (P,), to `look` and `finish`: `observe` does all three."""
-        self._update_openings()
         self.view.fields.seen[:] = seen
         return np.empty((len(seen), self._width), np.float32)
 
@@ -107,7 +107,7 @@ class Observer:
     def _update_openings(self) -> None:
         """Find the openings of new fields: at first all, later the fields that doors have caused."""
         planner = self._simulation.planner
-        if "opening" not in self.layout.names or self._known == planner.fields:
+        if self._known == planner.fields:
             return
         self._known = list(planner.fields)
         geometries = [self._simulation.geometries[g] for g in planner.geometry_of_field]

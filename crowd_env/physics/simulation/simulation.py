@@ -131,6 +131,7 @@ class Simulation:
         desire = desire_of(walking.others)
         self._stepper = Stepper(self.scheme, batch, self._sorted, self.threads, self._uses, desire)
         self.batch, self.ranges = self._stepper.batch, self._stepper.ranges  # what kernels work on, and side by side
+        self.told_of_fields: list[Callable[[], object]] = []  # called when the planner has other fields
         for e in range(len(state.time)):
             self.close_doors(e, self._door_schedule.restart(e))
         self.listeners: list[Callable[[], object]] = []  # called after every physics step: same bits, but slower
@@ -249,7 +250,12 @@ class Simulation:
         invalidate_lists(self.workspace.neighbors, e)
         self.history.directions_known[e] = False
         self.planner.close(e, shut)
+        self._take_fields()
+
+    def _take_fields(self) -> None:
         replace_arrays(self.world.field, self.planner.field)
+        for tell in self.told_of_fields:
+            tell()
 
     def _people(self, e: int) -> slice:
         """Return the slots of environment ``e``; ValueError if there is no such environment."""
@@ -355,7 +361,7 @@ class Simulation:
         self.escaped[:] = checkpoint.escaped
         self._door_schedule.restore(checkpoint.doors)
         self.planner.restore(checkpoint.route_set)
-        replace_arrays(self.world.field, self.planner.field)
+        self._take_fields()
         if self._sorted is not None and checkpoint.order is not None:
             self._sorted.restore(checkpoint.order)
         self.times_restored += 1

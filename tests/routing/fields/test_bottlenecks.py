@@ -9,6 +9,7 @@ from crowd_env import CrowdEnv, ObservationLayout, Scenario, make_scenario
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields.bottlenecks import WIDEST, bottlenecks_of
 from crowd_env.routing.fields.field import travel_time_field
+from crowd_env.routing.spec import DoorEvent
 from crowd_env.scenarios.distributions import Uniform
 from crowd_env.scenarios.population import Population
 
@@ -118,3 +119,21 @@ def test_it_is_seen_in_bodies_and_seconds():
 def test_nobody_pays_for_what_nobody_sees():
     env = CrowdEnv("room-v0")
     assert not env.observer.view.fields.openings.fields.width.size
+
+
+def test_an_opening_is_known_in_the_step_in_which_a_door_shuts():
+    """The ways then change within the step, before what is seen after it."""
+    hall = Geometry.from_polygon(
+        box(0, 0, 10, 6), exits={"left": [(0, 2), (0, 3)], "right": [(10, 2), (10, 4)]}, doors={"left": "left"}
+    )
+    place = Scenario("hall", hall, Population(20), 60.0, door_events=(DoorEvent("left", False, at=0.25),))
+    env = CrowdEnv(
+        [place, place.turned(0.3)], num_envs=2, observation=ObservationLayout(terms=("opening", "travel_time"))
+    )
+    env.reset(seed=0)
+    env.step(None)
+    before = len(env.simulation.planner.fields)
+    for _ in range(3):
+        step = env.step(None)
+        np.testing.assert_array_equal(step.observation[env.active], env.observer.observe(env.active)[env.active])
+    assert len(env.simulation.planner.fields) > before
