@@ -136,6 +136,6 @@ def test_in_a_task_who_steps_back_through_the_entrance_is_left(monkeypatch):
 def test_the_parameters_of_a_training_in_all_places_are_plain_and_checked():
     config = training_config.generalist_config(3, people=40, envs=2, minutes=1.0)
     assert config.task is None and config.places.people == 40 and config.seed == 3
-    assert training_config.facts_of(config)["task"] == {"name": "generated", "version": 1}
+    assert training_config.facts_of(config)["task"] == {"name": "generated", "version": 2}
     env = training_config.make_env(config)
     assert isinstance(env, GeneratedCrowds) and env.layout.names == LAYOUT.names and env.num_envs == 2
