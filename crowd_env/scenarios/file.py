@@ -35,6 +35,8 @@ KEYS = ("$schema", *(field.name for field in fields(Scenario)), "cohorts")
 # Table of a file -> its older keys and what they are today.
 OLDER = {"": {"groups": "cohorts"}, "population": {"companions": "group_size"}, "pulls": {"companions": "groups"}}
 
+_OF_DRAWING = ("level", "layers", "unit")  # keys of `Plan` that tell how to read its file
+
 Line: TypeAlias = list[tuple[float, float]]
 
 
@@ -66,6 +68,8 @@ class Plan:
     """a floor plan: WKT, GeoJSON, DXF, JuPedSim or Vadere; what else stands in this table is added to it."""
     level: str | float | None = None
     """the level of the floor plan, where it has several."""
+    layers: dict[str, list[str]] | None = None
+    """role of layers of a DXF drawing = names of these layers; the roles are walkable, obstacles, exits, starts and regions."""
     unit: str | None = None
     """of the coordinates of the floor plan: m, cm, mm, ft or in; all other lengths here are in m."""
     walkable: Areas | None = None
@@ -113,7 +117,8 @@ def _read_scenario(path: Path) -> Scenario:
         shapes = _shapes(given)
         if given.file:
             with at("geometry"):
-                plan = read_plan(path.parent / path_of("file", given.file), unit=given.unit, level=given.level)
+                drawn = {key: getattr(given, key) for key in _OF_DRAWING}
+                plan = read_plan(path.parent / path_of("file", given.file), **drawn)
                 plan = with_own(plan, **{key: shapes.pop(key) for key in ("walkable", "exits", "regions")})
             crowd = _people(content, path.parent, partial(area_on, plan), partial(people_on, plan))
             scenario = scenario_on(plan, crowd, beside=shapes, **own)
@@ -157,7 +162,7 @@ def _shapes(plan: Plan) -> dict[str, Any]:
     shapes: dict[str, Any] = {}
     for key, value in vars(plan).items():
         named = key in ("exits", "regions", "doors") and isinstance(value, Mapping)
-        if key in ("file", "level", "unit"):
+        if key in ("file", *_OF_DRAWING):
             continue
         shapes[key] = (
             {name: _shape(f"{key}.{name}", one) for name, one in value.items()} if named else _shape(key, value)

@@ -30,6 +30,7 @@ def scenario_from_plan(
     exits: Sequence[str] = (),
     unit: str | None = None,
     level: str | float | None = None,
+    layers: Mapping[str, Sequence[str]] | None = None,
     people: int | None = None,
     population: People | Plain | Sequence[Any] | None = None,
     time_limit: float | None = None,
@@ -46,6 +47,7 @@ def scenario_from_plan(
     unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that is implausible and the file
         names another.
     level : of a file with several, such as GeoJSON; or a part of the path, such as ``house.geojson:1``.
+    layers : role -> names of layers of a DXF drawing; the roles are walkable, obstacles, exits, starts and regions.
     people : number of people; by default 20, or the file's number.
     population : see `Scenario`; by default people of the default kind, in the start areas of the file if it has any.
     time_limit : s; by default long enough to walk out and to queue at the exits, at least 300 s.
@@ -64,7 +66,7 @@ def scenario_from_plan(
     UserWarning
         If shapes are dropped or repaired, and if the plan is so large that it may be in another unit.
     """
-    plan = read_plan(path, texts("exits", exits), unit=unit, level=level)
+    plan = read_plan(path, texts("exits", exits), unit=unit, level=level, layers=layers)
     crowd = as_people(population)
     if crowd is None:
         crowd = people_on(plan, people)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
+from shapely.geometry import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.arrays.state import Floats
@@ -15,7 +15,8 @@ from crowd_env.core.checks import counted
 from crowd_env.core.libraries import needed_for
 from crowd_env.scenarios.plans.floor_plan import Drawing, listed
 from crowd_env.scenarios.plans.lines import GAP, open_line, outlines
-from crowd_env.scenarios.plans.roles import LAYERS, role_of_layer
+from crowd_env.scenarios.plans.roles import LAYERS, RoleOf, role_of_layer
+from crowd_env.scenarios.plans.rooms import rooms_between
 from crowd_env.scenarios.plans.units import judge_unit
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 _MOST = 50_000  # entities of exploded blocks, which come at about ten thousand a second
 _DEEPEST = 16  # blocks in blocks
 _COARSE = 0.005  # m; curves become straight lines that are no further from them
-_SHOWN = 6  # layers in a message
+_SHOWN, _LISTED = 6, 24  # layers in a message, and where a user has to choose
 # Code in the header -> the unit, and how many meters it is if it is one that plans have.
 _UNITS = {
     **{1: ("inches", 0.0254), 2: ("feet", 0.3048), 4: ("mm", 0.001), 5: ("cm", 0.01), 6: ("m", 1.0)},
@@ -34,31 +35,46 @@ _UNITS = {
 _NO_LINES = ("TEXT", "MTEXT", "ATTDEF", "ATTRIB", "POINT", "DIMENSION", "LEADER", "MULTILEADER", "VIEWPORT", "IMAGE")
 
 
-def read_dxf(path: Path, meters: float | None) -> Drawing:
+def read_dxf(path: Path, meters: float | None, role_of: RoleOf = role_of_layer) -> Drawing:
     """Read the closed lines, hatches and blocks of a drawing, layer by layer.
+
+    Without a layer of floor, what the walls enclose together with the exits is floor.
 
     Parameters
     ----------
     meters : how many meters a unit of the drawing is, as the user gave it; the unit in the drawing is then only reported.
+    role_of : returns the role of a layer, and the name that it gives.
 
     Raises
     ------
     ModuleNotFoundError
         If ezdxf is not installed.
     ValueError
-        If the file is damaged or too large, or there is no layer of a walkable area.
+        If the file is damaged or too large, or there is no layer of a walkable area nor of walls.
     """
     document = _open(path)
     drawing = Drawing()
     drawing.unit, drawing.meters = _unit(document)
-    layers = _layers_with_a_role(document, drawing.notes)
-    walkable = [curve for layer in layers.values() if layer.role == "walkable" for curve in layer.curves]
-    if not walkable:
-        there = listed((one.dxf.name for one in document.layers if one.dxf.name.lower() != "defpoints"), _SHOWN)
-        raise ValueError(f"none of its visible layers says where people walk; name them {LAYERS}; its layers: {there}")
-    meters = meters or _taken_for(drawing, walkable, layers.values())
+    layers = _layers_with_a_role(document, role_of, drawing.notes)
+    floor, walls = ([one for one in layers.values() if one.role == role] for role in ("walkable", "obstacle"))
+    if not (floor or walls):
+        used = [*(one.dxf.name for one in document.layers), *(one.dxf.layer for one in document.modelspace())]
+        there = listed((name for name in dict.fromkeys(used) if name.lower() != "defpoints"), _LISTED)
+        name = f"name them {LAYERS}, or choose, such as --layers walkable=NAME, or obstacles=NAME for walls"
+        raise ValueError(f"none of its visible layers says where people walk; {name}; its layers: {there}")
+    extent = [curve for layer in floor or walls for curve in layer.curves]
+    meters = meters or _taken_for(drawing, extent, layers.values())
     for drawn in layers.values():
         _add_layer(drawing, drawn, meters)
+    if not floor:
+        drawing.walkable += rooms_between(drawing.obstacles, list(drawing.exits.values()), meters)
+        if not drawing.walkable:
+            names = listed([one.layer for one in walls], _SHOWN)
+            raise ValueError(
+                f"the walls on {names} enclose no room; exits close openings that lead out, see --layers exits=NAME"
+            )
+        rooms = counted(len(drawing.walkable), "area", "areas")
+        drawing.notes.append(f"no layer says where people walk: floor is what the walls enclose, {rooms}")
     return drawing
 
 
@@ -81,6 +97,13 @@ def _unit(document: "Document") -> tuple[str | None, float | None]:
     return _UNITS.get(int(document.header.get("$INSUNITS", 0)), (None, None))
 
 
+class _Wide(NamedTuple):
+    """A polyline with a width."""
+
+    curve: Any
+    width: float
+
+
 class _Layer(NamedTuple):
     """The shapes on a layer with a role; a hatch is a list of curves."""
 
@@ -90,7 +113,7 @@ class _Layer(NamedTuple):
     curves: list[Any]
 
 
-def _layers_with_a_role(document: "Document", notes: list[str]) -> dict[str, _Layer]:
+def _layers_with_a_role(document: "Document", role_of: RoleOf, notes: list[str]) -> dict[str, _Layer]:
     """Return name in small letters -> visible layer with a role; layers left out are noted."""
     from ezdxf import path as paths
 
@@ -98,18 +121,23 @@ def _layers_with_a_role(document: "Document", notes: list[str]) -> dict[str, _La
     found: dict[str, _Layer] = {}
     others: Counter[str] = Counter()
     unread: Counter[str] = Counter()
-    for layer, entity in _Exploding(document).exploded(document.modelspace()):
+    for layer, entity in _Exploding(document, role_of).exploded(document.modelspace()):
         kind = entity.dxftype()
         if kind in _NO_LINES:
             continue
-        role = role_of_layer(layer)
+        role = role_of(layer)
         unseen = layer.lower() in hidden or entity.dxf.get("invisible", 0)
         if kind == "INSERT" or role is None or unseen:
             others[layer + (" (hidden)" if unseen else "")] += 1
             continue
         try:
+            curves: list[Any]
             if kind in ("HATCH", "MPOLYGON"):
-                curves: list[Any] = [list(paths.from_hatch(entity))]
+                curves = [list(paths.from_hatch(entity))]
+            elif kind == "MLINE":
+                curves = [[paths.from_vertices(ring, close=True) for ring in _between(entity)]]
+            elif kind == "LWPOLYLINE" and (width := entity.dxf.get("const_width", 0.0)):
+                curves = [_Wide(paths.make_path(entity), width)]
             elif kind in ("SOLID", "TRACE", "3DFACE"):
                 curves = [paths.from_vertices(entity.wcs_vertices(), close=True)]
             else:
@@ -134,8 +162,8 @@ class _Exploding:
     none of their content is visible, on any layer.
     """
 
-    def __init__(self, document: "Document") -> None:
-        self._document = document
+    def __init__(self, document: "Document", role_of: RoleOf) -> None:
+        self._document, self._role_of = document, role_of
         self._frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
         self._layers: dict[str, frozenset[str]] = {}  # of all that a block holds
         self._count = 0
@@ -165,7 +193,7 @@ class _Exploding:
         if layer.lower() in self._frozen or insert.dxf.get("invisible", 0):
             return False
         within = self._layers_of(insert.dxf.get("name", ""), 0)
-        return any(role_of_layer(layer if name == "0" else name) is not None for name in within)
+        return any(self._role_of(layer if name == "0" else name) is not None for name in within)
 
     def _layers_of(self, block: str, depth: int) -> frozenset[str]:
         """Return the layers of all that a block holds, blocks within it included."""
@@ -185,7 +213,7 @@ def _taken_for(drawing: Drawing, walkable: Sequence[Any], layers: Iterable[_Laye
     from ezdxf.path import bbox
 
     box = bbox(_flat(walkable))
-    exits = [curve for layer in layers if layer.role == "exit" for curve in layer.curves if not isinstance(curve, list)]
+    exits = _flat([curve for layer in layers if layer.role == "exit" for curve in layer.curves])
     widest = max((float(curve.start.distance(curve.end)) for curve in exits), default=0.0)
     try:
         bounds = (box.extmin.x, box.extmin.y, box.extmax.x, box.extmax.y)
@@ -194,8 +222,21 @@ def _taken_for(drawing: Drawing, walkable: Sequence[Any], layers: Iterable[_Laye
         return 1.0
 
 
+def _between(mline: Any) -> list[Floats]:
+    """Return the outline (K, 2) of what lies between the outermost lines of a multiline, or the outlines if it is closed."""
+    lines = [one for one in mline.virtual_entities() if one.dxftype() == "LINE"]
+    merged = shapely.line_merge(shapely.MultiLineString([[one.dxf.start.vec2, one.dxf.end.vec2] for one in lines]))
+    chains = [shapely.get_coordinates(part) for part in shapely.get_parts(merged)]
+    first, last = chains[0], chains[-1]
+    if np.array_equal(first[0], first[-1]):
+        return [first, last]
+    ahead = np.hypot(*(first[-1] - last[0])) > np.hypot(*(first[-1] - last[-1]))
+    return [np.concatenate([first, last[::-1] if ahead else last])]
+
+
 def _flat(curves: Sequence[Any]) -> list[Any]:
-    return [one for curve in curves for one in (curve if isinstance(curve, list) else [curve])]
+    whole = [curve.curve if isinstance(curve, _Wide) else curve for curve in curves]
+    return [one for curve in whole for one in (curve if isinstance(curve, list) else [curve])]
 
 
 def _straight(curve: Any, meters: float) -> Floats:
@@ -213,14 +254,21 @@ def _add_layer(drawing: Drawing, drawn: _Layer, meters: float) -> None:
     """
     layer, role, name, curves = drawn
     hatches = [[_straight(ring, meters) for ring in curve] for curve in curves if isinstance(curve, list)]
-    lines = [_straight(curve, meters) for curve in curves if not isinstance(curve, list)]
-    if not all(np.isfinite(line).all() for line in (*lines, *(ring for rings in hatches for ring in rings))):
+    wide = [(_straight(curve.curve, meters), curve.width) for curve in curves if isinstance(curve, _Wide)]
+    lines = [_straight(curve, meters) for curve in curves if not isinstance(curve, list | _Wide)]
+    if role == "exit":  # as long as its line
+        lines, wide = lines + [line for line, _ in wide], []
+    every = (*lines, *(line for line, _ in wide), *(ring for rings in hatches for ring in rings))
+    if not all(np.isfinite(line).all() for line in every):
         raise ValueError(f"layer {layer} has a coordinate that is not finite")
     found = outlines([line for line in lines if len(line) > 1], GAP / meters)
     if found.closed_gap > 0.0:
         gap = 1000.0 * meters * found.closed_gap
         drawing.notes.append(f"layer {layer}: gaps between the ends of lines are closed, the widest {gap:.2g} mm")
     areas: list[BaseGeometry] = [*found.areas, *(_hatched(rings) for rings in hatches)]
+    areas += [
+        shapely.buffer(LineString(line), 0.5 * width, cap_style="flat", join_style="mitre") for line, width in wide
+    ]
     if role == "exit" and all(area.is_valid for area in areas):  # an outline and its hatch are one exit
         areas = list(shapely.get_parts(shapely.union_all(areas)))
     for area in areas:

@@ -18,6 +18,7 @@ from crowd_env.geometry.parsing import parse_exit, read_area
 from crowd_env.scenarios.plans.dxf import read_dxf
 from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, listed
 from crowd_env.scenarios.plans.geojson import is_geojson, level_name, read_geojson
+from crowd_env.scenarios.plans.roles import chosen_roles
 from crowd_env.scenarios.plans.tidying import apart, regions_in, simplified, tidied, without_obstacles
 from crowd_env.scenarios.plans.units import judge_unit, unit_in_meters
 from crowd_env.scenarios.plans.vadere import is_vadere, read_vadere
@@ -89,7 +90,12 @@ def split_level(path: str | Path) -> tuple[Path, str | None]:
 
 
 def read_plan(
-    path: str | Path, exits: Sequence[str] = (), *, unit: str | None = None, level: str | float | None = None
+    path: str | Path,
+    exits: Sequence[str] = (),
+    *,
+    unit: str | None = None,
+    level: str | float | None = None,
+    layers: Mapping[str, Sequence[str]] | None = None,
 ) -> FloorPlan:
     """Return the floor plan in a file.
 
@@ -101,6 +107,7 @@ def read_plan(
     unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that is implausible and the file
         names another.
     level : one level of a file that names levels, such as GeoJSON; or a part of the path, ``house.geojson:1``.
+    layers : role -> layers of a DXF drawing, as `crowd_env.scenarios.plans.roles.chosen_roles` takes them.
 
     Raises
     ------
@@ -115,7 +122,7 @@ def read_plan(
     try:
         require_file(path)
         _require_size(path)
-        drawing = _at_level(_reader(path)(path, meters), path, level)
+        drawing = _at_level(_read(path, meters, layers), path, level)
         if exits:
             if drawing.exits:
                 left_out = f"the exits of the file are left out for those that are given: {listed(drawing.exits)}"
@@ -127,6 +134,15 @@ def read_plan(
         raise ValueError(message if str(path) in message else f"{path}: {message}") from None
     except shapely.errors.ShapelyError as error:
         raise ValueError(f"{path}: its shapes cannot be cut and united: {error}") from None
+
+
+def _read(path: Path, meters: float | None, layers: Mapping[str, Sequence[str]] | None) -> Drawing:
+    reader = _reader(path)
+    if layers is None:
+        return reader(path, meters)
+    if reader is not read_dxf:
+        raise ValueError("it has no layers to choose from; a DXF drawing has")
+    return read_dxf(path, meters, chosen_roles(layers))
 
 
 def _at_level(drawing: Drawing, path: Path, level: str | None) -> Drawing:

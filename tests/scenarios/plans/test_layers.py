@@ -1,0 +1,101 @@
+"""Drawings whose layers have other names, or show walls alone; walls that are multilines and wide polylines."""
+
+import pytest
+from shapely.geometry import LineString
+
+from crowd_env import make_scenario
+from crowd_env.scenarios.plans.reading import read_plan
+
+ezdxf = pytest.importorskip("ezdxf")
+
+OFFICE = {"obstacles": ["a-wall", "A-FURN*"], "exits": ["A-Exit"]}
+
+
+def drawn(path, draw, unit=6):
+    document = ezdxf.new()
+    document.header["$INSUNITS"] = unit
+    draw(document.modelspace())
+    document.saveas(path)
+    return path
+
+
+def on(layer, **others):
+    return {"dxfattribs": {"layer": layer, **others}}
+
+
+def two_rooms(space):
+    """Walls of 0.2 m around and between two rooms, a gap of 0.9 m in between and one of 1.2 m in the east, a table."""
+    boxes = [(0, 0, 10.4, 0.2), (0, 6.2, 10.4, 6.4), (0, 0.2, 0.2, 6.2), (5, 0.2, 5.2, 2.5), (5, 3.4, 5.2, 6.2)]
+    boxes += [(10.2, 0.2, 10.4, 2.0), (10.2, 3.2, 10.4, 6.2)]
+    for layer, (x0, y0, x1, y1) in [*(("A-WALL", one) for one in boxes), ("A-FURN-TABLE", (2, 2, 3, 3))]:
+        space.add_lwpolyline([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], close=True, **on(layer))
+    space.add_line((10.3, 2.0), (10.3, 3.2), **on("A-EXIT"))
+    space.add_text("office", **on("A-TEXT"))
+
+
+def test_walls_alone_are_rooms(tmp_path):
+    plan = read_plan(drawn(tmp_path / "office.dxf", two_rooms), layers=OFFICE)
+    floor = (
+        4.8 * 6 + 0.2 * 0.9 + 5.0 * 6 + 0.1 * 1.2 - 1.0
+    )  # rooms, the gap, the exit to the middle of its wall, the table
+    assert plan.walkable.geom_type == "Polygon" and plan.walkable.area == pytest.approx(floor)
+    assert any("floor is what the walls enclose, 1 area" in note for note in plan.notes)
+    place = make_scenario(tmp_path / "office.dxf", layers=OFFICE, people=5)
+    assert place.exits == ("exit-0",) and place.geometry.exit_widths["exit-0"] == pytest.approx(1.2)
+
+
+def test_walls_may_be_single_lines(tmp_path):
+    def draw(space):
+        for line in ([(10, 2), (10, 0), (0, 0), (0, 6), (10, 6), (10, 3.2)], [(5, 0), (5, 2.5)], [(5, 3.4), (5, 6)]):
+            space.add_lwpolyline([(1000 * x, 1000 * y) for x, y in line], **on("W"))
+        space.add_line((10_000, 2_000), (10_000, 3_200), **on("X"))
+
+    plan = read_plan(drawn(tmp_path / "lines.dxf", draw, unit=4), layers={"obstacles": ["W"], "exits": ["X"]})
+    walls = 0.01 * (2 * 10 + 6 + 2 + 2.8) + 0.02 * (2.5 + 2.6)  # half of each outer one is outside
+    assert plan.walkable.area == pytest.approx(60.0 - walls, abs=0.002)
+
+
+def test_a_project_names_layers(tmp_path):
+    drawn(tmp_path / "office.dxf", two_rooms)
+    project = tmp_path / "office.toml"
+    project.write_text(
+        '[geometry]\nfile = "office.dxf"\nlayers = { obstacles = ["A-WALL"], exits = ["A-EXIT"] }\n'
+        '[geometry.exits]\neast = "exit-0"\n'
+    )
+    assert make_scenario(project).exits == ("east",)
+
+
+def test_multilines_and_wide_polylines_are_walls_as_thick_as_they_are_drawn(tmp_path):
+    def draw(space):
+        space.add_lwpolyline([(0, 0), (10, 0), (10, 6), (0, 6)], close=True, **on("jps-walkablearea"))
+        space.add_line((10, 2), (10, 3), **on("jps-exits"))
+        space.add_mline([(2, 2), (4, 2), (4, 4)], **on("jps-obstacles", scale_factor=0.2))
+        space.add_mline([(6, 2), (8, 2), (8, 4), (6, 4)], close=True, **on("jps-obstacles", scale_factor=0.2))
+        space.add_lwpolyline([(1, 5), (3, 5)], **on("jps-obstacles", const_width=0.3))
+
+    plan = read_plan(drawn(tmp_path / "walls.dxf", draw))
+    multiline = 2 * 2 * 0.2 + 0.2**2, 2.4**2 - 2.0**2  # its path runs along one side
+    assert 60.0 - plan.walkable.area == pytest.approx(sum(multiline) + 2 * 0.3)
+    assert not plan.walkable.intersects(LineString([(1.1, 5), (2.9, 5)]))
+
+
+@pytest.mark.parametrize(
+    ("layers", "words"),
+    [
+        (None, "none of its visible layers .* --layers walkable=NAME.*its layers: 0, A-WALL, A-FURN-TABLE, A-EXIT, A-TEXT"),
+        ({"obstacles": ["A-WALL"]}, "walls on A-WALL enclose no room; exits close openings that lead out"),
+        ({"wals": ["A-WALL"]}, "unknown key of layers 'wals'; known: walkable, obstacles, exits, starts, regions"),
+        ({"walkable": "A-WALL"}, "layers.walkable is 'A-WALL'"),
+    ],
+)  # fmt: skip
+def test_layers_that_do_not_do_are_named(tmp_path, layers, words):
+    path = drawn(tmp_path / "office.dxf", two_rooms)
+    with pytest.raises(ValueError, match=words):
+        read_plan(path, layers=layers)
+
+
+def test_a_file_without_layers_has_none_to_choose_from(tmp_path):
+    path = tmp_path / "room.wkt"
+    path.write_text("POLYGON ((0 0, 6 0, 6 5, 0 5, 0 0))")
+    with pytest.raises(ValueError, match="it has no layers to choose from; a DXF drawing has"):
+        read_plan(path, layers={"walkable": ["a"]})
