@@ -9,11 +9,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import shapely
 
-from crowd_env.analysis.passages import Gap
-from crowd_env.analysis.plan_check import PlanCheck, check_place, spot
+from crowd_env.analysis.plan_check import check_place, spot
 from crowd_env.core.files.json_file import json_number
+from crowd_env.geometry.parts import cut_off_by
 from crowd_env.scenarios.distributions import Uniform
 from crowd_env.scenarios.scenario import Scenario
 
@@ -36,8 +35,9 @@ def by_hand(place: Scenario) -> dict[str, Any]:
     queues = [_queue(people.people, sum(map(_effective, place.geometry.exit_lengths.values())), "the exits")]
     for passage in check.passages.values():
         if passage is not None and not passage.is_exit:
-            behind = round(people.people * _share_behind(check, passage.gap))
-            queues.append(_queue(behind, _effective(passage.gap.width), spot(passage.gap)))
+            lost = cut_off_by(passage.gap.line, check.geometry.walkable, check.geometry.exits, check.position)
+            behind = lost.mean() if len(lost) else 0.0
+            queues.append(_queue(round(behind * people.people), _effective(passage.gap.width), spot(passage.gap)))
     queue, effective, at = max(queues)
     response = max(part.response_time.high for part in people.parts)
     time = response + max(last, first + queue)
@@ -55,13 +55,3 @@ def _effective(width: float) -> float:
 def _queue(people: int, effective: float, at: str) -> tuple[float, float, str]:
     """Return for how long [s] people pass an effective width [m], and both."""
     return (people / (FLOW * effective) if effective > 0.0 else np.inf if people else 0.0), effective, at
-
-
-def _share_behind(check: PlanCheck, gap: Gap) -> float:
-    """Return which share of the people reach no exit if a gap is shut."""
-    if not len(check.position):
-        return 0.0
-    shut = shapely.difference(check.geometry.walkable, shapely.buffer(shapely.LineString(gap.line), 0.02))
-    exits = shapely.MultiLineString(list(check.geometry.exits))
-    free = [part for part in shapely.get_parts(shut) if shapely.dwithin(part, exits, 0.05)]
-    return float(1.0 - shapely.intersects_xy(shapely.union_all(free), *check.position.T).mean())

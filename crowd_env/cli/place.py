@@ -47,6 +47,7 @@ class CrowdOptions:
     scenario : a scenario that ships with crowd_env, a scenario file, or a floor plan in a file.
     exit : exits of a floor plan, in the forms of `crowd_env.geometry.parsing.parse_exit`.
     unit : of a floor plan, of ``exit`` and of ``starts``.
+    layers : of a DXF drawing, each ROLE=NAME,NAME.
     people : number of pedestrians.
     starts : CSV file of starting positions.
     walking : manner of walking, or a table of its parameters as JSON; competitive pedestrians on a floor plan are those of
@@ -61,6 +62,7 @@ class CrowdOptions:
     scenario: str = "room-v0"
     exit: Sequence[str] | None = None
     unit: str | None = None
+    layers: Sequence[str] | None = None
     people: int | None = None
     starts: str | Path | None = None
     walking: str | None = None
@@ -166,7 +168,7 @@ def read_place(options: CrowdOptions) -> Scenario:
     changes = split_changes(options.set)
     people = people_options(options, {name: changes[name] for name in _DRAWN if name in changes})
     timing: dict[str, Any] = {} if options.time_limit is None else {"time_limit": options.time_limit}
-    of_plan = plan_options(options.scenario, options.exit, options.unit)
+    of_plan = plan_options(options)
     if kind_of_place(options.scenario) == "plan":
         plan = read_plan(options.scenario, **of_plan)
         usual = TABLE_4 if options.walking == "competitive" else {}
@@ -218,24 +220,26 @@ def people_options(options: CrowdOptions, drawn: Mapping[str, str]) -> dict[str,
     return found
 
 
-def plan_options(name: str, exits: Sequence[str] | None, unit: str | None) -> dict[str, Any]:
-    """Return the options of `make_scenario` that --exit and --unit stand for.
+def plan_options(options: CrowdOptions) -> dict[str, Any]:
+    """Return the options of `make_scenario` that --exit, --unit and --layers stand for.
 
     Raises
     ------
     ValueError
         If one is given and the place is no floor plan in a file.
     """
+    name, exits, unit, layers = options.scenario, options.exit, options.unit, options.layers
     if kind_of_place(name) != "plan":
         if exits:
             raise ValueError(f"{name} has its own exits; --exit is for floor plans in files")
-        if unit is not None:
-            raise ValueError(f"{name} is in meters; --unit is for floor plans in files")
-    return {**({"exits": list(exits)} if exits else {}), **({} if unit is None else {"unit": unit})}
+        if unit is not None or layers:
+            raise ValueError(f"{name} is in meters and has no layers; --unit and --layers are for floor plans in files")
+    chosen = {role: names.split(",") for role, names in split_changes(layers, "--layers", "exits=NAME,NAME").items()}
+    return {key: value for key, value in (("exits", exits), ("unit", unit), ("layers", chosen)) if value}
 
 
-def split_changes(texts: Sequence[str] | None) -> dict[str, str]:
-    """Return what --set changes, by names.
+def split_changes(texts: Sequence[str] | None, option: str = "--set", such_as: str = "speed=1.5") -> dict[str, str]:
+    """Return what the texts of an option say, by names.
 
     Raises
     ------
@@ -246,9 +250,9 @@ def split_changes(texts: Sequence[str] | None) -> dict[str, str]:
     for text in texts or ():
         name, sign, value = (part.strip() for part in text.partition("="))
         if not (name and sign and value):
-            raise ValueError(f"--set {text}: this must be NAME=VALUE, such as speed=1.5")
+            raise ValueError(f"{option} {text}: this must be NAME=VALUE, such as {such_as}")
         if name in found:
-            raise ValueError(f"--set {text}: {name} is set twice")
+            raise ValueError(f"{option} {text}: {name} is set twice")
         found[name] = value
     return found
 

@@ -8,20 +8,28 @@ from typing import Annotated
 import typer
 
 from crowd_env.analysis.plan_check import PlanCheck, cells, check_place, check_plan, plain_check
+from crowd_env.analysis.results.plain import plain
 from crowd_env.cli import options
 from crowd_env.cli.console import check_picture, show_table
 from crowd_env.cli.place import CrowdOptions, people_options, plan_options, setting_of, split_changes
 from crowd_env.core.behaviors.outline import Outline, room_of
-from crowd_env.core.checks import at
+from crowd_env.core.checks import Plain, at
 from crowd_env.core.console import friendly_errors, noted, progress_bar, say
+from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios import kind_of_place
 from crowd_env.scenarios.floor_plan import people_on
 from crowd_env.scenarios.plans.reading import read_plan
+from crowd_env.scenarios.project import project_text
 
 app = options.new_app()
 
 _PLACES = f"{options.PLACES} Several make a sheet."
+_LAYERS = (
+    "Layers of a DXF drawing, in place of those that its names say: walkable, obstacles, exits, starts or regions, such "
+    'as "obstacles=A-WALL*,A-COLS"; may be repeated.'
+)
+_SAVE = "File, .toml, for what was understood of a floor plan: edit it, then run it."
 
 
 @app.command()
@@ -29,20 +37,25 @@ def plan(
     place: Annotated[list[str], typer.Argument(autocompletion=options.complete_scenario, help=_PLACES)],
     exit: options.Exits = None,
     unit: options.Unit = None,
+    layers: Annotated[list[str] | None, options.of_place(_LAYERS)] = None,
     people: options.PeopleCount = None,
     starts: options.Starts = None,
     set: options.Changes = None,
     out: Annotated[Path | None, options.plain("Image to write, .png.", "plan.png")] = None,
+    save: Annotated[Path | None, options.plain(_SAVE)] = None,
     seed: Annotated[int, options.plain("Where people stand.", min=0)] = 0,
     as_json: options.AsJson = False,
 ) -> None:
     """Draw what is understood of a place, to check it before anything is run: exits, regions, people, narrow passages.
 
-    A floor plan is drawn without exits too: read their coordinates off the axes, and give them with --exit.
+    A floor plan is drawn without exits too: read their coordinates off the axes, and give them with --exit.  --save writes a
+    project, to which people, doors, zones and all else can be added.
 
     Examples: crowd-env plan floor-v0 --out floor.png
 
     crowd-env plan my_room.wkt --exit 5,2,5,3 --people 40
+
+    crowd-env plan office.dxf --layers obstacles=A-WALL --layers exits=A-EXIT --save office.toml
     """
     wanted = Path("plan.png") if out is None else out
     picture: Path | None = wanted
@@ -54,19 +67,21 @@ def plan(
                 raise
             warnings.warn(f"figures alone, no picture: {error}", stacklevel=2)
             picture = None
-        for option, given in (("--exit", exit), ("--starts", starts)):
+        if save is not None:
+            check_suffix(save, (".toml",))
+        for option, given in (("--exit", exit), ("--starts", starts), ("--layers", layers), ("--save", save)):
             if given and len(place) > 1:
                 raise ValueError(f"{option} is for one floor plan, but {len(place)} places are given")
         checks, told = [], []
         with progress_bar("plans", 2 * len(place)) as progress:
             for name in place:
                 with noted() as said:
-                    checks.append(
-                        _check(
-                            CrowdOptions(scenario=name, exit=exit, unit=unit, people=people, starts=starts, set=set),
-                            seed,
-                        )
+                    asked = CrowdOptions(
+                        scenario=name, exit=exit, unit=unit, layers=layers, people=people, starts=starts, set=set
                     )
+                    checks.append(_check(asked, seed))
+                    if save is not None:
+                        write_text(save, _project(asked, save))
                 told.append(said)
                 progress(1)
             if picture is not None:
@@ -83,12 +98,14 @@ def plan(
         show_table(check.name, {"": cells(check)})
     if picture is not None:
         say(f"plan: {picture}")
+    if save is not None:
+        say(f"project: {save}; crowd-env run {save} runs it")
 
 
 def _check(asked: CrowdOptions, seed: int) -> PlanCheck:
     """Return a place as it was understood; a floor plan may lack exits."""
     if kind_of_place(asked.scenario) == "plan":
-        drawn = read_plan(asked.scenario, **plan_options(asked.scenario, asked.exit, asked.unit))
+        drawn = read_plan(asked.scenario, **plan_options(asked))
         if not drawn.exits:
             for note in drawn.notes:
                 warnings.warn(note, stacklevel=2)
@@ -99,3 +116,21 @@ def _check(asked: CrowdOptions, seed: int) -> PlanCheck:
                 geometry = Geometry.from_polygon(drawn.walkable, regions=drawn.regions)
             return check_plan(drawn.name, geometry, crowd, title=drawn.title, room=room, seed=seed)
     return check_place(setting_of(asked).place, seed)
+
+
+def _project(asked: CrowdOptions, path: Path) -> str:
+    """Return a scenario file of a floor plan, with all that the command said of it."""
+    if kind_of_place(asked.scenario) != "plan":
+        raise ValueError(f"{asked.scenario} is no floor plan in a file; --save writes a project of one")
+    if asked.starts is not None:
+        raise ValueError("--starts is not for --save: write starts = FILE under [population] of the project")
+    with warnings.catch_warnings():  # they have been given
+        warnings.simplefilter("ignore")
+        drawing = plan_options(asked)
+        plan = read_plan(asked.scenario, **drawing)
+        own_exits, changes = bool(drawing.pop("exits", None)), split_changes(asked.set)
+        others: Plain = {name: changes.pop(name) for name in ("outline", "balance") if name in changes}
+        fields = people_options(asked, changes)
+        crowd = people_on(plan, fields.pop("people", None))
+        of_all = {name: plain(law) for name, law in fields.items()}
+        return project_text(path, plan, crowd, own_exits=own_exits, drawing=drawing, of_all=of_all, others=others)

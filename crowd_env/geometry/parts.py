@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
-from crowd_env.core.arrays.state import Floats
+from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.geometry.parsing import ROUNDED, Area, place
 
 _EXACT = 0.999  # of a body has to fit
@@ -126,3 +126,12 @@ def say_left_out(parts: Sequence[Polygon]) -> None:
 def is_within(shape: Area, parts: Iterable[Polygon]) -> bool:
     """Return whether a shape lies in one of these parts, at least with a piece of it."""
     return any(shapely.intersection(shape, part).area > 0 for part in parts)
+
+
+def cut_off_by(line: Floats, area: Area, exits: Floats, points: Floats) -> Bools:
+    """Return which of the points (K, 2) have no way to ``exits`` (X, 2, 2) if a ``line`` (2, 2) across a passage is shut."""
+    shut = shapely.difference(area, shapely.buffer(shapely.LineString(line), 0.02))
+    free = [
+        part for part in shapely.get_parts(shut) if shapely.dwithin(part, shapely.multilinestrings(list(exits)), 0.05)
+    ]
+    return np.asarray(~shapely.intersects_xy(shapely.union_all(free), *points.T))

@@ -16,7 +16,7 @@ from crowd_env.agents.tasks import TASKS
 from crowd_env.agents.training_config import TrainingConfig
 from crowd_env.cli.agents.options import People, PlaceName, TaskName, Threads, changes, of_learning, task_or_place
 from crowd_env.cli.options import ONE_SCHEME, Exits, Unit, WalkingName, of_output, of_people, of_physics, of_runs
-from crowd_env.cli.place import plan_options, walking_of
+from crowd_env.cli.place import CrowdOptions, plan_options, walking_of
 from crowd_env.core.checks import known, number, whole
 from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.executors import check_cluster
@@ -205,7 +205,7 @@ def _begun(given: Mapping[str, Any], seed: int) -> TrainingConfig:
         return training_config.task_config(place, seed, **asked)
     if "people" in asked and kind_of_place(place) != "plan":
         raise ValueError(f"--people is {asked['people']}: a scenario says how many there are; leave it out")
-    options = plan_options(place, given.get("exit"), given.get("unit"))
+    options = plan_options(CrowdOptions(scenario=place, exit=given.get("exit"), unit=given.get("unit")))
     usual: dict[str, Any] = {"scheme": "nsm2", "envs": 64, "steps": 16_000_000, "minutes": 7.5}
     usual |= training_config.ROUTING_BUDGET if routing else {}
     return training_config.default_config(place, seed=seed, options=options, **(usual | asked))
