@@ -11,11 +11,13 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
-from crowd_env.geometry.parsing import SLIVER, Area, border_edges, place, tangents
+from crowd_env.core.checks import counted
+from crowd_env.geometry.parsing import ROUNDED, SLIVER, Area, border_edges, place, tangents
 
 _SAME = 1e-9  # m; a point nearer than this to a straight line is on it
 _SNAP = 0.01  # m; an exit may be drawn this far from the boundary ...
 _WALL = 0.3  # m; ... and is moved onto it from the other face of a wall
+_NARROW = 0.3  # m; what an obstacle leaves of an exit is no opening if it is narrower
 
 
 def open_boundary(area: Area, exits: Mapping[str, BaseGeometry]) -> tuple[Floats, Floats, tuple[str, ...]]:
@@ -107,6 +109,72 @@ def _openings(edges: Floats, name: str, shape: BaseGeometry, area: Area) -> list
                 raise ValueError(_off_boundary(name, segment, area))
             found += pieces
     return found
+
+
+def clear_exits(exits: Mapping[str, BaseGeometry], drawn: Area, area: Area) -> dict[str, BaseGeometry]:
+    """Return the exits, their lines cut to what obstacles leave of them.
+
+    Parameters
+    ----------
+    exits : name -> line or area; areas stay as they are.
+    drawn : walkable area with the obstacles.
+    area : the same without them.
+
+    Raises
+    ------
+    ValueError
+        If an obstacle thicker than a wall covers an exit all along.
+
+    Warns
+    -----
+    UserWarning
+        If a line is cut.
+    """
+    if drawn is area:
+        return dict(exits)
+    edges = _edges(drawn), _edges(area)
+    lines = {name for name, shape in exits.items() if "Line" in shape.geom_type and shape.length > 0.0}
+    return {
+        name: _clear(name, shape, (drawn, area), edges)
+        if name in lines and np.isfinite(shapely.get_coordinates(shape)).all()
+        else shape
+        for name, shape in exits.items()
+    }
+
+
+def _clear(name: str, shape: BaseGeometry, areas: tuple[Area, Area], edges: tuple[Floats, Floats]) -> BaseGeometry:
+    """Return the line of an exit without what obstacles cover of it; as it is if it is on no border, or nothing is covered."""
+    free, total, by = [], 0.0, 0.0
+    for part in shapely.get_parts(shape):
+        line = shapely.get_coordinates(part)
+        for segment in np.stack([line[:-1], line[1:]], axis=1):
+            on = next((m for m in (segment, *_moved_to(areas[0], segment)) if _along(edges[0], name, m)), None)
+            if on is None:
+                return shape
+            by = max(by, float(np.hypot(*(on - segment).T).max()))
+            total += float(np.hypot(*(on[1] - on[0])))
+            rows = _overlaps(edges[1], name, on, _SNAP)
+            ends = [(edges[1][row.edge], np.array([[row.low], [row.high]])) for row in rows]
+            free += [shapely.LineString(a + s * (b - a) / np.hypot(*(b - a))) for (a, b), s in ends]
+    pieces = shapely.get_parts(shapely.line_merge(shapely.union_all(free, grid_size=ROUNDED)))
+    lost = total - float(shapely.length(pieces).sum())
+    if lost <= 2 * _SNAP:
+        return shape
+    wide = [piece for piece in pieces if piece.length >= _NARROW]
+    if not wide:
+        segment = shapely.get_coordinates(shape)[[0, -1]]
+        if any(_along(edges[1], name, moved) for moved in _moved_to(areas[1], segment)):
+            return shape  # behind a wall that is drawn as an obstacle
+        raise ValueError(
+            f"exit {name!r} at {place(segment[0])}: an obstacle covers it, and leaves no opening of {_NARROW} m"
+        )
+    if by > _SNAP:
+        _say_moved(name, by)
+    widths = " and ".join(dict.fromkeys(f"{piece.length:.2f}" for piece in wide))
+    left = f"{counted(len(wide), 'opening', 'openings')} of {widths} m {'is' if len(wide) == 1 else 'are'} left"
+    slits = f", without {len(pieces) - len(wide)} narrower than {_NARROW} m" if len(wide) < len(pieces) else ""
+    warnings.warn(f"exit {name!r}: an obstacle covers {lost:.2f} of {total:.2f} m; {left}{slits}", stacklevel=5)
+    return shapely.MultiLineString(wide) if len(wide) > 1 else wide[0]
 
 
 def _along(edges: Floats, name: str, segment: Floats) -> list[_Opening]:

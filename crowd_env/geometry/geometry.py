@@ -28,7 +28,7 @@ from crowd_env.geometry.aprons import (
     sides_of_aprons,
     wanted_depths,
 )
-from crowd_env.geometry.boundary import ends_together, open_boundary, solid_depth
+from crowd_env.geometry.boundary import clear_exits, ends_together, open_boundary, solid_depth
 from crowd_env.geometry.doors import read_doors
 from crowd_env.geometry.jambs import NO_ARCS, Arcs, deepen_exits, round_jambs
 from crowd_env.geometry.parsing import (
@@ -149,7 +149,7 @@ class Geometry:
             it there; a polygon is cut out of the area and its border with the area becomes the exit.  Either may lie up to
             0.3 m, the thickness of a wall, off the boundary, and is moved onto it.
         obstacles
-            Areas cut out of the walkable area.
+            Areas cut out of the walkable area, and of the lines of exits.
         thin_walls
             Lines inside the area that are walls without thickness.
         regions
@@ -170,14 +170,14 @@ class Geometry:
         Warns
         -----
         UserWarning
-            If parts are joined or left out, or an exit is moved by more than 1 cm.
+            If parts are joined or left out, an exit is moved by more than 1 cm, or an obstacle covers a part of it.
         """
         radius = require_number("jamb_radius", jamb_radius, NOT_NEGATIVE, "m")
         regions = table("regions", {} if regions is None else regions, "names and areas")
         doors = table("doors", {} if doors is None else doors, "names and lines")
         area = join_near_parts(read_area(walkable, "walkable area"), "walkable area")
-        area = _without_obstacles(area, read_areas(obstacles, "obstacle"))
-        shapes = read_exits(exits)
+        drawn, area = area, _without_obstacles(area, read_areas(obstacles, "obstacle"))
+        shapes = clear_exits(read_exits(exits), drawn, area)
         area = _without_exit_areas(
             area, {name: s for name, s in shapes.items() if isinstance(s, Polygon | MultiPolygon)}
         )

@@ -131,6 +131,44 @@ def test_exits_that_are_nowhere_near_are_refused(line):
         Geometry.from_polygon(ROOM, exits={"a": line})
 
 
+@looped(
+    ("obstacle", "widths", "words"),
+    [
+        (shapely.box(5.8, 2.4, 6, 2.6), [0.4, 0.4], "0.20 of 1.00 m; 2 openings of 0.40 m are left"),
+        (shapely.box(5.2, 1, 6, 2.5), [0.5], "0.50 of 1.00 m; 1 opening of 0.50 m is left"),
+        (
+            shapely.box(5.2, 2.1, 6, 2.5),
+            [0.5],
+            "0.40 of 1.00 m; 1 opening of 0.50 m is left, without 1 narrower than 0.3 m",
+        ),
+        (shapely.box(5.8, 2.45, 6.2, 2.65), [0.45, 0.35], "2 openings of 0.45 and 0.35 m are left"),
+        (shapely.Point(6, 2.5).buffer(0.1), [0.4, 0.4], "2 openings of 0.40 m"),
+    ],
+    quick=2,
+)
+@looped("off", [0.0, 0.2])
+def test_an_exit_is_cut_to_what_an_obstacle_leaves_of_it(obstacle, widths, words, off):
+    """It was refused, as not on the boundary, although it is drawn on it."""
+    with pytest.warns(UserWarning) as said:
+        geometry = Geometry.from_polygon(ROOM, exits={"a": [(6 + off, 2), (6 + off, 3)]}, obstacles=[obstacle])
+    lengths = np.hypot(*(geometry.exits[:, 1] - geometry.exits[:, 0]).T)
+    assert np.sort(lengths) == pytest.approx(np.sort(widths), abs=1e-6)
+    assert ["moved onto it" in str(one.message) for one in said] == [True] * bool(off) + [False]
+    assert "exit 'a': an obstacle covers " in str(said[-1].message) and words in str(said[-1].message)
+
+
+def test_an_exit_that_obstacles_cover_all_along_is_refused():
+    with pytest.raises(ValueError, match=r"exit 'a' at \(6, 2\): an obstacle covers it"):
+        Geometry.from_polygon(ROOM, exits={"a": DOOR}, obstacles=[shapely.box(5.5, 1, 6, 4)])
+    with pytest.warns(UserWarning, match="0.20 m off the boundary .* moved onto it"):  # a wall drawn as an obstacle
+        Geometry.from_polygon(ROOM, exits={"a": DOOR}, obstacles=[shapely.box(5.8, 0, 6, 5)])
+
+
+def test_an_obstacle_beside_an_exit_leaves_it_as_it_is():
+    beside = quietly(ROOM, exits={"a": DOOR}, obstacles=[shapely.box(5.5, 1, 6, 2), shapely.box(5.5, 2.4, 5.9, 2.6)])
+    assert np.array_equal(beside.exits, quietly(ROOM, exits={"a": DOOR}).exits)
+
+
 def test_an_exit_on_the_boundary_is_not_spoken_of():
     assert len(quietly(ROOM, exits={"a": [(6.005, 2), (5.995, 3)], "b": shapely.box(-1, 1, 0, 2)}).exits) == 2
 

@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from crowd_env.core.checks import at
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.foreign import foreign_kind, read_text, require_file
+from crowd_env.geometry.boundary import clear_exits
 from crowd_env.geometry.parsing import parse_exit, read_area
 from crowd_env.scenarios.plans.dxf import read_dxf
 from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, listed
@@ -217,10 +218,10 @@ def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
         if meters is None:
             meters, note = _judged(drawing)
             notes += [note] if note else []
-        walkable = read_area(_collected(simplified(_scaled(drawing.walkable, meters), notes), notes), "walkable area")
-        walkable = without_obstacles(walkable, simplified(_scaled(drawing.obstacles, meters), notes), notes)
+        drawn = read_area(_collected(simplified(_scaled(drawing.walkable, meters), notes), notes), "walkable area")
+        walkable = without_obstacles(drawn, simplified(_scaled(drawing.obstacles, meters), notes), notes)
         regions = regions_in(walkable, _named(drawing.regions, meters), notes)
-        exits = apart(_named(drawing.exits, meters), notes)
+        exits = clear_exits(apart(_named(drawing.exits, meters), notes), drawn, walkable)
     notes += [str(warning.message) for warning in said if issubclass(warning.category, UserWarning)]
     own = {name: f"{name} (area)" if name in exits else name for name in regions}  # no region has the name of an exit
     starts = {own[name]: people for name, people in drawing.starts.items() if name in regions}

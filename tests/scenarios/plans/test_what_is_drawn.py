@@ -161,3 +161,9 @@ def test_web_mercator_is_refused_since_its_meters_are_none(code, tmp_path):
         read_plan(path)
     utm = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::25832"}}
     assert read_plan(features(path, crs=utm), [EAST]).walkable.area == 48.0
+
+
+def test_an_obstacle_over_a_part_of_an_exit_is_cut_out_of_it(tmp_path):
+    plan = read_plan(features(tmp_path / "plan.geojson", (shapely.box(7.5, 1, 8, 2.4), "wall")))
+    assert plan.exits["exit-0"].length == pytest.approx(0.8)
+    assert plan.notes == ("exit 'exit-0': an obstacle covers 0.40 of 1.20 m; 1 opening of 0.80 m is left",)
