@@ -109,6 +109,12 @@ def from_wkt(text: str, what: str) -> BaseGeometry:
         ) from None
 
 
+def fault(polygon: Polygon) -> tuple[str, str]:
+    """Return what is wrong with a polygon that is not valid, and where."""
+    problem, _, at = shapely.is_valid_reason(polygon).partition("[")
+    return problem.lower(), place([float(c) for c in at.rstrip("]").split()[:2]])
+
+
 def read_area(thing: Shape | Sequence[Shape], what: str) -> Area:
     """Return ``thing`` as one valid polygon or several; touching and overlapping parts are united.
 
@@ -122,8 +128,7 @@ def read_area(thing: Shape | Sequence[Shape], what: str) -> Area:
     for part in parts:
         _require_finite(part, what)
         if not part.is_valid and shapely.convex_hull(part).area > _MIN_AREA:
-            problem, _, at = shapely.is_valid_reason(part).partition("[")
-            spot = place([float(c) for c in at.rstrip("]").split()[:2]])
+            problem, spot = fault(part)
             raise ValueError(f"{what} is not a valid polygon: {problem.lower()} at {spot}; its rings may not cross")
     parts = [part for part in parts if part.is_valid and part.area > _MIN_AREA]
     if not parts:

@@ -220,7 +220,7 @@ def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
             notes += [note] if note else []
         drawn = read_area(_collected(simplified(_scaled(drawing.walkable, meters), notes), notes), "walkable area")
         walkable = without_obstacles(drawn, simplified(_scaled(drawing.obstacles, meters), notes), notes)
-        regions = regions_in(walkable, _named(drawing.regions, meters), notes)
+        regions = regions_in(walkable, _named(drawing.regions, meters), drawing.starts, notes)
         exits = clear_exits(apart(_named(drawing.exits, meters), notes), drawn, walkable)
     notes += [str(warning.message) for warning in said if issubclass(warning.category, UserWarning)]
     own = {name: f"{name} (area)" if name in exits else name for name in regions}  # no region has the name of an exit

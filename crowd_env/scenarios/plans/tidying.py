@@ -1,6 +1,6 @@
 """Repair of drawings: slivers, corners drawn twice, obstacles and regions that lie elsewhere."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import shapely
@@ -8,11 +8,11 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.checks import counted
-from crowd_env.geometry.parsing import Area, flat_parts, place, read_area
+from crowd_env.geometry.parsing import Area, fault, flat_parts, place, read_area
 from crowd_env.scenarios.plans.floor_plan import listed
 
+THICK = 0.02  # m; of a wall that is drawn as a line
 _THIN = 0.01  # m; narrower parts are not walkable
-_WALL = 0.02  # m; the thickness of an obstacle that is drawn as a line
 _NOTHING = 1e-6  # m^2; an obstacle smaller than this is none
 _SAME = 1e-9  # share of the area
 _MANY = 5_000  # corners; more of them are finer than people can see ...
@@ -44,10 +44,11 @@ def tidied(
     themselves = ("outline that runs along itself", "outlines that run along themselves")
     if crossing:
         themselves = ("outline that meets itself", "outlines that meet themselves")
-    for found, said, words in ((slivers, "left out", ("sliver", "slivers")), (mended, "mended", themselves)):
-        if found:
-            at = place(shapely.get_coordinates(found[0])[0])
-            notes.append(f"{what}: {said} {counted(len(found), *words)}, such as at {at}")
+    if slivers:
+        at = place(shapely.get_coordinates(slivers[0])[0])
+        notes.append(f"{what}: left out {counted(len(slivers), 'sliver', 'slivers')}, such as at {at}")
+    if mended:
+        notes.append(f"{what}: mended {counted(len(mended), *themselves)}, such as at {fault(mended[0])[1]}")
     return kept
 
 
@@ -114,11 +115,11 @@ def _walls(parts: Sequence[BaseGeometry], notes: list[str]) -> list[BaseGeometry
     lines = [part for part in parts if part.length > 0.0 and part.geom_type in ("LineString", "LinearRing")]
     areas = [part for part in parts if part.geom_type == "Polygon"]
     if lines:
-        notes.append(f"obstacles: {counted(len(lines), 'line', 'lines')} taken as walls {_WALL:g} m thick")
+        notes.append(f"obstacles: {counted(len(lines), 'line', 'lines')} taken as walls {THICK:g} m thick")
     points = len(parts) - len(lines) - len(areas)
     if points:
         notes.append(f"left out: {points} {'obstacle that is a point' if points == 1 else 'obstacles that are points'}")
-    return [*areas, *(shapely.buffer(line, 0.5 * _WALL, cap_style="square", join_style="mitre") for line in lines)]
+    return [*areas, *(shapely.buffer(line, 0.5 * THICK, cap_style="square", join_style="mitre") for line in lines)]
 
 
 def apart(exits: Mapping[str, BaseGeometry], notes: list[str]) -> dict[str, BaseGeometry]:
@@ -143,8 +144,12 @@ def _is_valid_area(shape: BaseGeometry) -> bool:
     return shape.geom_type in ("Polygon", "MultiPolygon") and shape.is_valid
 
 
-def regions_in(walkable: Area, regions: Mapping[str, BaseGeometry], notes: list[str]) -> dict[str, Area]:
+def regions_in(
+    walkable: Area, regions: Mapping[str, BaseGeometry], starts: Collection[str], notes: list[str]
+) -> dict[str, Area]:
     """Return the regions that lie in ``walkable`` [m], at least with a piece; the others are noted.
+
+    The names ``starts`` are those of start areas.
 
     Raises
     ------
@@ -160,9 +165,14 @@ def regions_in(walkable: Area, regions: Mapping[str, BaseGeometry], notes: list[
             lost.append(name)
         else:
             found[name] = area
-    if lost:
-        found_none = counted(len(lost), "region", "regions")
-        notes.append(f"left out: {found_none} with nothing of the walkable area, {listed(lost)}")
+    for names, words in (
+        ([name for name in lost if name not in starts], ("region", "regions")),
+        ([name for name in lost if name in starts], ("start area", "start areas")),
+    ):
+        if names:
+            note = f"left out: {counted(len(names), *words)} with nothing of the walkable area, {listed(names)}"
+            nowhere = words[0] == "start area" and not any(name in found for name in starts)
+            notes.append(note + ": pedestrians start anywhere on the plan" * nowhere)
     return found
 
 
@@ -179,6 +189,10 @@ def _is_area(part: BaseGeometry) -> bool:
 
 def _mended(part: Polygon, crossing: bool) -> list[Polygon]:
     """Return a polygon with an outline that touches or retraces itself as valid ones; none if it may not cross itself."""
-    valid = [one for one in flat_parts(shapely.make_valid(part)) if one.geom_type == "Polygon"]
-    total = sum(one.area for one in valid)
-    return valid if crossing or abs(total - part.area) <= _SAME * total else []
+    for method in ("linework", "structure"):  # the second cuts holes that share an edge with the outline
+        shape = shapely.make_valid(part, method=method, keep_collapsed=method == "linework")
+        valid = [one for one in flat_parts(shape) if one.geom_type == "Polygon"]
+        total = sum(one.area for one in valid)
+        if crossing or abs(total - part.area) <= _SAME * total:
+            return valid
+    return []

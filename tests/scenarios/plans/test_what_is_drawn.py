@@ -167,3 +167,14 @@ def test_an_obstacle_over_a_part_of_an_exit_is_cut_out_of_it(tmp_path):
     plan = read_plan(features(tmp_path / "plan.geojson", (shapely.box(7.5, 1, 8, 2.4), "wall")))
     assert plan.exits["exit-0"].length == pytest.approx(0.8)
     assert plan.notes == ("exit 'exit-0': an obstacle covers 0.40 of 1.20 m; 1 opening of 0.80 m is left",)
+
+
+@looped("shape", [shapely.box(20, 0, 22, 2), shapely.Point(2, 2)])
+def test_a_start_area_without_floor_is_told_with_what_follows(shape, tmp_path):
+    note = "left out: 1 start area with nothing of the walkable area, start-0"
+    plan = read_plan(features(tmp_path / "plan.geojson", (shape, "start")))
+    assert plan.notes == (note + ": pedestrians start anywhere on the plan",) and not plan.starts
+    both = features(tmp_path / "plan.geojson", (shape, "start"), (shapely.box(1, 1, 3, 3), "start"), (shape, "zone"))
+    plan = read_plan(both)
+    assert plan.notes == ("left out: 1 region with nothing of the walkable area, region-0", note)
+    assert list(plan.starts) == ["start-1"]
