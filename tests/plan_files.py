@@ -1,5 +1,6 @@
-"""Floor plans as others draw them: well-known text of every oddity, and drawings made by ezdxf."""
+"""Floor plans as others draw them: well-known text of every oddity, features, and drawings made by ezdxf."""
 
+import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,4 +109,13 @@ def room_drawing(path, unit=0, scale=1.0, exits="jps-exits"):
     box_of(space, 0, 0, 8 * scale, 6 * scale, "walkablearea")
     space.add_line((8 * scale, 2 * scale), (8 * scale, 3.2 * scale), dxfattribs={"layer": exits})
     document.saveas(path)
+    return path
+
+
+def feature(shape, **properties):
+    return {"type": "Feature", "properties": properties, "geometry": shapely.geometry.mapping(shape)}
+
+
+def geojson(path, *features, **others):
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": list(features), **others}))
     return path

@@ -67,16 +67,28 @@ def require_inside(what: str, line: Floats, area: Area, allowed: str) -> None:
         raise ValueError(f"{what} leaves the walkable area at {at}; it must {allowed}")
 
 
-def require_meters(what: str, system: str) -> None:
-    """Raise ValueError if the name of a reference system holds the number of one that is not in meters on the ground."""
+def in_degrees(what: str, system: str) -> str:
+    """Return the number of a reference system in degrees that its name holds, "" without one.
+
+    Raises
+    ------
+    ValueError
+        If it is that of Web Mercator, which is not in meters on the ground.
+    """
     number = _NO_METERS.search(system)
-    if number is not None and number[0] in _DEGREES:
-        raise ValueError(f"{what} is in degrees ({number[0]}); project it to meters first")
-    if number is not None:
+    if number is not None and number[0] not in _DEGREES:
         raise ValueError(
             f"{what} is in Web Mercator ({number[0]}), in which lengths are stretched, by 1.5 in Central Europe; project it "
             "to meters on the ground first, such as UTM"
         )
+    return "" if number is None else number[0]
+
+
+def require_meters(what: str, system: str) -> None:
+    """Raise ValueError if the name of a reference system holds the number of one that is not in meters on the ground."""
+    number = in_degrees(what, system)
+    if number:
+        raise ValueError(f"{what} is in degrees ({number}); project it to meters first")
 
 
 def from_wkt(text: str, what: str) -> BaseGeometry:
@@ -129,7 +141,7 @@ def read_area(thing: Shape | Sequence[Shape], what: str) -> Area:
         _require_finite(part, what)
         if not part.is_valid and shapely.convex_hull(part).area > _MIN_AREA:
             problem, spot = fault(part)
-            raise ValueError(f"{what} is not a valid polygon: {problem.lower()} at {spot}; its rings may not cross")
+            raise ValueError(f"{what} is not a valid polygon: {problem} at {spot}; its rings may not cross")
     parts = [part for part in parts if part.is_valid and part.area > _MIN_AREA]
     if not parts:
         raise ValueError(f"{what} encloses no area; it needs a polygon of at least three corners not in one line")

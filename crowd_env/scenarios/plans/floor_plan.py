@@ -12,6 +12,24 @@ from crowd_env.core.files.atomic import legible
 from crowd_env.geometry.parsing import Area
 
 
+@dataclass(frozen=True)
+class Door:
+    """A way through a wall.
+
+    Attributes
+    ----------
+    shape : point, line or area, in units of the drawing.
+    name : of the exit that it may be, "" without one.
+    width : m; None = as long as the shape is.
+    leads_out : whether it is an exit on the outer edge.
+    """
+
+    shape: BaseGeometry
+    name: str = ""
+    width: float | None = None
+    leads_out: bool = False
+
+
 @dataclass
 class Drawing:
     """The shapes of a file, in its own units and as found: nothing is checked, united or cut yet.
@@ -19,23 +37,29 @@ class Drawing:
     Attributes
     ----------
     walkable : areas that people walk on.
-    obstacles : areas that they do not.
+    rooms : rows of ``walkable`` that may have walls along the edges that they share.
+    doors : in these walls, in others, or exits.
+    obstacles : areas that people do not walk on.
     exits : name -> lines on the edge of the walkable area, or areas that people walk into.
     regions : name -> area.
     starts : name of a region in which people start -> how many of them, None if the file does not say.
     unit : the file's, as a word for messages, if it names one.
     meters : how many meters that unit is, if it is known.
+    on_ground : whether the coordinates are meters for sure, projected from degrees.
     levels : the drawing of each level, by its name, if the file names levels; then the rest is empty if there are several.
     notes : shapes that the reader dropped, or read in another way than may be meant.
     """
 
     walkable: list[BaseGeometry] = field(default_factory=list)
+    rooms: set[int] = field(default_factory=set)
+    doors: list[Door] = field(default_factory=list)
     obstacles: list[BaseGeometry] = field(default_factory=list)
     exits: dict[str, BaseGeometry] = field(default_factory=dict)
     regions: dict[str, BaseGeometry] = field(default_factory=dict)
     starts: dict[str, int | None] = field(default_factory=dict)
     unit: str | None = None
     meters: float | None = None
+    on_ground: bool = False
     levels: dict[str, "Drawing"] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
@@ -44,7 +68,10 @@ class Drawing:
         without a name are numbered.
         """
         match role:
-            case "walkable":
+            case "room":
+                self.rooms.add(len(self.walkable))
+                self.walkable.append(shape)
+            case "walkable" | "stairs":
                 self.walkable.append(shape)
             case "obstacle":
                 self.obstacles.append(shape)

@@ -1,22 +1,30 @@
-"""Floor plans in GeoJSON (RFC 7946): properties or the name of a feature define its role and its level."""
+"""Floor plans in GeoJSON (RFC 7946): properties define the role of a feature and its level.
+
+Features of OpenStreetMap and of IMDF (Indoor Mapping Data Format, OGC 20-094) are read by their own words.
+"""
 
 import re
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
 from shapely.geometry import shape as shape_of
+from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.checks import Plain, counted
-from crowd_env.geometry.parsing import require_meters
-from crowd_env.scenarios.plans.floor_plan import Drawing
-from crowd_env.scenarios.plans.roles import WORDS, role_of_layer, role_of_word
+from crowd_env.core.files.atomic import legible
+from crowd_env.geometry.parsing import flat_parts, in_degrees
+from crowd_env.scenarios.plans.degrees import Projection, looks_like_degrees
+from crowd_env.scenarios.plans.floor_plan import Door, Drawing, listed
+from crowd_env.scenarios.plans.roles import FIRST_EXITS, WORDS, Said, role_of_feature, role_of_word
 
-_KEYS = ("role", "kind", "type", "layer", "class", "category", "usage", "function", "name")
 _LEVELS = ("level", "level_id", "floor", "storey")
-_RANGE = re.compile(r"(-?\d+)\s*-\s*(-?\d+)")  # 0-2, as of stairs in OpenStreetMap
+_RANGE = re.compile(r"(-?\d+(?:\.\d+)?)\s*-\s*(-?\d+(?:\.\d+)?)")  # 0-2, as of stairs in OpenStreetMap
+_MOST_LEVELS = 200  # of a range
 _NAMES = ("name", "id", "label", "title")
+_FLOOR = ("walkable", "room", "stairs", "outline")
 _GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
 
 
@@ -25,19 +33,68 @@ def is_geojson(content: Any) -> bool:
     return isinstance(content, dict) and content.get("type") in ("FeatureCollection", "Feature", *_GEOMETRIES)
 
 
-def read_geojson(content: Plain) -> Drawing:
-    """Read features, level by level; polygons without a role are walkable if no other is."""
-    require_meters("it", str(content.get("crs", "")))
-    features = list(enumerate(_features(content)))
-    on = [_levels(_properties(feature)) for _, feature in features]
-    names = sorted({name for levels in on for name in levels}, key=_height)
+class _Feature(NamedTuple):
+    whole: Plain
+    table: Plain  # properties
+    shape: BaseGeometry | None
+
+    @property
+    def type(self) -> object:
+        """The feature_type of IMDF, None in another format."""
+        return self.whole.get("feature_type", self.table.get("feature_type"))
+
+    @property
+    def said(self) -> Said:
+        """What the properties say; floor is an area, or a closed line."""
+        area = self.shape is not None and (
+            self.shape.geom_type.endswith(("Polygon", "Collection")) or bool(shapely.is_ring(self.shape))
+        )
+        said = role_of_feature(self.table, self.type, area)
+        return said._replace(role="") if said.role in _FLOOR and not area else said
+
+
+def read_geojson(content: Plain, meters: float | None) -> Drawing:
+    """Read features, level by level; polygons that say nothing are walkable if no other is.
+
+    Parameters
+    ----------
+    meters : how many meters a unit is, as the user gave it.
+
+    Raises
+    ------
+    ValueError
+        If a feature is malformed, or its coordinates are in no unit of length and cannot be projected.
+    """
+    wholes = _features(content)
+    shapes = [_shape(whole.get("geometry"), number) for number, whole in enumerate(wholes)]
+    features = [_Feature(*one) for one in zip(wholes, map(_properties, wholes), shapes, strict=True)]
+    features, note = _on_ground(features, content.get("crs"), meters)
+    on, height, ignored = _levels_of(features)
+    names = sorted({name for levels in on for name in levels}, key=lambda name: (height.get(name, _height(name)), name))
     drawn = {
         name: _drawing(one for one, levels in zip(features, on, strict=True) if not levels or name in levels)
         for name in names
     }
     drawing = _drawing(features) if len(drawn) < 2 else Drawing()
     drawing.levels = drawn
+    for one in (drawing, *drawn.values()):
+        one.on_ground = bool(note)
+        one.notes[:0] = [said for said in (note, ignored) if said]
     return drawing
+
+
+def _on_ground(features: list[_Feature], crs: object, meters: float | None) -> tuple[list[_Feature], str]:
+    """Return the features in meters if they are in degrees, and a note of it; all have one origin."""
+    system = in_degrees("it", str(crs or ""))
+    points = shapely.get_coordinates([one.shape for one in features if one.shape is not None])
+    standard = any(one.type is not None or "indoor" in one.table for one in features)
+    if not len(points) or not (system or (not crs and meters is None and looks_like_degrees(points, standard))):
+        return features, ""
+    if meters not in (None, 1.0):
+        raise ValueError(f"it is in degrees ({system}), which are projected to meters: no other unit applies")
+    project = Projection(points)
+    ground = (one.shape and shapely.transform(one.shape, project) for one in features)
+    return [one._replace(shape=shape) for one, shape in zip(features, ground, strict=True)], project.note
 
 
 def level_name(level: object) -> str:
@@ -48,39 +105,92 @@ def level_name(level: object) -> str:
         return str(level).strip()
 
 
-def _height(level: str) -> tuple[float, str]:
+def _height(level: str) -> float:
     try:
-        return float(level), level
+        return float(level)
     except ValueError:
-        return np.inf, level
+        return np.inf
 
 
-def _levels(table: Plain) -> list[str]:
-    """Return the names of the levels of a feature; none if it has no level, and is on all."""
-    found: Any = next((table[key] for key in _LEVELS if table.get(key) not in (None, "")), [])
+def _levels_of(features: Sequence[_Feature]) -> tuple[list[list[str]], dict[str, float], str]:
+    """Return the names of the levels of each feature, none if it is on all, the height of levels, and a note.
+
+    A floor is a level only if all floors are numbers: it may be a covering.
+    """
+    named, height = _levels_of_imdf(features)
+    floors = {name for one in features for name in _listed(one.table.get("floor") or [])}
+    covering = any(_numbered(name) is None for name in floors)
+    keys = [key for key in _LEVELS if key != "floor" or not covering]
+    on = []
+    for one in features:
+        found: Any = next((one.table[key] for key in keys if one.table.get(key) not in (None, "")), [])
+        levels = [named.get(name, name) for name in _listed(found)]
+        on.append(levels + (_listed(one.table["repeat_on"]) if levels and one.table.get("repeat_on") else []))
+    some = covering and len(floors) > 1
+    note = f"floors that are no numbers are no levels: {listed(sorted(map(legible, floors)))}" if some else ""
+    return on, height, note
+
+
+def _levels_of_imdf(features: Sequence[_Feature]) -> tuple[dict[str, str], dict[str, float]]:
+    """Return id -> name of each level, and name -> ordinal; the ordinals are the names if the names are not distinct."""
+    levels = [(str(one.whole.get("id")), one.table) for one in features if one.type == "level"]
+    ordinal = {key: level_name(table.get("ordinal")) for key, table in levels}
+    named = {key: _text(table.get("short_name")) or _text(table.get("name")) or ordinal[key] for key, table in levels}
+    named = named if len(set(named.values())) == len(named) else ordinal
+    return named, {name: _height(ordinal[key]) for key, name in named.items()}
+
+
+def _listed(levels: Any) -> list[str]:
+    """Return the names of levels: of a list, of 0;1, of 0,1, of 0-2."""
     names: list[str] = []
-    for level in found if isinstance(found, list) else str(found).split(";"):
-        between = _RANGE.fullmatch(str(level).strip())
-        ends = [] if between is None else sorted(map(int, between.groups()))
-        names += map(str, range(ends[0], ends[1] + 1)) if ends and ends[1] - ends[0] < 200 else [level_name(level)]
+    for level in levels if isinstance(levels, list) else str(levels).split(";"):
+        numbers = [_numbered(part) for part in str(level).split(",")]
+        names += [level_name(level)] if None in numbers else [name for part in numbers for name in part or ()]
     return names
 
 
-def _drawing(features: Iterable[tuple[int, Plain]]) -> Drawing:
+def _numbered(text: str) -> list[str] | None:
+    """Return the names of the levels of a number or a range, None if it is neither."""
+    between = _RANGE.fullmatch(text.strip())
+    if between is None:
+        return [level_name(text)] if np.isfinite(_height(text)) else None
+    low, high = sorted(map(float, between.groups()))
+    return [f"{low + k:g}" for k in range(int(high - low) + 1)] if high - low < _MOST_LEVELS else None
+
+
+def _drawing(features: Iterable[_Feature]) -> Drawing:
     drawing = Drawing()
-    unmarked: list[Any] = []
-    for number, feature in features:
-        table = _properties(feature)
-        shape = _shape(feature.get("geometry"), number)
-        if shape is None:
+    unmarked: list[_Feature] = []
+    seen: Counter[str] = Counter()
+    for one in features:
+        if one.shape is None:
             continue
-        role, name = _role(table)
-        name = name or _name({**feature, **table})
-        if role is None:
-            unmarked.append(shape)
-        else:
-            drawing.add(role, name if role != "exit" or name not in drawing.exits else "", shape)
-    _add_unmarked(drawing, unmarked)
+        said, shape = one.said, one.shape
+        if said.role in _FLOOR and shape.geom_type == "LineString":
+            shape = shapely.Polygon(shape)
+            one = one._replace(shape=shape)
+        own = one.table if one.type else {**one.whole, **one.table}  # the id of IMDF is no name
+        name = said.name or _name(own, said.role)
+        seen[said.role] += 1
+        match said.role:
+            case "" | "outline":
+                unmarked.append(one)
+            case "nothing":
+                pass
+            case "elevator":
+                drawing.obstacles += [part for part in flat_parts(shape) if part.geom_type == "Polygon"]
+            case "exit" if not shape.geom_type.endswith("Point"):
+                drawing.add(said.role, name if name not in drawing.exits else "", shape)
+            case "door" | "exit" | "entrance" | "opening":
+                width, leads_out = _width(one.table.get("width")), said.role != "door"
+                at = 0 if one.table.get("category") in FIRST_EXITS else len(drawing.doors)
+                drawing.doors[at:at] = [Door(part, name, width, leads_out) for part in flat_parts(shape)]
+            case role:
+                drawing.add("room" if role == "stairs" and one.table.get("indoor") == "room" else role, name, shape)
+    for kind, words in (("stairs", "stairs are floor like any other"), ("elevator", "elevators are no floor")):
+        if seen[kind]:
+            drawing.notes.append(f"{words}: {counted(seen[kind], 'feature', 'features')}")
+    _add_unmarked(drawing, unmarked, bare=seen["walkable"] + seen["room"] == 0)
     return drawing
 
 
@@ -121,36 +231,48 @@ def _holds_text(thing: Any) -> bool:
     return isinstance(thing, str) or (isinstance(thing, list) and any(map(_holds_text, thing)))
 
 
-def _role(table: Plain) -> tuple[str | None, str]:
-    """Return the role from the properties, and the name that a layer gives: jps-exits-north."""
-    for key in _KEYS:
-        for own, word in table.items():
-            if own.lower() == key and isinstance(word, str):
-                role = role_of_word(word)
-                if role is not None:
-                    return role, ""
-                layer = role_of_layer(word)
-                if layer is not None:
-                    return layer
-    return None, ""
+def _text(value: Any) -> str:
+    """Return a text, or one of the texts by language that IMDF has."""
+    if isinstance(value, Mapping):
+        value = value.get("en", next(iter(value.values()), ""))
+    return str(value).strip() if isinstance(value, str | int) else ""
 
 
-def _name(table: Plain) -> str:
+def _width(value: Any) -> float | None:
+    """Return a width [m]: 0.9, "0.9 m", "90 cm"; None if it is no width."""
+    match = re.fullmatch(r"(\d*\.?\d+)\s*(m|cm)?", str(value).strip())
+    width = 0.0 if match is None else float(match[1]) * (0.01 if match[2] == "cm" else 1.0)
+    return width if width > 0.0 else None
+
+
+def _name(table: Plain, role: str) -> str:
+    """Return the name of a feature, "" if it only repeats its role."""
     for key in _NAMES:
         for own, word in table.items():
-            name = str(word).strip() if isinstance(word, str | int) else ""
-            if own.lower() == key and name and role_of_word(name) is None:
+            name = _text(word)
+            if own.lower() == key and name and role_of_word(name) != role:
                 return name
     return ""
 
 
-def _add_unmarked(drawing: Drawing, unmarked: list[Any]) -> None:
-    polygons = [shape for shape in unmarked if shape.geom_type.endswith(("Polygon", "Collection"))]
-    left = len(unmarked) if drawing.walkable else len(unmarked) - len(polygons)
-    if not drawing.walkable:
-        drawing.walkable += polygons
+def _add_unmarked(drawing: Drawing, unmarked: list[_Feature], bare: bool) -> None:
+    """Add polygons that say nothing, and outlines, to a drawing that is ``bare`` of floor; what is left out is noted."""
+    left: Counter[str] = Counter()
+    for one in unmarked:
+        role, _, words = one.said
+        assert one.shape is not None
+        if bare and (role or not words) and one.shape.geom_type.endswith(("Polygon", "Collection")):
+            drawing.walkable.append(one.shape)
+        else:
+            left[legible(words)[:60]] += 1
     if left:
-        drawing.notes.append(
-            f"left out: {counted(left, 'feature', 'features')} without a word of what it is; a property 'kind' may be one of "
-            f"{', '.join(WORDS)}"
-        )
+        (first, count), *others = left.most_common()
+        parts = [
+            f"{counted(count, 'feature', 'features')} {_with(first)}",
+            *(f"{n} {_with(word)}" for word, n in others),
+        ]
+        drawing.notes.append(f"left out: {listed(parts, 8)}; a property 'kind' may be one of {', '.join(WORDS)}")
+
+
+def _with(words: str) -> str:
+    return f"with {words}" if words else "without a word of what it is"

@@ -20,6 +20,7 @@ from crowd_env.scenarios.plans.dxf import read_dxf
 from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, listed
 from crowd_env.scenarios.plans.geojson import is_geojson, level_name, read_geojson
 from crowd_env.scenarios.plans.roles import chosen_roles
+from crowd_env.scenarios.plans.shared_edges import open_doors, walls_between
 from crowd_env.scenarios.plans.tidying import apart, regions_in, simplified, tidied, without_obstacles
 from crowd_env.scenarios.plans.units import judge_unit, unit_in_meters
 from crowd_env.scenarios.plans.vadere import is_vadere, read_vadere
@@ -42,7 +43,7 @@ def read_json_plan(path: Path, meters: float | None = None) -> Drawing:
         raise ValueError("nested too deeply") from None
     for holds, read in _IN_JSON:
         if holds(content):
-            return read(content)
+            return read(content, meters)
     raise ValueError(
         "it is JSON, but neither GeoJSON, which is a FeatureCollection, a Feature or a geometry, nor a scenario of Vadere, "
         "which has a 'topography' in 'scenario'"
@@ -106,7 +107,7 @@ def read_plan(
     exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into; they replace the
         exits of the file.
     unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that is implausible and the file
-        names another.
+        names another.  Degrees become meters about the middle of the file, in which exits are then.
     level : one level of a file that names levels, such as GeoJSON; or a part of the path, ``house.geojson:1``.
     layers : role -> layers of a DXF drawing, as `crowd_env.scenarios.plans.roles.chosen_roles` takes them.
 
@@ -129,6 +130,7 @@ def read_plan(
                 left_out = f"the exits of the file are left out for those that are given: {listed(drawing.exits)}"
                 drawing.notes.append(left_out)
             drawing.exits = {f"exit-{number}": parse_exit(text) for number, text in enumerate(exits)}
+            drawing.doors = [replace(door, leads_out=False) for door in drawing.doors]
         return replace(_plan(path, drawing, meters), level=level)
     except ValueError as error:
         message = str(error)
@@ -213,15 +215,25 @@ def _is_json_plan(path: Path) -> bool:
 def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
     """Return a drawing as a plan in meters."""
     notes = list(drawing.notes)
+    if not drawing.walkable:
+        raise ValueError("; ".join(["it has no area to walk on", *notes]))
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", UserWarning)
         if meters is None:
             meters, note = _judged(drawing)
             notes += [note] if note else []
-        drawn = read_area(_collected(simplified(_scaled(drawing.walkable, meters), notes), notes), "walkable area")
-        walkable = without_obstacles(drawn, simplified(_scaled(drawing.obstacles, meters), notes), notes)
+        floor = simplified(_scaled(drawing.walkable, meters), notes)
+        drawn = read_area(_collected(floor, notes), "walkable area")
+        doors = [replace(door, shape=_scaled([door.shape], meters)[0]) for door in drawing.doors]
+        obstacles = simplified(_scaled(drawing.obstacles, meters), notes)
+        walls = walls_between(floor, drawing.rooms, doors, obstacles, notes)
+        walkable = without_obstacles(drawn, [*obstacles, *walls], notes)
+        walkable, leaving = open_doors(walkable, doors, obstacles, notes)
         regions = regions_in(walkable, _named(drawing.regions, meters), drawing.starts, notes)
-        exits = clear_exits(apart(_named(drawing.exits, meters), notes), drawn, walkable)
+        found = Drawing(exits=_named(drawing.exits, meters))
+        for name, line in leaving:
+            found.add("exit", "" if name in found.exits else name, line)
+        exits = clear_exits(apart(found.exits, notes), drawn, walkable)
     notes += [str(warning.message) for warning in said if issubclass(warning.category, UserWarning)]
     own = {name: f"{name} (area)" if name in exits else name for name in regions}  # no region has the name of an exit
     starts = {own[name]: people for name, people in drawing.starts.items() if name in regions}
@@ -232,7 +244,7 @@ def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
 def _judged(drawing: Drawing) -> tuple[float, str]:
     """Return how many meters a unit of the drawing is, and a note about it."""
     points = shapely.get_coordinates(drawing.walkable)
-    if not len(points) or not np.isfinite(points).all() or not shapely.area(drawing.walkable).sum() > 0:
+    if drawing.on_ground or not np.isfinite(points).all() or not shapely.area(drawing.walkable).sum() > 0:
         return 1.0, ""  # reading the shapes gives the better message
     lines = [shape.length for shape in drawing.exits.values() if "Line" in shape.geom_type]
     bounds = (*points.min(axis=0), *points.max(axis=0))

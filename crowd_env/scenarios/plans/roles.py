@@ -1,9 +1,9 @@
-"""The role of a shape, from the layer of a drawing or a word of a feature."""
+"""The role of a shape, from the layer of a drawing or the words of a feature."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
 from fnmatch import fnmatchcase
-from typing import TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from crowd_env.core.checks import known, texts
 
@@ -14,15 +14,60 @@ _LAYER = re.compile(
 _OF_LAYER = {"w": "walkable", "o": "obstacle", "e": "exit", "d": "start"}
 LAYERS = "jps-walkablearea, jps-obstacles, jps-exits and jps-distributions (with or without jps-)"
 
-# Words of a feature, beside the names of layers.
+# Words of a feature, beside the names of layers.  Only the edges of rooms may be walls; an outline is floor if nothing else is.
 WORDS = {
-    "walkable": ("walkable", "floor", "room", "corridor"),
-    "obstacle": ("wall", "walls", "column", "columns", "pillar", "pillars", "hole", "holes"),
+    "walkable": ("walkable", "floor", "corridor", "walkway", "hallway", "hall", "lobby"),
+    "room": ("room",),
+    "door": ("door", "doors"),
+    "obstacle": ("wall", "walls", "column", "columns", "pillar", "pillars", "hole", "holes", "window", "windows"),
     "exit": ("emergency exit", "outlet"),
     "start": ("start", "starts", "source", "sources"),
     "region": ("region", "regions", "zone", "zones"),
+    "stairs": ("stairs", "staircase", "steps"),
+    "elevator": ("elevator", "elevators", "lift"),
+    "outline": ("outline", "building", "building outline", "footprint"),
 }
 _OF_WORD = {word: role for role, words in WORDS.items() for word in words}
+_OWN = ("role", "kind", "type", "layer", "class", "category", "usage", "function")
+
+# Key of OpenStreetMap -> value -> role; "*" = any other, "" = it says nothing.  See its page Simple Indoor Tagging.
+OSM = {
+    "highway": {"steps": "stairs", "elevator": "elevator"},
+    "stairs": {"yes": "stairs", "no": ""},
+    "room": {"stairs": "stairs", "elevator": "elevator"},
+    "entrance": {"no": "", "*": "entrance"},
+    "exit": {"no": "", "*": "entrance"},
+    "door": {"*": "door"},  # door=no is an opening without a leaf
+    "indoor": {
+        **{"room": "room", "area": "walkable", "corridor": "walkable"},
+        **{"wall": "obstacle", "column": "obstacle", "door": "door", "level": "outline"},
+    },
+    "building": {"no": "", "*": "outline"},
+}
+_ON_EDGES = ("entrance", "exit", "door")  # keys that say nothing about an area
+_RELATIONS = ("multipolygon", "boundary", "site")  # types in OpenStreetMap
+
+# feature_type of IMDF 1.0.0 (OGC 20-094), beside units -> role; "nothing" = it only describes.
+IMDF = {
+    **{"opening": "opening", "fixture": "obstacle", "kiosk": "obstacle"},
+    **dict.fromkeys(("address", "amenity", "anchor", "building", "detail", "footprint", "geofence"), "nothing"),
+    **dict.fromkeys(("level", "manifest", "occupant", "relationship", "section", "venue"), "nothing"),
+}
+# Category of a unit -> role, if it is no room.
+UNITS = {
+    **{"stairs": "stairs", "steps": "stairs", "escalator": "stairs", "elevator": "elevator"},
+    **dict.fromkeys(("nonpublic", "structure", "opentobelow", "vegetation"), "obstacle"),
+    **dict.fromkeys(("brick", "column", "concrete", "drywall", "glass", "wood"), "obstacle"),
+}
+FIRST_EXITS = ("emergencyexit", "pedestrian.principal")  # categories of openings
+
+
+class Said(NamedTuple):
+    """What the properties of a feature say of it."""
+
+    role: str  # "" = none, or none that is known
+    name: str  # that a layer gives
+    words: str  # key=value, as written; "" if no property says anything
 
 
 RoleOf: TypeAlias = Callable[[str], tuple[str, str] | None]
@@ -62,8 +107,45 @@ def role_of_layer(layer: str) -> tuple[str, str] | None:
 
 
 def role_of_word(word: str) -> str | None:
-    """Return the role that a word of a feature names: a role of a layer, or region; None = no role."""
+    """Return the role that a word of a feature names, one of `WORDS`; None = no role."""
     of_layer = role_of_layer(word)
     if of_layer is not None and not of_layer[1]:
         return of_layer[0]
     return _OF_WORD.get(re.sub(r"[-_\s]+", " ", word).strip().lower())
+
+
+def role_of_feature(table: Mapping[str, Any], feature_type: object, area: bool) -> Said:
+    """Return what the first property with a known word says; without one, the last word that is not known.
+
+    Parameters
+    ----------
+    table : properties.
+    feature_type : of IMDF; None = another format.
+    area : whether the feature has a polygon.
+    """
+    if isinstance(feature_type, str):
+        imdf = UNITS.get(str(table.get("category")), "room") if feature_type == "unit" else IMDF.get(feature_type, "")
+        return Said(imdf, "", f"feature_type={feature_type}")
+    unknown = ""
+    for key in (*_OWN, *OSM):
+        for own, word in table.items():
+            if own.lower() != key or not isinstance(word, str) or (area and key in _ON_EDGES):
+                continue
+            role, name = _role(key, word)
+            if role:
+                return Said(role, name, f"{own}={word}")
+            if role is None and re.search(r"[^\W\d_]", word):  # a number says nothing
+                unknown = f"{own}={word}"
+    return Said("", "", unknown)
+
+
+def _role(key: str, word: str) -> tuple[str | None, str]:
+    """Return the role of a word and the name that it gives; "" = it says nothing, None = it is not known."""
+    if key in OSM:
+        words = OSM[key]
+        return words.get(word.strip().lower(), words.get("*")), ""
+    if key == "type" and word in _RELATIONS:
+        return "", ""
+    role = role_of_word(word)
+    layer = role_of_layer(word) if key == "layer" else None
+    return layer if role is None and layer is not None else (role, "")

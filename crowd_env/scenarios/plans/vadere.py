@@ -19,7 +19,7 @@ def is_vadere(content: Any) -> bool:
     return isinstance(scenario, dict) and "topography" in scenario
 
 
-def read_vadere(content: Plain) -> Drawing:
+def read_vadere(content: Plain, meters: float | None) -> Drawing:
     """Read the topography of a scenario, releases 1 to 4; targets that are no way out are regions."""
     places = content["scenario"]["topography"]
     try:

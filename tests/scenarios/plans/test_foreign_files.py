@@ -8,21 +8,11 @@ import numpy as np
 import pytest
 import shapely
 from cases import looped
-from plan_files import EAST, ROOM, room_drawing
+from plan_files import EAST, ROOM, feature, geojson, room_drawing
 
 from crowd_env import CrowdEnv, make_scenario
 from crowd_env.scenarios.floor_plan import people_on
 from crowd_env.scenarios.plans.reading import is_plan, read_plan
-
-
-def feature(shape, **properties):
-    return {"type": "Feature", "properties": properties, "geometry": shapely.geometry.mapping(shape)}
-
-
-def geojson(path, *features, **others):
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": list(features), **others}))
-    return path
-
 
 EXIT = shapely.LineString([(8, 2), (8, 3.2)])
 ROOM_AND_EXIT = (feature(ROOM, kind="walkable"), feature(EXIT, kind="exit", name="east"))
@@ -100,15 +90,6 @@ def test_a_bare_geometry_is_walkable(tmp_path):
     path.write_text(json.dumps(shapely.geometry.mapping(ROOM)))
     assert read_plan(path, [EAST]).walkable.equals(ROOM)
     assert make_scenario(path, exits=[EAST]).exits == ("exit-0",)
-
-
-def test_degrees_are_refused(tmp_path):
-    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}
-    with pytest.raises(ValueError, match="degrees"):
-        read_plan(geojson(tmp_path / "plan.geojson", *ROOM_AND_EXIT, crs=crs))
-    small = shapely.affinity.scale(ROOM, 1e-5, 1e-5)
-    with pytest.raises(ValueError, match="km or degrees"):
-        read_plan(geojson(tmp_path / "plan.geojson", feature(small)), ["0,0,0,1"])
 
 
 def house(path):
