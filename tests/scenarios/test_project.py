@@ -4,9 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from commands import call
 from shapely.geometry import box, mapping
 
-from crowd_env import CrowdEnv, make_scenario
+from crowd_env import OUTLINES, CrowdEnv, LogNormal, Outline, make_scenario
 
 PROJECT = """
 time_limit = 90
@@ -129,3 +130,58 @@ def test_density_of_a_plan_in_the_file_itself(tmp_path):
     plan = "[geometry]\nwalkable = { box = [0, 0, 10, 5] }\nexits = { a = [[0, 1], [0, 2]] }\n"
     path.write_text(plan + "[population]\ndensity = 0.4\n")
     assert make_scenario(path).population.people == 20
+
+
+# ------------------------------------------------------------------------------------------------ saved by a command
+
+
+def saved(tmp_path, options, path=None):
+    files = f"--out {tmp_path / 'plan.png'} --save {tmp_path / 'p.toml'}"
+    done = call(f"plan {path or drawing(tmp_path)} {options} {files}")
+    assert done.exit_code == 0, done.stderr
+    return (tmp_path / "p.toml").read_text()
+
+
+def test_what_was_understood_is_saved_and_is_the_same_place(tmp_path):
+    text = saved(tmp_path, "--people 9 --set response_time=lognormal,5,0.5,30 --set outline=torso")
+    place, alone = make_scenario(tmp_path / "p.toml"), make_scenario(drawing(tmp_path), people=9)
+    assert place.exits == alone.exits and place.geometry.area == alone.geometry.area
+    assert 'file = "drawings/hall.geojson"' in text and 'east = "east" # area of 0.2 m2 around' in text
+    people = place.population
+    assert (people.people, people.start_region, people.response_time) == (9, "corner", LogNormal(5.0, 0.5, 30.0))
+    assert place.behavior(Outline) == OUTLINES["torso"]
+
+
+def test_exits_and_units_of_the_command_are_saved(tmp_path):
+    text = saved(tmp_path, "--exit 0,3,0,4.2 --unit m")
+    place = make_scenario(tmp_path / "p.toml")
+    assert place.exits == ("exit-0",) and place.geometry.exit_widths["exit-0"] == pytest.approx(1.2)
+    assert "exit-0 = [[0.0, 3.0], [0.0, 4.2]]" in text and 'unit = "m"' in text
+
+
+def test_a_drawing_without_exits_is_saved_to_be_given_some(tmp_path):
+    path = tmp_path / "room.wkt"
+    path.write_text("POLYGON ((0 0, 6 0, 6 5, 0 5, 0 0))")
+    text = saved(tmp_path, "", path)
+    assert "# no exits yet" in text
+    exits = "[geometry.exits]\nout = [[6, 2], [6, 3]]\n[population]"
+    (tmp_path / "p.toml").write_text(text.replace("[population]", exits))
+    assert make_scenario(tmp_path / "p.toml").exits == ("out",)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("room-v0 --save p.toml", "room-v0 is no floor plan in a file"),
+        ("examples/foyer.wkt --save p.json", "p.json"),
+        ("examples/foyer.wkt --layers A --save p.toml", "--layers A: this must be NAME=VALUE, such as exits=NAME,NAME"),
+        (
+            "examples/foyer.wkt examples/office.dxf --save p.toml",
+            "--save is for one floor plan, but 2 places are given",
+        ),
+        ("room-v0 --layers walkable=A", "--layers are for floor plans in files"),
+    ],
+)
+def test_what_cannot_be_saved_is_refused(tmp_path, monkeypatch, line, words):
+    done = call(f"plan {line} --out {tmp_path / 'plan.png'}")
+    assert done.exit_code == 2 and words in " ".join(done.stderr.split())
