@@ -50,7 +50,7 @@ def check_picture(option: str, path: Path, suffixes: Sequence[str], *, makes_fol
     ValueError
         If its suffix is another, it is a folder, or its folder is missing (unless that is made) or cannot be written.
     ModuleNotFoundError
-        If a drawing library is not installed; the message says how to install it.
+        If a drawing library is not installed; the message explains how to install it.
     """
     from crowd_env.core.files.atomic import check_suffix
     from crowd_env.rendering.libraries import require_libraries

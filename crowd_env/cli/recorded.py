@@ -83,7 +83,7 @@ def film_file(option: str, path: Path, name: str = "film") -> Path:
     ValueError
         If its suffix is another than those of films, or it cannot be written.
     ModuleNotFoundError
-        If a drawing library is not installed; the message says how to install it.
+        If a drawing library is not installed; the message explains how to install it.
     """
     from crowd_env.rendering.film import FORMATS as FILMS
     from crowd_env.rendering.libraries import film_suffix

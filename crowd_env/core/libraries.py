@@ -11,7 +11,7 @@ def needed_for(what: str, install: str = "") -> Iterator[None]:
     Raises
     ------
     ModuleNotFoundError
-        If the library is not installed; the message says how to install it.
+        If the library is not installed; the message explains how to install it.
     """
     try:
         yield

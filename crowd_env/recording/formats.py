@@ -66,6 +66,6 @@ def open_writer(path: Path, first: Frames) -> Writer:
 
 
 def require_library(path: Path, doing: str) -> None:
-    """Raise ModuleNotFoundError unless the library of a format is installed; the message says how to install it."""
+    """Raise ModuleNotFoundError unless the library of a format is installed; the message explains how to install it."""
     with needed_for(f"{doing} {path.name}"):
         importlib.import_module(FORMATS[path.suffix.lower()].library)

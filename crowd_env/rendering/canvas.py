@@ -32,7 +32,7 @@ def new_figure(
     Raises
     ------
     ModuleNotFoundError
-        If matplotlib is not installed; the message says how to install it.
+        If matplotlib is not installed; the message explains how to install it.
     """
     with drawing_library():
         from matplotlib.backends.backend_agg import FigureCanvasAgg

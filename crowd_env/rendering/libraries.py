@@ -27,7 +27,7 @@ def drawing_library() -> AbstractContextManager[None]:
     Raises
     ------
     ModuleNotFoundError
-        If the library is not installed; the message says how to install it.
+        If the library is not installed; the message explains how to install it.
     """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
     return needed_for("drawing", "pygame-ce matplotlib pillow imageio-ffmpeg")
@@ -39,7 +39,7 @@ def require_libraries(suffix: str) -> None:
     Raises
     ------
     ModuleNotFoundError
-        If one of them is not installed; the message says how to install them.
+        If one of them is not installed; the message explains how to install them.
     """
     with drawing_library():
         for name in _NEEDED[suffix]:

@@ -12,7 +12,7 @@ def filled(package: str, folder: str, **parts: Any) -> str:
     Raises
     ------
     ModuleNotFoundError
-        If the template engine is not installed; the message says how to install it.
+        If the template engine is not installed; the message explains how to install it.
     """
     with drawing_library():
         from jinja2 import Environment, PackageLoader, StrictUndefined

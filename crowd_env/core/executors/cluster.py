@@ -38,7 +38,7 @@ class RayCluster:
     ValueError
         If the cluster cannot be reached, or no node of it has ``cores`` cores.
     ModuleNotFoundError
-        If Ray is not installed; the message says how to install it.
+        If Ray is not installed; the message explains how to install it.
     """
 
     apart = True
@@ -97,7 +97,7 @@ def load_ray() -> Any:
     Raises
     ------
     ModuleNotFoundError
-        If it is not installed; the message says how to install it.
+        If it is not installed; the message explains how to install it.
     """
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # Ray reports to its makers unless told not to
     with needed_for("a Ray cluster", "'ray[rllib]'"):
@@ -114,7 +114,7 @@ def check_cluster() -> None:
     ValueError
         If nothing listens at the address.
     ModuleNotFoundError
-        If Ray is not installed; the message says how to install it.
+        If Ray is not installed; the message explains how to install it.
     """
     load_ray()
     address = os.environ.get("RAY_ADDRESS", "")

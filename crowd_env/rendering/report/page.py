@@ -35,7 +35,7 @@ def write_report(
     ValueError
         If the suffix is unknown.
     ModuleNotFoundError
-        If a drawing library is not installed; the message says how to install it.
+        If a drawing library is not installed; the message explains how to install it.
     """
     path = check_suffix(path, (".html",))
     text = filled(
