@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from crowd_env import Routing, Scenario
-from crowd_env.core.arrays.state import Floats
+from crowd_env.core.arrays.state import Floats, segment_lengths
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.envs.tasks.task import Task
 
@@ -20,8 +20,7 @@ _ALONE = 100  # runs of people who are alone
 
 def exit_widths(place: Scenario) -> Floats:
     """Return the widths (X,) [m] of the exits."""
-    ends = place.geometry.exits
-    return np.asarray(np.hypot(*(ends[:, 1] - ends[:, 0]).T))
+    return segment_lengths(place.geometry.exits)
 
 
 def touching_flow(place: Scenario) -> float:

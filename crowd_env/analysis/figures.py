@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.analysis.results.plain import plain
-from crowd_env.core.arrays.state import MAX_SPEED, Floats, Ints
+from crowd_env.core.arrays.state import MAX_SPEED, Floats, Ints, segment_lengths
 from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.checks import counted
 from crowd_env.core.files.json_file import json_number
@@ -189,7 +189,7 @@ def entered_lengths(geometry: Geometry, exit_index: Ints) -> dict[str, float]:
     exit_index : (N,) row of `Geometry.exits` of each pedestrian, -1 = none.
     """
     people = np.bincount(exit_index[exit_index >= 0], minlength=len(geometry.exits))
-    length = np.hypot(*(geometry.exits[:, 1] - geometry.exits[:, 0]).T)
+    length = segment_lengths(geometry.exits)
     names, lengths = np.array(geometry.exit_names), dict.fromkeys(geometry.exit_names, 0.0)
     for name, rows in geometry.openings(_SIDE):
         of_all = people[names == name].sum()

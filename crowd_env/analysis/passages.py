@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env.analysis.terrain import Terrain
-from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.arrays.state import Floats, Ints, segment_lengths
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields import grid
 
@@ -90,7 +90,7 @@ def _goal(walls: Floats, terrain: Terrain, lines: Floats) -> tuple[int, Gap]:
     points = np.concatenate([a + along * (b - a) for a, b in lines])
     away = distances(points, walls)
     best = int(np.argmax(away))
-    lengths = np.hypot(*(lines[:, 1] - lines[:, 0]).T)
+    lengths = segment_lengths(lines)
     whole = Gap(float(lengths.sum()), lines[int(np.argmax(lengths))])
     if (np.unique(lines.reshape(-1, 2), axis=0, return_counts=True)[1] > 1).all():
         own = whole  # all around an area that people walk into

@@ -16,7 +16,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.arrays.state import Bools, Floats, Ints, unit_vectors
 from crowd_env.core.checks import (
     Natural,
     NotNegative,
@@ -40,7 +40,7 @@ KEEP = -1  # the choice that keeps the current way
 
 _TURNS = np.arange(8) * np.pi / 4
 # Discrete action k < 8: full speed at k * 45 degrees to the left of the first axis; 8: stand still.
-DISCRETE = np.concatenate([np.column_stack([np.cos(_TURNS), np.sin(_TURNS)]), np.zeros((1, 2))])
+DISCRETE = np.concatenate([unit_vectors(_TURNS), np.zeros((1, 2))])
 
 
 @dataclass(frozen=True)
@@ -165,9 +165,7 @@ class SpeedTable:
     @property
     def commands(self) -> Floats:
         """The command of each choice (S H, 2)."""
-        heading = np.array(self.headings)
-        ways = np.column_stack([np.cos(heading), np.sin(heading)])
-        return (np.array(self.speeds)[:, None, None] * ways).reshape(-1, 2)
+        return (np.array(self.speeds)[:, None, None] * unit_vectors(np.array(self.headings))).reshape(-1, 2)
 
     @property
     def rule(self) -> int:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 import shapely
 
-from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.arrays.state import Floats, Ints, segment_lengths
 from crowd_env.geometry.parsing import Area, Shape, read_lines, require_inside, tangents
 
 _SHORT = 1e-3  # m
@@ -48,7 +48,7 @@ def read_doors(
             require_inside(f"door {name!r}", lines[name], area, "cross a passage inside")
             segments = np.stack([lines[name][:-1], lines[name][1:]], axis=1)
             closes.append(None)
-        length = np.hypot(*(segments[:, 1] - segments[:, 0]).T)[:, None]
+        length = segment_lengths(segments)[:, None]
         if length.min() < _SHORTEST:
             raise ValueError(f"door {name!r} is {length.min():.3f} m wide; it must be at least {_SHORTEST:g} m")
         cut = _SHORT * (segments[:, 1] - segments[:, 0]) / length

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from shapely.geometry import MultiPolygon, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
-from crowd_env.core.arrays.state import Bools, Floats, Ints, joined_starts
+from crowd_env.core.arrays.state import Bools, Floats, Ints, joined_starts, segment_lengths
 from crowd_env.core.checks import NOT_NEGATIVE, table
 from crowd_env.core.checks import number as require_number
 from crowd_env.core.checks import text as require_text
@@ -430,7 +430,7 @@ class Geometry:
     @cached_property
     def exit_lengths(self) -> dict[str, float]:
         """The length [m] of the lines through which people pass each exit, by its name: of a zone all its open sides."""
-        length = np.hypot(*(self.exits[:, 1] - self.exits[:, 0]).T)
+        length = segment_lengths(self.exits)
         names = np.array(self.exit_names, dtype=object)
         return {name: float(length[names == name].sum()) for name in dict.fromkeys(self.exit_names)}
 
@@ -564,7 +564,7 @@ def _thin_walls(area: Area, left_out: list[Polygon], lines: list[Floats]) -> Flo
             continue
         require_inside(f"thin wall {number}", line, area, "lie inside")
         ends = np.stack([line[:-1], line[1:]], axis=1)
-        segments.append(ends[np.hypot(*(ends[:, 1] - ends[:, 0]).T) > SLIVER])
+        segments.append(ends[segment_lengths(ends) > SLIVER])
         if not len(segments[-1]):
             raise ValueError(f"thin wall {number} at {place(line[0])} has no length; it needs two different points")
     return np.concatenate(segments)

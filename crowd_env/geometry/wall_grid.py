@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.arrays.state import Bools, Floats, Ints, row_starts
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
 
@@ -46,7 +46,7 @@ def make_wall_grid(boundary: Boundary, reach: float | None) -> WallGrid:
         size=np.array([part[1] for part in parts]),
         shape=np.array([part[2] for part in parts], dtype=np.int64),
         cell_start=np.cumsum([0, *cells[:-1]]).astype(np.int64),
-        wall_start=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        wall_start=row_starts(counts),
         wall=np.concatenate([part[4] for part in parts]).astype(np.int64),
     )
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.arrays.state import Bools, Floats, Ints, slots_of
 from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import POSITIVE, array, number, require_all
 from crowd_env.geometry.geometry import Geometry
@@ -63,7 +63,7 @@ def contact_forces(simulation: Simulation, e: int = 0) -> ContactForces:
 
     Forces from impulse solvers fluctuate from step to step; `mean_contact_forces` averages many steps.
     """
-    people = slice(int(simulation.bodies.env_start[e]), int(simulation.bodies.env_start[e + 1]))
+    people = slots_of(simulation.bodies, e)
     position, radius = simulation.state.position[people].copy(), simulation.bodies.radius[people].copy()
     angle, outline = simulation.state.angle[people].copy(), simulation.outline
     active, contacts = simulation.state.active[people].copy(), simulation.contacts(e)

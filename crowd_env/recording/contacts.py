@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.arrays.state import Bools, Floats, Ints, slots_of
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.recording.content import FrameContacts
 
@@ -32,7 +32,7 @@ class ContactSums:
 
     def __init__(self, simulation: Simulation, e: int) -> None:
         self._simulation, self._e = simulation, e
-        self._people = slice(int(simulation.bodies.env_start[e]), int(simulation.bodies.env_start[e + 1]))
+        self._people = slots_of(simulation.bodies, e)
         self._time = float(simulation.state.time[e])
         # Forces at the end of a step act through half of it, and through half of the next (Verlet).
         self._share = 0.5 if simulation.scheme.info.contacts_at == "end" else 1.0

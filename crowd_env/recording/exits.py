@@ -6,7 +6,7 @@ no time there (`SpeedCalculation.BORDER_ADAPTIVE`).  So there are two.
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.arrays.state import Bools, Floats, segment_lengths
 
 APRON = 0.6  # m, depth of the ground outside of an exit that rows beyond it lie on
 _LEAST, _MOST = 0.05, 0.5  # m beyond the line, and beyond the place before
@@ -29,7 +29,7 @@ def places_beyond(
     since : (K,) s, from the crossing to the first of the two frames.
     interval : s, from that to the second.
     """
-    length = np.hypot(*(line[:, 1] - line[:, 0]).T)
+    length = segment_lengths(line)
     along = (line[:, 1] - line[:, 0]) / length[:, None]
     outward = np.stack([along[:, 1], -along[:, 0]], axis=1)
 

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Floats
+from crowd_env.core.arrays.state import Floats, unit_vectors
 from crowd_env.core.checks import Plain
 from crowd_env.geometry.aprons import add_aprons
 from crowd_env.recording.content import OF_PEOPLE, Frames
@@ -109,6 +109,6 @@ def fields_of(
 def facing(recording: Frames) -> Floats:
     """Return unit vectors (R, 2): the orientation of bodies, or (discs) their walking direction; x where unknown."""
     if recording.angle is not None:
-        return np.stack([np.cos(recording.angle), np.sin(recording.angle)], axis=1)
+        return unit_vectors(recording.angle)
     speed = np.hypot(*recording.velocity.T)[:, None]
     return np.where(speed > 0.0, recording.velocity / np.maximum(speed, 1e-300), (1.0, 0.0))

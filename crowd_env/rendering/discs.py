@@ -5,7 +5,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.arrays.state import Floats, Ints, unit_vectors
 from crowd_env.core.behaviors.outline import Outline
 from crowd_env.rendering.libraries import Image
 from crowd_env.rendering.palette import INK, darker
@@ -97,7 +97,7 @@ def put_bodies(
         put_discs(image, at[large], width[large], around[large], rim=False)  # all rims lie below all bodies
         put_discs(image, at, width - np.where(large, edges, 0.0), np.repeat(color, count, axis=0), rim=False)
         seen = (radius >= _DOT) & ~round_
-        ahead = np.column_stack([np.cos(bodies.facing), np.sin(bodies.facing)])[seen]
+        ahead = unit_vectors(bodies.facing)[seen]
         nose = layout.pixels(bodies.position[seen] + 0.35 * bodies.radius[seen, None] * ahead)
         put_discs(image, nose, 0.22 * radius[seen], darker(color[seen]), rim=False)
     feet = layout.pixels(bodies.feet.reshape(-1, 2))

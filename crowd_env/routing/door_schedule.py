@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
+from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints, slots_of
 from crowd_env.core.clock import DueClock, next_multiple
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.spec import DoorEvent
@@ -83,7 +83,7 @@ class DoorSchedule:
             events = self._events[e]
             if len(self._happened[e]) == len(events) or not self._clock.is_due(e, state.time[e]):
                 continue
-            people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
+            people = slots_of(bodies, e)
             # Padded to the most of any place.
             doors = zip(self._geometries[e].doors, door_open[e].tolist(), strict=False)
             before = closed = frozenset(name for name, is_open in doors if not is_open)

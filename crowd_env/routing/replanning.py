@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bodies, CrowdState, Floats, Ints
+from crowd_env.core.arrays.state import Bodies, CrowdState, Floats, Ints, slots_of
 from crowd_env.core.clock import DueClock
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.routing.arrays import add_fields, join_routes
@@ -111,7 +111,7 @@ class RoutePlanner:
         for e, place in self._dynamic:
             if only not in (None, e) or not self._clock.is_due(e, state.time[e]):
                 continue
-            people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
+            people = slots_of(bodies, e)
             if not state.active[people].any():
                 continue
             present = np.arange(people.start, people.stop)[state.present[people]]

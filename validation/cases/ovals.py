@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env import Bodies, Normal
+from crowd_env.core.arrays.state import unit_vectors
 from validation.cases.case import RECORDED, Row, Setting, adults, number, row
 from validation.cases.crowds import Crowds, Floats, crowds_at, generator
 from validation.cases.ring import along, annulus, around, turned
@@ -59,7 +60,7 @@ def jammed(setting: Setting, d: int) -> tuple[Bodies, Floats]:
     angle = np.repeat(np.concatenate([gap * np.arange(packed), rest]) / RADIUS, _FILES)
     off = RADIUS + np.tile((np.arange(_FILES) - 0.5 * (_FILES - 1)) * WIDTHS[-1] / _FILES, files)
     bodies = adults(len(angle)).draw_bodies(generator(setting, d))
-    return bodies, off[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    return bodies, off[:, None] * unit_vectors(angle)
 
 
 def drift(crowds: Crowds) -> Floats:

@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 
 from crowd_env import Geometry
+from crowd_env.core.arrays.state import unit_vectors
 from validation.cases.case import RECORDED, Row, Setting, adults, row
 from validation.cases.crowds import Floats, Moment, crowds_at, generator
 
@@ -56,7 +57,7 @@ def speeds(setting: Setting, densities: tuple[float, ...] = tuple(BANDS)) -> dic
     drawn = []
     for n in numbers:
         angle = 2.0 * np.pi / n * np.arange(n)
-        position = _RADIUS * np.column_stack([np.cos(angle), np.sin(angle)])
+        position = _RADIUS * unit_vectors(angle)
         drawn += [(adults(n).draw_bodies(generator(setting, d)), position) for d in range(setting.draws)]
     crowds = crowds_at(ring(), drawn, setting, setting.draws)
     found = crowds.speeds(onward, lambda before, now: _RADIUS * turned(before.position, now.position), _FROM, _UNTIL)

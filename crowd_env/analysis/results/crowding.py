@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.analysis.results.measurements import SAMPLE, Density, Grid, felt_around, grid_over
-from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.arrays.state import Bools, Floats, Ints, segment_lengths
+from crowd_env.core.checks import Plain
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.geometry.geometry import Geometry, nearest_among
 from crowd_env.physics.pressure import INJURY, contact_pressure
@@ -118,7 +119,7 @@ class CrowdingRecorder:
             piece = self._nearest_piece(simulation.state.position[who])
             np.add.at(self._load, (env.env_of_person[who], piece), given[who])
         if ends:
-            length = np.maximum(np.hypot(*(self._pieces[:, 1] - self._pieces[:, 0]).T), 1.0)
+            length = np.maximum(segment_lengths(self._pieces), 1.0)
             load = np.hypot(*np.moveaxis(self._load, -1, 0)) / (duration[:, None] * length)
             np.maximum(self._load_most, load, out=self._load_most)
             self._load[:] = 0.0
@@ -188,7 +189,7 @@ def wall_pieces(geometry: Geometry) -> Floats:
 
     The load of a shorter one is that of a meter.
     """
-    count = np.maximum(np.hypot(*(geometry.walls[:, 1] - geometry.walls[:, 0]).T).astype(np.int64), 1)
+    count = np.maximum(segment_lengths(geometry.walls).astype(np.int64), 1)
     wall = np.repeat(np.arange(len(count)), count)
     first = (np.arange(len(wall)) - np.repeat(np.cumsum(count) - count, count)) / count[wall]
     a, along = geometry.walls[wall, 0], geometry.walls[wall, 1] - geometry.walls[wall, 0]

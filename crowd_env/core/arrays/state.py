@@ -148,8 +148,8 @@ def make_state(position: Floats, velocity: Floats | None = None, *, environments
         velocity=velocity,
         angle=np.zeros(count),
         spin=np.zeros(count),
-        active=np.ones(count, dtype=np.bool_),
-        present=np.ones(count, dtype=np.bool_),
+        active=np.ones(count, dtype=bool),
+        present=np.ones(count, dtype=bool),
         exit_time=np.full(count, np.nan),
         exit_index=np.full(count, -1, dtype=np.int64),
         route=np.zeros(count, dtype=np.int64),
@@ -248,6 +248,21 @@ def _require(name: str, values: Floats, allowed: Bools, must: str) -> None:
     if not allowed.all():
         bad = int(np.argmin(allowed))
         raise ValueError(f"{name} of pedestrian {bad} is {values[bad]:g}; it must be {must}")
+
+
+def segment_lengths(segments: Floats) -> Floats:
+    """Return the length (K,) of segments (K, 2, 2)."""
+    return np.hypot(*(segments[:, 1] - segments[:, 0]).T)
+
+
+def unit_vectors(angle: np.ndarray) -> Floats:
+    """Return the vectors (K, 2) of length 1 at angles (K,) [rad] to the left of the x axis."""
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def slots_of(bodies: Bodies, e: int) -> slice:
+    """Return the slots of the pedestrians of environment ``e``."""
+    return slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
 
 
 def as_grid(values: np.ndarray, environments: int) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Ints
+from crowd_env.core.arrays.state import Ints, unit_vectors
 from crowd_env.core.checks import Plain, Range, check_fields, from_data
 from crowd_env.envs.observation.view import Columns, Plan, View
 from crowd_env.envs.terms import Layout, Term, observed_terms, own_terms
@@ -184,7 +184,7 @@ class ObservationLayout(Layout):
         angle = 2.0 * np.pi * np.arange(self.rays) / self.rays
         return Plan(
             column=Columns(**{name: self[name].start if name in wanted else -1 for name in TERMS}),
-            turn=np.column_stack([np.cos(angle), np.sin(angle)]),
+            turn=unit_vectors(angle),
             beam=np.zeros((3, self.rays)),
             nearest=np.zeros(self.neighbors),
             around=np.zeros((4, largest)),

@@ -11,7 +11,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.core.arrays.state import Bools, as_grid
+from crowd_env.core.arrays.state import Bools, as_grid, segment_lengths
 from crowd_env.core.checks import POSITIVE, Plain, array, known, number, refuse, texts
 from crowd_env.envs.action import Masks
 from crowd_env.envs.arguments import NUMBERS, Place, parts_of
@@ -103,7 +103,7 @@ class RoutingBatch:
         # A route via a region continues as another route from there: people on that one already follow the first.
         self._continuation = np.array([route_set.routes[k].following for k in self._route], dtype=np.int64)
         self._exit_of_row = np.array([exits.index(name) for name in geometry.exit_names], dtype=np.int64)
-        length = np.hypot(*(geometry.exits[:, 1] - geometry.exits[:, 0]).T)
+        length = segment_lengths(geometry.exits)
         self._width = np.bincount(self._exit_of_row, weights=length, minlength=len(exits)).astype(np.float64)
         self._fields = [route_set.routes[route_set.number(name)].field for name in exits]
         self._door = np.array([list(geometry.doors).index(name) for name in doors], dtype=np.int64)

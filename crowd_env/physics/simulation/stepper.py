@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bodies, CrowdState
+from crowd_env.core.arrays.state import Bodies, CrowdState, slots_of
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.core.kernels.threads import Workers
 from crowd_env.physics.driving_force import influences
@@ -118,7 +118,7 @@ def _share_out(
 
 def why_stopped(scheme: str, e: int, status: int, bodies: Bodies, state: CrowdState, dt: float) -> str:
     """Return a sentence that names the pedestrian of environment ``e`` that went too far in a step, where and when."""
-    people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
+    people = slots_of(bodies, e)
     paths = np.where(state.present[people], dt * np.hypot(*state.velocity[people].T), 0.0)
     when = f"at t = {state.time[e]:g} s with dt = {dt:g} s"
     if status == DIVERGED or not np.isfinite(paths).all():

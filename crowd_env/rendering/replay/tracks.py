@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.recording import FrameContacts, Recording
 
 
@@ -57,7 +57,7 @@ def tracks_of(recording: Recording, frames: Ints) -> Tracks:
     count = whole + own_last
     # One axis for everybody: each person has a stretch of it, so that one interpolation does for all.
     span = float(recording.times[-1] - recording.times[0]) + 1.0
-    start = np.concatenate([[0], np.cumsum(count)])
+    start = row_starts(count)
     who = np.repeat(np.arange(people), count)
     at = times[np.minimum(first[who] + np.arange(len(who)) - start[who], len(times) - 1)]
     at[start[1:][own_last] - 1] = until[own_last]
@@ -103,7 +103,7 @@ def contacts_of(recording: Recording, frames: Ints) -> FrameContacts | None:
     for frame in frames:
         kept[contacts.start[frame] : contacts.start[frame + 1]] = True
     kept &= contacts.force[:, 0] > 0.0
-    within = np.concatenate([[0], np.cumsum(kept)])
+    within = row_starts(kept)
     start = np.append(within[contacts.start[frames]], within[-1])
     i, j, gap, normal, point, force = contacts[1:]
     return FrameContacts(start, i[kept], j[kept], gap[kept], normal[kept], point[kept], force[kept])

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Floats
+from crowd_env.core.arrays.state import Floats, slots_of
 from crowd_env.envs.metrics import t_quantile
 from crowd_env.physics import ContactScheme
 from crowd_env.physics.simulation.simulation import Simulation
@@ -199,7 +199,7 @@ def draw(points: Mapping[str, tuple[Floats, Floats]], simulation: Simulation) ->
 def draw_silo(axes: Axes, simulation: Simulation, e: int) -> None:
     """Draw the silo of environment ``e``, its grains, and the forces between them as lines."""
     place, bodies, state = simulation.geometries[0], simulation.bodies, simulation.state
-    people = slice(int(bodies.env_start[e]), int(bodies.env_start[e + 1]))
+    people = slots_of(bodies, e)
     inside, position, radius = state.active[people], state.position[people], bodies.radius[people]
     x0, y0, x1, _ = place.bounds
     axes.set(xlim=(x0 - 0.1, x1 + 0.1), ylim=(y0 - 0.1, position[inside, 1].max(initial=1.0) + 0.5), aspect="equal")

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Floats
+from crowd_env.core.arrays.state import Floats, unit_vectors
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.canvas import draw_bodies, draw_geometry, draw_lines, hex_of, name_panel, new_figure
@@ -78,7 +78,7 @@ def draw_rooms(moments: Mapping[float, Floats], geometry: Geometry) -> Figure:
         middle, radius, angle = people[:, :2], people[:, 2:3], people[:, 3]
         draw_geometry(axes, geometry, wall=2.4, exit=2.4, margin=0.03)
         draw_bodies(axes, middle, radius[:, 0], facecolor="#c3d4e0", edgecolor=hex_of(_RIM), linewidth=0.8, zorder=2)
-        rim = middle + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+        rim = middle + radius * unit_vectors(angle)
         draw_lines(axes, np.stack([middle, rim], axis=1), _RIM, 0.8, 3)
         name_panel(axes, f"{letter}. t = {time:g} s, {len(people)} inside")
     return figure

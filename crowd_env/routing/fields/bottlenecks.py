@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Floats, Ints, row_starts
+from crowd_env.core.arrays.state import Floats, Ints, row_starts, unit_vectors
 from crowd_env.core.kernels.jit import allocating_kernel, inner_kernel
 from crowd_env.geometry.geometry import Geometry, nearest_among
 
@@ -28,7 +28,7 @@ WIDEST = 5.0  # m
 _SPACING, _NODES = 0.1, 40_000  # m between nodes, more in large places, which need about this number of nodes
 _ANGLES = np.linspace(-0.25 * np.pi, 0.25 * np.pi, 5)  # rad  of the lines from wall to wall, to the normal
 _ROOM = 0.5  # m2
-_TURN = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
+_TURN = unit_vectors(_ANGLES)
 
 
 class Bottlenecks(NamedTuple):

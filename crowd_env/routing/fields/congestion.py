@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import skfmm
 
-from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.arrays.state import Bools, Floats, Ints, segment_lengths
 from crowd_env.geometry.aprons import APRON
 from crowd_env.routing.fields import grid
 from crowd_env.routing.fields.directions import cell_kinds, descend
@@ -193,8 +193,8 @@ def _room(exits: Floats, radius: float) -> Floats:
     """
     ends = exits.reshape(-1, 2)
     jambs = (np.hypot(*(ends[:, None] - ends).T) < _SAME).sum(axis=0) == 1
-    length = np.hypot(*(exits[:, 1] - exits[:, 0]).T)
-    return np.asarray(np.maximum(length - radius * jambs.reshape(-1, 2).sum(axis=1), 0.0))
+    length = segment_lengths(exits)
+    return np.maximum(length - radius * jambs.reshape(-1, 2).sum(axis=1), 0.0)
 
 
 def _narrow(free: Bools, stride: int) -> Bools:
