@@ -330,6 +330,13 @@ def check_fields(where: str, thing: Any, **allowed: Range) -> None:
                 object.__setattr__(thing, name, value)
 
 
+class Checked:
+    """Base of dataclasses whose fields are checked at construction; messages begin with the name of the class."""
+
+    def __post_init__(self) -> None:
+        check_fields(type(self).__name__.lower(), self)
+
+
 @cache
 def _fields(of: type) -> dict[str, tuple[Any, Any]]:
     """Return name -> annotation and default of the fields of a dataclass."""

@@ -95,9 +95,6 @@ class Routing(Part):
     strategy: str | None = None
     signs: bool = True
 
-    def __post_init__(self) -> None:
-        check_fields("routing", self)
-
 
 AsRouting: TypeAlias = Routing | str | Plain | None
 

@@ -15,7 +15,19 @@ from crowd_env.core.behaviors.behavior import Behavior
 from crowd_env.core.behaviors.headway import Headway, Manner
 from crowd_env.core.behaviors.outline import BodyShape
 from crowd_env.core.behaviors.pulls import Pulls
-from crowd_env.core.checks import POSITIVE, Range, check_fields, flag, from_table, number, refuse, shown, whole
+from crowd_env.core.checks import (
+    POSITIVE,
+    Checked,
+    Plain,
+    Range,
+    check_fields,
+    flag,
+    from_table,
+    number,
+    refuse,
+    shown,
+    whole,
+)
 from crowd_env.core.kernels.jit import is_kernel
 from crowd_env.physics import SCHEMES, ContactScheme, make_scheme
 from crowd_env.physics.allocation import shapes_of
@@ -26,7 +38,7 @@ _NEEDS = ("drives", "turns_bodies")  # facts of a scheme that a behavior may nee
 _OR_NEEDS = " or ".join(map(repr, _NEEDS))
 
 
-class Part:
+class Part(Checked):
     """A part of the settings."""
 
     @classmethod

@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 
 from crowd_env.core.arrays.state import MAX_SPEED, Floats
-from crowd_env.core.checks import NotNegative, Positive, Range, check_fields, shown
+from crowd_env.core.checks import Checked, NotNegative, Positive, Range, check_fields, shown
 from crowd_env.geometry.geometry import Boundary, Geometry
 
 _NOT_GIVEN = float("nan")
@@ -33,7 +33,7 @@ class SpeedZone:
 
 
 @dataclass(frozen=True)
-class Comfort:
+class Comfort(Checked):
     """What the most comfortable way costs, in meters of plain floor."""
 
     stairs: NotNegative = 3.0
@@ -42,9 +42,6 @@ class Comfort:
     """number of meters that passing a corner costs, if it juts into the way."""
     reach: Positive = 0.6
     """m, the distance from a corner over which its cost is spread, which also keeps the way off the corner."""
-
-    def __post_init__(self) -> None:
-        check_fields("comfort", self)
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.behaviors.behavior import Behavior
-from crowd_env.core.checks import NotNegative, Plain, Positive, check_fields
+from crowd_env.core.checks import Checked, NotNegative, Plain, Positive
 
 GRAVITY = 9.81  # m/s2
 
@@ -43,7 +43,7 @@ class Feet(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Balance(Behavior):
+class Balance(Checked, Behavior):
     """How a standing pedestrian keeps upright.
 
     Raises
@@ -82,9 +82,6 @@ class Balance(Behavior):
     MEMORY = Feet
     USES = ("desired_velocity", "force")
     RECORDED = ("feet",)
-
-    def __post_init__(self) -> None:
-        check_fields("balance", self)
 
     @classmethod
     def rows(cls, simulation: Any) -> dict[str, Floats]:

@@ -41,7 +41,7 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.behaviors.behavior import Behavior, Words
-from crowd_env.core.checks import NAMES, NotNegative, Plain, Positive, Range, Share, check_fields
+from crowd_env.core.checks import NAMES, Checked, NotNegative, Plain, Positive, Range, Share
 
 
 class Patience(NamedTuple):
@@ -51,7 +51,7 @@ class Patience(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Headway(Behavior):
+class Headway(Checked, Behavior):
     """The distance that people keep, and how they step aside.
 
     Raises
@@ -120,9 +120,6 @@ class Headway(Behavior):
             "do not press keep a distance and leave more slowly (docs/walking.md)."
         },
     )
-
-    def __post_init__(self) -> None:
-        check_fields("headway", self)
 
     @classmethod
     def params_of(cls, chosen: Any) -> Any:

@@ -27,7 +27,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bodies, Floats, Ints, row_starts
 from crowd_env.core.behaviors.behavior import Behavior
-from crowd_env.core.checks import NotNegative, Positive, check_fields, refuse
+from crowd_env.core.checks import Checked, NotNegative, Positive, check_fields, refuse
 
 MOST = 1000  # attractions of a place
 ALONE = -1  # group number of a pedestrian that walks alone
@@ -55,7 +55,7 @@ class GroupCohesion:
 
 
 @dataclass(frozen=True)
-class Attraction:
+class Attraction(Checked):
     """A point that pulls the people that see it, less and less with time."""
 
     x: float
@@ -70,9 +70,6 @@ class Attraction:
     """s, ``T``: the time in which the pull falls to 1/e."""
     since: NotNegative = 0.0
     """s, the time at which it begins."""
-
-    def __post_init__(self) -> None:
-        check_fields("attraction", self)
 
 
 class Waiting(NamedTuple):

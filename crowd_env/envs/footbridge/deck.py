@@ -16,13 +16,13 @@ from typing import TypeAlias
 import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Floats
-from crowd_env.core.checks import NotNegative, Positive, check_fields
+from crowd_env.core.checks import Checked, NotNegative, Positive
 
 State: TypeAlias = tuple[Floats, ...]  # arrays that are integrated together
 
 
 @dataclass(frozen=True)
-class Deck:
+class Deck(Checked):
     """One lateral mode of a deck.
 
     Parameters
@@ -42,9 +42,6 @@ class Deck:
     damping: NotNegative = 1.10e4
     stiffness: Positive = 4.73e6
     length: Positive = 81.0
-
-    def __post_init__(self) -> None:
-        check_fields("deck", self)
 
     @property
     def frequency(self) -> float:

@@ -25,14 +25,14 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints
-from crowd_env.core.checks import NotNegative, Positive, check_fields
+from crowd_env.core.checks import Checked, NotNegative, Positive
 from crowd_env.envs.footbridge.deck import Deck, State, runge_kutta_4
 
 _GRAVITY = 9.81  # m/s2
 
 
 @dataclass(frozen=True)
-class Pendulum:
+class Pendulum(Checked):
     """Inverted pendulums that put their feet where they keep their balance.
 
     Parameters
@@ -52,9 +52,6 @@ class Pendulum:
     height: Positive = 1.17
     margin: NotNegative = 0.0157
     frequency: Positive = 0.9
-
-    def __post_init__(self) -> None:
-        check_fields("pendulum", self)
 
     @property
     def rate(self) -> float:

@@ -20,14 +20,14 @@ from typing import Annotated
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.checks import NotNegative, Range, check_fields
+from crowd_env.core.checks import Checked, NotNegative, Range
 from crowd_env.envs.footbridge.deck import Deck, State, runge_kutta_4
 
 SPREAD = 0.63  # rad/s, standard deviation of Omega
 
 
 @dataclass(frozen=True)
-class Synchrony:
+class Synchrony(Checked):
     """Phases that the deck pulls along.
 
     Parameters
@@ -45,9 +45,6 @@ class Synchrony:
     force: NotNegative = 30.0
     sensitivity: NotNegative = 16.0
     lag: Annotated[float, Range(-2.0 * np.pi, 2.0 * np.pi)] = 0.5 * np.pi
-
-    def __post_init__(self) -> None:
-        check_fields("synchrony", self)
 
     def threshold(self, deck: Deck, density: float) -> float:
         """Return the sum of psi_i squared beyond which the deck sways; ``density`` [s] is that of Omega at omega_0.
