@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import cast
 
-from crowd_env.core.files.atomic import written
+from crowd_env.core.files.atomic import write_bytes
 from crowd_env.core.files.json_file import read_json, write_json
 
 from .evaluation.trained_run import RESULTS
@@ -58,8 +58,7 @@ def ship(run: Path, name: str, *, replace: bool = False) -> Path:
     }
     # The card first: a policy is listed as soon as its network lies there, and then both do.
     write_json(path.with_suffix(".json"), card)
-    with written(path) as part:
-        part.write_bytes(network.read_bytes())
+    write_bytes(path, network.read_bytes())
     return path
 
 

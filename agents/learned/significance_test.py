@@ -11,7 +11,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.console import say
-from crowd_env.core.files.atomic import written
+from crowd_env.core.files.atomic import write_bytes
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import read_json, write_json
 from crowd_env.envs.tasks.task import HELD_OUT_SEED
@@ -89,8 +89,8 @@ def compare_with_start(folder: Path, config: TrainingConfig, threads: int = 1) -
     if kept:
         say(f"{text}{'' if sooner else f', and touches less, by {-harder.mean():.0f} N s a person'}: kept")
         return
-    _copy(folder / NETWORK, folder / UNCONFIRMED)
-    _copy(folder / START, folder / NETWORK)
+    write_bytes(folder / UNCONFIRMED, (folder / NETWORK).read_bytes())
+    write_bytes(folder / NETWORK, (folder / START).read_bytes())
     say(f"{text}, not better beyond doubt: the start is kept")
 
 
@@ -111,14 +111,9 @@ def _reopen(folder: Path, best: dict[str, float]) -> None:
     """Delete an earlier result; a network that it rejected is tested again if it still is the best of the curve."""
     before, refused = outcome(folder), folder / UNCONFIRMED
     if before is not None and refused.exists() and before["steps"] == best["steps"]:
-        _copy(refused, folder / NETWORK)
+        write_bytes(folder / NETWORK, refused.read_bytes())
     (folder / FOUND).unlink(missing_ok=True)
     refused.unlink(missing_ok=True)
-
-
-def _copy(source: Path, target: Path) -> None:
-    with written(target) as part:
-        part.write_bytes(source.read_bytes())
 
 
 def _minus_start(folder: Path, config: TrainingConfig, look: int, threads: int) -> tuple[Floats, Floats]:

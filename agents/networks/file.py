@@ -13,7 +13,7 @@ from safetensors import safe_open
 from safetensors.numpy import save
 
 from crowd_env.core.checks import known
-from crowd_env.core.files.atomic import written
+from crowd_env.core.files.atomic import write_bytes
 
 from ..plain import Plain
 from .network import MLP, BetaMLP, BetweenMLP, Network
@@ -32,9 +32,7 @@ def write_network(path: Path, network: Network, facts: Plain) -> None:
     header = {"format": FORMAT, "version": VERSION, **facts, "network": settings}
     # The library reads raw memory: it would write an array of another order wrongly.
     tensors = {name: np.ascontiguousarray(one, dtype=np.float32) for name, one in network.tensors().items()}
-    content = save(tensors, {_FACTS: json.dumps(header, allow_nan=False)})
-    with written(path) as part:
-        part.write_bytes(content)
+    write_bytes(path, save(tensors, {_FACTS: json.dumps(header, allow_nan=False)}))
 
 
 def read_network(path: Path) -> tuple[Network, Plain]:

@@ -14,7 +14,7 @@ from crowd_env.agents.tasks import make_task
 from crowd_env.agents.transitions import minari_for, write_minari, write_runs
 from crowd_env.cli.options import new_app, plain
 from crowd_env.core.console import check_folder, friendly_errors, say
-from crowd_env.core.files.atomic import check_suffix, written
+from crowd_env.core.files.atomic import check_suffix, write_bytes
 
 _NETWORK = "A shipped policy (TASK/NAME), or the path of a network (.safetensors); of runs any policy."
 _RUNS = "File of runs to write (.npz): observations, actions, rewards and masks of draws that are not held out."
@@ -62,8 +62,7 @@ def main(
         check_folder("--onnx", onnx.parent)
         found = load(network)
         graph = to_onnx(found).SerializeToString()
-        with written(onnx) as part:
-            part.write_bytes(graph)
+        write_bytes(onnx, graph)
         inputs = {"observation": ["N", found.network.inputs]}
         about = {"file": str(onnx), "bytes": len(graph), "inputs": inputs, "metadata": metadata_of(found)}
         _say(about, f"{onnx}: {len(graph)} bytes", as_json)
