@@ -12,7 +12,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.core.checks import at
-from crowd_env.core.files.foreign import read_text
+from crowd_env.core.files.foreign import read_text, rows_in
 
 _RADIUS = 0.2  # m, where a file has no bodies
 _FRAME_RATE = re.compile(r"framerate\D*?(\d+(?:\.\d+)?)", re.IGNORECASE)
@@ -104,7 +104,7 @@ def read_text_trajectory(path: Path) -> dict[str, Any]:
     if not named:
         raise ValueError(f"{path}: no unit; a comment must tell it, as in '# id frame x/m y/m' or '# in cm'")
     with at(f"{path}: a line is not made of id, frame, x and y"):
-        cells = [line.split()[:4] for line in text.splitlines() if line.strip() and not line.startswith("#")]
+        cells = [line.split()[:4] for line in rows_in(text)]
         rows = np.array(cells, dtype=np.float64).reshape(-1, 4)
     if not np.isfinite(rows).all():
         raise ValueError(f"{path}: line {int(np.argmin(np.isfinite(rows).all(axis=1))) + 1} of the rows is not finite")

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.files.foreign import rows_in
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,7 @@ def read_trajectories(path: Path, frame_rate: float | None = None, unit: float =
         if rate is None or not float(rate[1]) > 0:
             raise ValueError(f"{path}: no comment line such as '# framerate: 25'")
         frame_rate = float(rate[1])
-    lines = [line.split() for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    lines = [line.split() for line in rows_in(text)]
     try:
         rows = np.array([[float(word) for word in line[:4]] for line in lines])
     except ValueError as error:

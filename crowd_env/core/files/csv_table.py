@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.atomic import written
-from crowd_env.core.files.foreign import read_text
+from crowd_env.core.files.foreign import read_text, rows_in
 
 _SEPARATORS = (";", "\t", ",")
 _FORMULA = re.compile(r"'*[=+\-@].", re.DOTALL)
@@ -73,7 +73,7 @@ def read_table(path: str | Path, what: str, needed: Sequence[str], unit: str, ro
     names = ",".join(needed)
     wanted = f"a header line '{names}' and one line {row_is}"
     text = read_text(path, what, f"{what} are read from a CSV file with {wanted}")
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    lines = rows_in(text)
     if lines and lines[0].lower().startswith("sep="):
         lines = lines[1:]
     if not lines:

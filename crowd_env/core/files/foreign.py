@@ -41,6 +41,11 @@ def require_file(path: Path) -> None:
         raise ValueError(f"{path} is no regular file but a device or a pipe; copy what it holds into a file")
 
 
+def rows_in(text: str) -> list[str]:
+    """Return the lines of a text that are neither blank nor a comment."""
+    return [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+
+
 def read_text(path: Path, what: str, read: str, kinds: Collection[str] = ()) -> str:
     """Return the text of a file without a byte order mark; ``what`` is expected, ``read`` says which forms are read.
 
