@@ -114,7 +114,7 @@ class PolicyDriver(Driver):
     def reset(self, seeds: list[int]) -> None:
         """Start new evacuations, one for each seed."""
         self._observation, _ = self.env.reset(seeds)
-        self.policy.reset(np.ones(len(seeds), dtype=np.bool_))
+        self.policy.reset(np.ones(len(seeds), dtype=bool))
         self._rng = np.random.default_rng(seeds[0])
         if self._sight is not None:
             self._sight.reset(seeds)
@@ -186,7 +186,7 @@ class ControllerDriver(Driver):
         """Start new evacuations, one for each seed."""
         self._observation = self.batch.reset(seeds)
         self._rng = np.random.default_rng(seeds[0])
-        self._left = np.zeros(self.env.num_people, dtype=np.bool_)
+        self._left = np.zeros(self.env.num_people, dtype=bool)
         self._count = 0
 
     def step(self) -> Step:

@@ -101,5 +101,5 @@ class MixedEnv(CrowdEnv):
         rows = np.flatnonzero(others & self.active)
         acts = self.others.act(self._seen[rows], self.layout, self._rng)
         if acts is not None and command is not None:
-            command[rows] = to_command(acts, self._kind, np.ones(len(rows), dtype=np.bool_))[0]
+            command[rows] = to_command(acts, self._kind, np.ones(len(rows), dtype=bool))[0]
         return command, in_world, gives_way

@@ -81,7 +81,7 @@ def runs_of(policy: Policy, task: Task, runs: int, seed: int = 0) -> Iterator[tu
     for k in range(runs):
         rows: list[tuple[np.ndarray, ...]] = []
         observation, _ = env.reset([seed + k])
-        policy.reset(np.ones(1, dtype=np.bool_))
+        policy.reset(np.ones(1, dtype=bool))
         rng = np.random.default_rng(seed + k)
         while not env.finished.all():
             seen, inside = observation.copy(), env.active.copy()

@@ -67,7 +67,7 @@ def _empty(venv: Any, inside: np.ndarray) -> None:
     observation = (
         np.random.default_rng(0).uniform(-1.0, 1.0, (people, *venv.observation_space.shape)).astype(np.float32)
     )
-    nobody = np.zeros(people, dtype=np.bool_)
+    nobody = np.zeros(people, dtype=bool)
     rooms = venv.env.env_of_person
     infos: list[dict[str, Any]] = [{} for _ in range(people)]
     calls = 0

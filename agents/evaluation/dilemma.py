@@ -96,7 +96,7 @@ def gain(before: Evaluation, after: Evaluation) -> Plain:
     ValueError
         If no more pedestrians deviate in the second evaluation.
     """
-    who = np.zeros((after.runs, 0), dtype=np.bool_) if after.learned is None else after.learned
+    who = np.zeros((after.runs, 0), dtype=bool) if after.learned is None else after.learned
     who = who if before.learned is None else who & ~before.learned
     if not who.any():
         raise ValueError("no more pedestrians deviate in the second evaluation than in the first")
@@ -201,7 +201,7 @@ def payoffs(result: Evaluation) -> Plain:
     """
     last, who = clearing_times(result), result.learned
     left = np.isfinite(last)
-    kinds = {"mean_exit": np.ones_like(result.exit_times, dtype=np.bool_)}
+    kinds = {"mean_exit": np.ones_like(result.exit_times, dtype=bool)}
     counted = {"counted": named(mean_times(result))}
     if who is not None:
         kinds |= {"mean_exit_deviators": who, "mean_exit_others": ~who}

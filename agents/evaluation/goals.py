@@ -21,7 +21,7 @@ def strayed(exit_index: Ints, place: Scenario) -> Bools:
     """
     leads_to = {route.name: route.exits or place.exits for route in place.routes}
     names = place.geometry.exit_names
-    meant = np.ones((place.population.people, len(names) + 1), dtype=np.bool_)  # the last is that of -1
+    meant = np.ones((place.population.people, len(names) + 1), dtype=bool)  # the last is that of -1
     begin = 0
     for part in place.population.parts:
         if part.route is not None:

@@ -218,7 +218,7 @@ def saturation(buffer: RolloutBuffer, space: gymnasium.Space[np.ndarray]) -> dic
     if not isinstance(space, gymnasium.spaces.Box):
         return {}
     drawn = buffer.actions.reshape(*buffer.actions.shape[:2], -1)
-    drawn = drawn[getattr(buffer, "mask", np.ones(drawn.shape[:2], dtype=np.bool_))]
+    drawn = drawn[getattr(buffer, "mask", np.ones(drawn.shape[:2], dtype=bool))]
     beyond = (drawn < space.low.ravel()) | (drawn > space.high.ravel())
     means = {f"raw_action_{k}": float(value) for k, value in enumerate(drawn.mean(axis=0))}
     return {"clipped_share": float(beyond.any(axis=1).mean()), **means}

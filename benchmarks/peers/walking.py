@@ -41,7 +41,7 @@ class PeerCrowd(Contender):
     def now(self) -> tuple[Bodies, Floats]:
         """Return the bodies of the people inside and their positions (K, 2) [m]."""
         numbers, position = self._people()
-        inside = np.zeros(self._scene.people, dtype=np.bool_)
+        inside = np.zeros(self._scene.people, dtype=bool)
         inside[numbers] = True
         return chosen(self._scene.bodies, inside), position[np.argsort(numbers)]
 

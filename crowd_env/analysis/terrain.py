@@ -47,8 +47,8 @@ def survey(geometry: Geometry) -> Terrain:
     walls, _ = geometry.walls_when(())
     # With coordinates of millions of meters, differences are taken first.
     clearance = capped_distance(walls - origin, shape, np.zeros(2), spacing, _CAP)
-    points, outside = node_points(origin, spacing, shape).reshape(-1, 2), np.zeros(clearance.size, dtype=np.bool_)
-    everyone = np.array([0, clearance.size]), np.ones(clearance.size, dtype=np.bool_)
+    points, outside = node_points(origin, spacing, shape).reshape(-1, 2), np.zeros(clearance.size, dtype=bool)
+    everyone = np.array([0, clearance.size]), np.ones(clearance.size, dtype=bool)
     mark_outside(struct_ref(border_of([geometry.walkable])), np.zeros(1, dtype=np.int64), *everyone, points, outside)
     clearance.ravel()[outside] = 0.0
     # Of two neighbors on both sides of a thin wall one is nearer to it than half their distance: no way leads across.

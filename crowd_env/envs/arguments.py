@@ -141,7 +141,7 @@ def seed_words(seed: int | Sequence[int | None] | None, num_envs: int) -> list[l
 
 def drawn_share(rng: np.random.Generator, people: int, share: float) -> Bools:
     """Return which of ``people`` (N,) are drawn: a ``share``, at least one.  A larger share includes a smaller."""
-    found = np.zeros(people, dtype=np.bool_)
+    found = np.zeros(people, dtype=bool)
     found[rng.permutation(people)[: max(1, round(share * people))]] = True
     return found
 

@@ -254,7 +254,7 @@ class BatchVectorEnv(_Specified, Restorable, VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._begun = False
-        self._ended = np.zeros(num_envs, dtype=np.bool_)  # and not yet restarted
+        self._ended = np.zeros(num_envs, dtype=bool)  # and not yet restarted
         # Rows as last returned: a reset of some environments returns the others unchanged.
         self._last = np.zeros(self.observation_space.shape or (), dtype=self.observation_space.dtype)
 
@@ -277,7 +277,7 @@ class BatchVectorEnv(_Specified, Restorable, VectorEnv):
         """
         mask = reset_mask(options, self.num_envs)
         if mask is None:
-            mask = np.ones(self.num_envs, dtype=np.bool_)
+            mask = np.ones(self.num_envs, dtype=bool)
             observation = self.batch.reset(seed)
             self._agree()
         elif not self._begun:

@@ -216,7 +216,7 @@ class CrowdEnv(Restorable):
         }
         self._seeds: Sequence[int | None] | None = None  # of the reset that is under way
         if walking.share is not None:
-            self.learned = np.ones(slots, dtype=np.bool_)
+            self.learned = np.ones(slots, dtype=bool)
         self._started = False
         self._interrupted = False  # a step began and did not end: Ctrl-C, or a crowd that diverged
 
@@ -263,7 +263,7 @@ class CrowdEnv(Restorable):
             parts = scenario.population.parts
             for k, part in enumerate(parts):
                 name = part.name or (f"cohort {k}" if len(parts) > 1 else "pedestrian")
-                found.setdefault(name, np.zeros(self.num_people, dtype=np.bool_))[begin : begin + part.people] = True
+                found.setdefault(name, np.zeros(self.num_people, dtype=bool))[begin : begin + part.people] = True
                 begin += part.people
         return found
 
@@ -311,7 +311,7 @@ class CrowdEnv(Restorable):
         ValueError
             If a seed is negative or there are not as many as environments, or the mask is no array of booleans.
         """
-        chosen = np.ones(self.num_envs, dtype=np.bool_) if mask is None else array("mask", mask, (self.num_envs,), "b")
+        chosen = np.ones(self.num_envs, dtype=bool) if mask is None else array("mask", mask, (self.num_envs,), "b")
         for e, words in enumerate(seed_words(seed, self.num_envs)):
             if chosen[e] and (words is not None or not self._started):  # copies that have not begun share no draw
                 if words is not None and self.task is not None:  # never one of the draws that are held out
@@ -436,7 +436,7 @@ class CrowdEnv(Restorable):
             self.simulation.send(e, route)
             if not scenario.depends_on_place(strategy):
                 self._usual_route[kinds[k]] = route
-        begun, transition = np.zeros(self.num_envs, dtype=np.bool_), self._transition
+        begun, transition = np.zeros(self.num_envs, dtype=bool), self._transition
         begun[chosen] = True
         people = begun[self.env_of_person]
         self._choice.known.chosen_at[people], transition.impulse[people], transition.inside[people] = -np.inf, 0.0, True

@@ -19,7 +19,7 @@ def init_transition(
 ) -> StructRef:
     """Return a reference to a `Transition` before the first episode; ``potential`` (P,) [s] is that of now."""
     of_people, of_environments = np.zeros(len(potential)), np.zeros(len(time_limit))
-    nobody, none = np.zeros(len(potential), dtype=np.bool_), np.zeros(len(time_limit), dtype=np.bool_)
+    nobody, none = np.zeros(len(potential), dtype=bool), np.zeros(len(time_limit), dtype=bool)
     return struct_ref(
         Transition(
             inside=nobody,

@@ -53,9 +53,8 @@ class CrowdBatch:
 
     def info_at_reset(self) -> dict[str, np.ndarray]:
         """Return ``active`` (E, N): all are inside; what `CrowdEnv.moved` holds; and the ``action_mask``, if any."""
-        everyone: dict[str, np.ndarray] = {"active": np.ones(self.env.num_people, dtype=np.bool_), **self.env.moved}
-        if (mask := self.env.action_mask) is not None:
-            everyone["action_mask"] = mask
+        active = np.ones(self.env.num_people, dtype=bool)
+        everyone = {"active": active, **self.env.moved, **mask_info(self.env.action_mask)}
         return {name: as_grid(values, self.env.num_envs) for name, values in everyone.items()}
 
     def reset(self, seed: int | Sequence[int | None] | None = None, mask: Bools | None = None) -> np.ndarray:

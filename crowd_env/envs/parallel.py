@@ -220,7 +220,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
         if every is not None and len(every) == len(self.agents):
             gathered[self._slots] = every
             return gathered, None
-        scripted = np.ones(self.env.num_people, dtype=np.bool_)
+        scripted = np.ones(self.env.num_people, dtype=bool)
         for agent, action in actions.items():
             if action is not None:
                 i = self._slot[agent]

@@ -39,9 +39,9 @@ class OpenWays:
         self, scenario_of_env: Sequence["Scenario"], ways: Sequence[Sequence[str]], opened: Sequence[str] = ()
     ) -> None:
         count, exits = len(ways), max(len(scenario.exits) for scenario in scenario_of_env)
-        self._leads_to: Bools = np.zeros((count, len(ways[0]), exits), dtype=np.bool_)
+        self._leads_to: Bools = np.zeros((count, len(ways[0]), exits), dtype=bool)
         most = max(len(scenario.geometry.doors) for scenario in scenario_of_env)
-        self._bars: Bools = np.zeros((count, most, exits), dtype=np.bool_)
+        self._bars: Bools = np.zeros((count, most, exits), dtype=bool)
         for e, (scenario, names) in enumerate(zip(scenario_of_env, ways, strict=True)):
             place, known = scenario.geometry, scenario.exits
             for k, name in enumerate(names):
@@ -88,7 +88,7 @@ class RouteChoice:
     ) -> None:
         names = [scenario.ways if used else () for scenario in scenario_of_env]
         route, then = np.zeros((2, len(names), len(names[0])), dtype=np.int64)
-        allowed = np.zeros((int(env_start[-1]), len(names[0])), dtype=np.bool_)
+        allowed = np.zeros((int(env_start[-1]), len(names[0])), dtype=bool)
         for e, (scenario, route_set) in enumerate(zip(scenario_of_env, route_sets, strict=True) if used else ()):
             route[e] = [route_set.number(name) for name in names[e]]
             then[e] = [route_set.routes[k].following for k in route[e]]
@@ -97,7 +97,7 @@ class RouteChoice:
                 allowed[begin : begin + part.people] = _allowed(part, scenario)
                 begin += part.people
         chosen_at = np.full(len(allowed), -np.inf)
-        is_open = np.ones(route.shape, dtype=np.bool_)
+        is_open = np.ones(route.shape, dtype=bool)
         self._open, self._way_of_action = OpenWays(scenario_of_env, names), way_of_action(kind)
         self.known = struct_ref(KnownWays(Ways(route, then), allowed, is_open, chosen_at, kind.dwell, env_start))
 

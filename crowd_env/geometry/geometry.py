@@ -319,7 +319,7 @@ class Geometry:
         along, _ = tangents(self.exits)
         ends = self.exits.reshape(-1, 2).copy()
         ends[self._wall_tree.query(shapely.points(ends), predicate="dwithin", distance=SLIVER)[0]] = np.nan
-        joined = self._meet(ends.reshape(-1, 2, 2)) & (along @ along.T >= turn) | np.eye(len(along), dtype=np.bool_)
+        joined = self._meet(ends.reshape(-1, 2, 2)) & (along @ along.T >= turn) | np.eye(len(along), dtype=bool)
         first = np.arange(len(along))
         while (first != (lower := np.where(joined, first, len(first)).min(axis=1, initial=len(first)))).any():
             first = lower
@@ -358,7 +358,7 @@ class Geometry:
             self,
             walkable=add_aprons(self.walkable, self.exits, depths),
             walls=np.insert(self.walls, drawn, sides, axis=0),
-            two_sided=np.insert(self.two_sided, drawn, np.zeros(len(sides), dtype=np.bool_)),
+            two_sided=np.insert(self.two_sided, drawn, np.zeros(len(sides), dtype=bool)),
             door_of_wall=np.insert(self.door_of_wall, drawn, np.full(len(sides), -1)),
             exits=ends_of_aprons(self.exits, depths),
             apron=0.0,

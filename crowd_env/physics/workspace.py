@@ -207,8 +207,8 @@ def allocate_control(people: int, driving: bool, bounded: bool) -> Control:
     return allocate(
         Control,
         {"P": people},
-        relative=np.ones(people, dtype=np.bool_),
-        gives_way=np.ones(people, dtype=np.bool_),
+        relative=np.ones(people, dtype=bool),
+        gives_way=np.ones(people, dtype=bool),
         driving=driving,
         bounded=bounded,
     )
@@ -264,7 +264,7 @@ def allocate_history(
         contacts=by_reference(allocate(Contacts, sizes, uses)),
         lookup_turn=(slots % LOOKUP_PERIOD).astype(np.uint8),
         local_speed=bodies.desired_speed.copy(),
-        door_open=np.ones((environments, doors), dtype=np.bool_),
+        door_open=np.ones((environments, doors), dtype=bool),
         memory=record(
             **{name: _memory(kind, sizes if acts else {"P": 0, "E": 0}) for name, (kind, acts) in acting.items()}
         ),

@@ -65,9 +65,9 @@ class FrameSampler:
         self._exits = env.scenario_of_env[e].geometry.exits
         self._decision_dt, self._decisions, self._seen_at = env.decision_dt, 0, 0.0
         self._impulse = np.zeros(count)
-        self._gone = np.zeros(count, dtype=np.bool_)
+        self._gone = np.zeros(count, dtype=bool)
         self._last = env.simulation.state.position[self._people].copy()
-        self._leaving = np.zeros(count, dtype=np.bool_)  # pedestrians that have got out, with one more row to come
+        self._leaving = np.zeros(count, dtype=bool)  # pedestrians that have got out, with one more row to come
         self._onward = np.zeros((count, 2))  # the position of that row
         self._empty = self._without_frames(env, facts)
 

@@ -197,7 +197,7 @@ def forces_of(recording: Recording, at: float | None = None) -> ContactForces:
         frame = int(np.argmax(np.bincount(recording.frame, load, minlength=len(times))))
     rows = np.arange(recording.frame_start[frame], recording.frame_start[frame + 1])
     person, count = recording.person[rows], len(recording.radius)
-    position, active, angle = np.full((count, 2), np.nan), np.zeros(count, dtype=np.bool_), np.zeros(count)
+    position, active, angle = np.full((count, 2), np.nan), np.zeros(count, dtype=bool), np.zeros(count)
     position[person], active[person] = recording.position[rows], ~recording.beyond[rows]
     if recording.angle is not None:
         angle[person] = recording.angle[rows]

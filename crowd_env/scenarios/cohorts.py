@@ -114,7 +114,7 @@ class Cohorts:
         radius = room * bodies.radius
         owner = np.repeat(np.arange(len(self.parts)), [part.people for part in self.parts])
         position = np.zeros((self.people, 2))
-        stands = np.zeros(self.people, dtype=np.bool_)
+        stands = np.zeros(self.people, dtype=bool)
         for k, part in enumerate(self.parts):
             if part.starts is not None:
                 position[owner == k] = part.draw_starts(rng, geometry, radius[owner == k])

@@ -69,7 +69,7 @@ class Crowds:
             the desired speed of each pedestrian; by default pedestrians follow their routes.
         """
         simulation, state = self.simulation, self.simulation.state
-        steps, relative = round(EVERY / simulation.dt), np.zeros(len(state.active), dtype=np.bool_)
+        steps, relative = round(EVERY / simulation.dt), np.zeros(len(state.active), dtype=bool)
         before = Moment(0.0, state.position.copy(), state.active.copy())
         for k in range(1, round(limit / EVERY) + 1):
             if not state.active.any():

@@ -108,7 +108,7 @@ def shoved(
     ``force_at`` says with which force [N] the first of each row is pushed at a time [s].
     """
     start, steps = simulation.state.position.copy(), round(EVERY / simulation.dt)
-    stand, force, world = np.zeros_like(start), np.zeros_like(start), np.zeros(len(start), dtype=np.bool_)
+    stand, force, world = np.zeros_like(start), np.zeros_like(start), np.zeros(len(start), dtype=bool)
     for k in range(round(until / EVERY)):
         force[::people, 0] = force_at((k + 0.5) * EVERY)
         simulation.advance(stand, relative=world, external_force=force, n_substeps=steps)

@@ -76,7 +76,7 @@ def sway(setting: Setting, balance: str) -> tuple[Floats, Floats, float, float]:
     start = (grid + 0.5) * apart + generator.uniform(-0.45 * room, 0.45 * room, grid.shape)
     floor, how = (0.0, 0.0, columns * apart, rows * apart), Physics(setting.scheme, balance=balance)
     simulation = standing(floor, start, _RADIUS, _MASS, 1, how)
-    world, steps, count = np.zeros(len(start), dtype=np.bool_), round(_LOOK / simulation.dt), round(_WATCHED / _LOOK)
+    world, steps, count = np.zeros(len(start), dtype=bool), round(_LOOK / simulation.dt), round(_WATCHED / _LOOK)
     mean, square, force = np.empty((count, 2)), np.empty(count), np.zeros_like(start)
     for k in range(count):
         if k % 5 == 0:

@@ -200,6 +200,6 @@ def wall_pieces(geometry: Geometry) -> Floats:
 def zones_of(geometry: Geometry, grid: Grid) -> Bools:
     """Return which cells (Z, cells) have their middle in each region of a plan."""
     middles = grid.middles()
-    return np.array([geometry.contains(middles, name) for name in geometry.regions], dtype=np.bool_).reshape(
+    return np.array([geometry.contains(middles, name) for name in geometry.regions], dtype=bool).reshape(
         len(geometry.regions), len(middles)
     )

@@ -54,7 +54,7 @@ def come_round(simulation: Simulation, end: float, back: float) -> Bools:
     It is for places without an exit that reach beyond both ends, with pedestrians that walk along x.
     """
     position, radius = simulation.state.position, simulation.bodies.radius
-    moved = np.zeros(len(radius), dtype=np.bool_)
+    moved = np.zeros(len(radius), dtype=bool)
     for k in np.flatnonzero(position[:, 0] >= end):
         there = position[k] - (back, 0.0)
         gap = np.hypot(*(position - there).T) - radius - radius[k]

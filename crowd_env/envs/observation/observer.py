@@ -65,7 +65,7 @@ class Observer:
                 near=allocate_neighbors(simulation.bodies, per_person=0),
                 impulse=results.impulse,
                 impulse_magnitude=results.impulse_magnitude,
-                seen=np.zeros(people, dtype=np.bool_),
+                seen=np.zeros(people, dtype=bool),
                 listed=np.zeros(people, dtype=np.int32),
                 axis=np.tile([1.0, 0.0], (people, 1)) if in_world else direction,
                 direction=direction,

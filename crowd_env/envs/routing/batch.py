@@ -149,7 +149,7 @@ class RoutingBatch:
         """The choices of each entry of an action, one entry after the other (E, R K + 2 D); None if no door can bar an exit."""
         if not self._open.may_close:
             return None
-        doors = np.ones((self.env.num_envs, 2 * len(self._door)), dtype=np.bool_)
+        doors = np.ones((self.env.num_envs, 2 * len(self._door)), dtype=bool)
         return np.hstack([np.tile(self._possible(), len(self.regions.names)), doors]).astype(np.int8)
 
     def _possible(self) -> Bools:
@@ -169,7 +169,7 @@ class RoutingBatch:
         """Start new episodes everywhere, or where ``mask`` (E,) is true; return all observations (E, D)."""
         self.env.reset(seed, mask)
         self._decided[:] = self.env.simulation.state.time
-        return self.observe(self.env.active, np.zeros(self.env.num_people, dtype=np.bool_))
+        return self.observe(self.env.active, np.zeros(self.env.num_people, dtype=bool))
 
     def step(self, actions: ArrayLike) -> BatchStep:
         """Send people along routes and let ``interval`` seconds pass; an evacuation that has ended stays as it is.
@@ -182,8 +182,8 @@ class RoutingBatch:
             If an action is not one of the choices.
         """
         self.send(actions)
-        left, cut_off = np.zeros((2, self.env.num_people), dtype=np.bool_)
-        finished = np.zeros(self.env.num_envs, dtype=np.bool_)
+        left, cut_off = np.zeros((2, self.env.num_people), dtype=bool)
+        finished = np.zeros(self.env.num_envs, dtype=bool)
         metrics: dict[int, EpisodeMetrics] = {}
         for _ in range(self.samples):
             step = self.env.step(None)
@@ -273,7 +273,7 @@ class RoutingBatch:
                 [as_grid(field.travel_time_for(state.position, 0.0) - field.behind, rooms) for field in self._fields]
             ),
             on_route=np.array([as_grid(people, rooms) for people in on_route]),
-            door_open=np.asarray(env.simulation.history.door_open[:, self._door], dtype=np.bool_),
+            door_open=np.asarray(env.simulation.history.door_open[:, self._door], dtype=bool),
             time=state.time,
             time_limit=env.time_limit,
         )

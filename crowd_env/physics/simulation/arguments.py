@@ -145,4 +145,4 @@ def check_command(asked: Command, people: int) -> Command:
 
 
 def _flags(name: str, values: Any, people: int) -> Bools:
-    return np.ascontiguousarray(array(name, values, (people,), "biuf"), dtype=np.bool_)
+    return np.ascontiguousarray(array(name, values, (people,), "biuf"), dtype=bool)

@@ -125,7 +125,7 @@ class Simulation:
         self.diagnostics = no_diagnostics(len(state.time))
         # (P,) found outside of the walkable area after any call since the start of the environment, by position alone,
         # whatever the contacts.  All should be False.
-        self.escaped = np.zeros(len(bodies.radius), dtype=np.bool_)
+        self.escaped = np.zeros(len(bodies.radius), dtype=bool)
         self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
         self._sorted = SortedCrowd(batch) if SortedCrowd.is_needed(bodies) else None
         desire = desire_of(walking.others)
@@ -243,7 +243,7 @@ class Simulation:
         names, shut = self.geometries[self.world.geometry_of_env[e]].doors, frozenset(closed)
         for name in shut:
             known("door", name, names)
-        stands_open = np.array([name not in shut for name in names], dtype=np.bool_)
+        stands_open = np.array([name not in shut for name in names], dtype=bool)
         if not len(names) or (self.history.door_open[e, : len(names)] == stands_open).all():
             return
         self.history.door_open[e, : len(names)] = stands_open

@@ -58,7 +58,7 @@ def meet(scheme: ContactScheme, tau: float, *, offset: float, dt: float, duratio
     state = make_state(start, np.array([[SPEED, 0.0], [-SPEED, 0.0]]))
     ground = Geometry.from_polygon(box(-100.0, -100.0, 100.0, 100.0))
     simulation = Simulation(ground, bodies, state, physics=Physics(scheme, dt=dt))
-    ahead, relative = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2, dtype=np.bool_)
+    ahead, relative = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.zeros(2, dtype=bool)
     moments = [(state.position.copy(), state.velocity.copy(), False)]
     for _ in range(round(duration / dt)):
         simulation.advance(ahead, relative=relative)

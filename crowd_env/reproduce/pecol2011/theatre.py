@@ -62,8 +62,8 @@ class _Ruled:
     """Keeps how long each rule was on (3,) [s] in an evacuation, and how many people one turned away."""
 
     def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
-        self._ruled, self._turned = np.zeros((env.num_envs, 3)), np.zeros(env.num_people, dtype=np.bool_)
-        self._running = np.ones(env.num_envs, dtype=np.bool_)
+        self._ruled, self._turned = np.zeros((env.num_envs, 3)), np.zeros(env.num_people, dtype=bool)
+        self._running = np.ones(env.num_envs, dtype=bool)
 
     def add(self, env: CrowdEnv, step: Step) -> None:
         state, history = env.simulation.state, env.simulation.history

@@ -111,7 +111,7 @@ class Fronts:
                 stack.append(other)
             elif other != parent[n]:
                 low[n] = min(low[n], number[other])
-        behind = np.zeros(count + 1, dtype=np.bool_)
+        behind = np.zeros(count + 1, dtype=bool)
         for n in order[1:]:
             on = parent[n]
             behind[n] = behind[on] or (on != root and narrow[on] and low[n] >= number[on])
@@ -159,7 +159,7 @@ class Fronts:
                 later = at + 0.5 * (queue[n] + queue[other])
                 if later < time[other]:
                     heappush(heap, (later, other, n))
-        keeps = np.zeros(len(queue), dtype=np.bool_)
+        keeps = np.zeros(len(queue), dtype=bool)
         for n in self._by_band:
             ahead = self._ahead[n]
             keeps[n] = (then[n] in ahead and all(keeps[p] for p in ahead)) if ahead else then[n] < 0
@@ -187,7 +187,7 @@ def parts_of_bands(band: Ints, right: Bools, up: Bools) -> Ints:
     ``right`` (rows, cols - 1) and ``up`` (rows - 1, cols) say between which neighbors one can walk.
     """
     rows, cols = band.shape
-    linked = np.zeros((2 * rows - 1, 2 * cols - 1), dtype=np.bool_)
+    linked = np.zeros((2 * rows - 1, 2 * cols - 1), dtype=bool)
     linked[::2, ::2] = band >= 0
     linked[::2, 1::2] = right & (band[:, :-1] == band[:, 1:])
     linked[1::2, ::2] = up & (band[:-1] == band[1:])

@@ -32,7 +32,7 @@ class MaskedRolloutBuffer(RolloutBuffer):
     def reset(self) -> None:
         """Empty the buffer."""
         super().reset()
-        self.mask = np.zeros((self.buffer_size, self.n_envs), dtype=np.bool_)
+        self.mask = np.zeros((self.buffer_size, self.n_envs), dtype=bool)
         self._slots: Slots | None = None  # of the last step
 
     def add(

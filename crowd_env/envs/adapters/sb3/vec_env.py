@@ -219,7 +219,7 @@ class CrowdVecEnv(BatchVecEnv):
             env = CrowdEnv(env, autoreset=True, **arguments)
         if not env.autoreset:
             raise ValueError("CrowdVecEnv needs a CrowdEnv made with autoreset=True")
-        self.acted = np.zeros(env.num_people, dtype=np.bool_)
+        self.acted = np.zeros(env.num_people, dtype=bool)
         self._inside = np.zeros(env.num_people, dtype=np.int64)
         check_render_mode(render_mode)
         if render_mode is not None and not isinstance(env, CrowdEnv):
