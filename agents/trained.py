@@ -133,7 +133,7 @@ class LearnedPolicy(_Learned):
         out = self.network(observation)
         if isinstance(self.space, gymnasium.spaces.Discrete):
             # The largest of logits and independent Gumbel numbers is a draw from the softmax.
-            return np.asarray((out + rng.gumbel(size=out.shape) if self.draws else out).argmax(axis=1))
+            return (out + rng.gumbel(size=out.shape) if self.draws else out).argmax(axis=1)
         box = cast(gymnasium.spaces.Box, self.space)
         if self.draws:
             out = out + rng.normal(size=out.shape) * np.array(self.spread)

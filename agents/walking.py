@@ -354,7 +354,7 @@ def overtake(observation: np.ndarray, layout: ObservationLayout, weights: Floats
     left = observation[:, layout["velocity"]][:, 1]
     seen = np.column_stack([inputs(observation, layout), left, sides, near[:, :, 4].sum(axis=1)])
     change = np.einsum("px,pax->pa", seen, weights.reshape(len(seen), 2, -1))
-    return np.asarray(np.clip(change + np.array([1.0, 0.0]), -1.0, 1.0))
+    return np.clip(change + np.array([1.0, 0.0]), -1.0, 1.0)
 
 
 def desired_speed(observation: np.ndarray, layout: ObservationLayout) -> Floats:

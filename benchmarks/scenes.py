@@ -112,7 +112,7 @@ def lattice(count: int, side: float, rng: np.random.Generator) -> Floats:
     columns = -(-count // rows)
     column, row = np.divmod(np.arange(count), rows)
     place = np.stack([(column + 0.5) / columns, (row + 0.25 + 0.5 * (column % 2)) / rows], axis=1)
-    return np.asarray(_MARGIN + np.clip(usable * place + rng.uniform(-_JITTER, _JITTER, (count, 2)), 0.0, usable))
+    return _MARGIN + np.clip(usable * place + rng.uniform(-_JITTER, _JITTER, (count, 2)), 0.0, usable)
 
 
 def relaxed(geometry: Geometry, bodies: Bodies, position: Floats) -> tuple[Bodies, Floats]:
@@ -141,7 +141,7 @@ def overlaps(geometry: Geometry, bodies: Bodies, position: Floats, near: float =
     scene.advance(n_substeps=1)  # lists the contacts of the positions that it starts from
     found = scene.contacts()
     depth = -found.gap - np.where(found.j >= 0, near, 0.5 * near)
-    return np.asarray(np.maximum(0.0, depth[found.gap < 0.0]))
+    return np.maximum(0.0, depth[found.gap < 0.0])
 
 
 def chosen(bodies: Bodies, who: NDArray[np.bool_]) -> Bodies:

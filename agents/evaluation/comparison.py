@@ -16,22 +16,22 @@ from .evaluation import Evaluation
 
 def last_times(result: Evaluation) -> Floats:
     """Return when the last person of each run was out (runs,) [s]; people who did not get out count as in `times_of_all`."""
-    return np.asarray(result.times_of_all().max(axis=1))
+    return result.times_of_all().max(axis=1)
 
 
 def mean_times(result: Evaluation) -> Floats:
     """Return the mean exit time of each run (runs,) [s]; people who did not get out count as in `times_of_all`."""
-    return np.asarray(result.times_of_all().mean(axis=1))
+    return result.times_of_all().mean(axis=1)
 
 
 def clearing_times(result: Evaluation) -> Floats:
     """Return when the last person of each run was out (runs,) [s]; nan where somebody was left inside."""
-    return np.asarray(np.array(result.exit_times).max(axis=1))
+    return np.array(result.exit_times).max(axis=1)
 
 
 def clearing_means(result: Evaluation) -> Floats:
     """Return the mean exit time of each run (runs,) [s]; nan where somebody was left inside."""
-    return np.asarray(np.array(result.exit_times).mean(axis=1))
+    return np.array(result.exit_times).mean(axis=1)
 
 
 def paired(one: Floats, other: Floats) -> Plain:

@@ -110,7 +110,7 @@ def _relative(before: Floats, after: Floats) -> Plain:
 
 
 def _mean_of(times: Floats, who: Bools) -> Floats:
-    return np.asarray(np.where(who, times, 0.0).sum(axis=1) / who.sum(axis=1))
+    return np.where(who, times, 0.0).sum(axis=1) / who.sum(axis=1)
 
 
 def free_walks(task: Task, *, runs: int) -> Floats:
@@ -134,7 +134,7 @@ def free_walks(task: Task, *, runs: int) -> Floats:
     time = direct
     for _ in range(_SETTLED):  # from below: never later than the solution
         time = direct + bodies.relaxation_time * (1.0 - np.exp(-time / bodies.relaxation_time))
-    return np.asarray(time.reshape(runs, -1))
+    return time.reshape(runs, -1)
 
 
 def exploitability(all_follow: Evaluation, tried: Mapping[str, Evaluation], free: Floats) -> Plain:

@@ -92,7 +92,7 @@ class Evaluation:
     def exit_time_95(self) -> Floats:
         """Return when 95 % of the people were out (runs,) [s]; nan where fewer got out."""
         times = np.sort(np.array(self.exit_times), axis=1)  # nan go last
-        return np.asarray(times[:, int(np.ceil(0.95 * times.shape[1] - 1e-9)) - 1])
+        return times[:, int(np.ceil(0.95 * times.shape[1] - 1e-9)) - 1]
 
     def columns(self) -> dict[str, Floats]:
         """Return of every run (runs,) what `figures_of_runs` is made of: its metrics and, where it was measured, the rest."""

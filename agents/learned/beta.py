@@ -102,4 +102,4 @@ def bias_at(action: Floats) -> Floats:
     """Return the outputs (2 A,) of the last layer for a most likely action (A,) in [-1, 1]."""
     share = (np.asarray(action, dtype=np.float64) + 1.0) / 2.0
     parameters = 1.0 + _CONCENTRATION * np.concatenate([share, 1.0 - share])
-    return np.asarray(np.log(np.expm1(parameters - LEAST)))
+    return np.log(np.expm1(parameters - LEAST))

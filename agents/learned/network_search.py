@@ -54,7 +54,7 @@ def train(config: TrainingConfig, callback: EvaluationCallback[Policy]) -> None:
     def at_constant_speed(seen: np.ndarray, room: np.ndarray) -> Floats:
         rows = seen.astype(np.float64)
         sums[:] += rows.sum(axis=0), (rows**2).sum(axis=0)
-        return np.asarray(np.linspace(1.0, _SLOWEST, env.num_envs)[room])
+        return np.linspace(1.0, _SLOWEST, env.num_envs)[room]
 
     _, steps = race(env, draws(), at_constant_speed)
     mean, square = sums / steps

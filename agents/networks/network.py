@@ -164,7 +164,7 @@ class MLP(Network):
         *hidden, last = self.layers
         for weight, bias in hidden:
             rows = ACTIVATIONS[self.activation](rows @ weight.T + bias)
-        return np.asarray(rows @ last[0].T + last[1])
+        return rows @ last[0].T + last[1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,7 +265,7 @@ class BetweenMLP(MLP):
         beside = np.where(logits[row, faster] > logits[row, slower], faster, slower)
         odds = np.exp(logits[row, beside] - logits[row, best])
         share, commands = odds / (1.0 + odds), self.commands
-        return np.asarray(commands[best] + share[:, None] * (commands[beside] - commands[best]))
+        return commands[best] + share[:, None] * (commands[beside] - commands[best])
 
 
 def beta_mode(alpha: Floats, beta: Floats) -> Floats:

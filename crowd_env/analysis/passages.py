@@ -218,7 +218,7 @@ def gap_at(walls: Floats, at: Floats, half: float, reach: float) -> Gap | None:
 def _within(walls: Floats, at: Floats, reach: float) -> Floats:
     """Return the walls whose box comes within ``reach`` of a point."""
     near = (walls.min(axis=1) <= at + reach) & (walls.max(axis=1) >= at - reach)
-    return np.asarray(walls[near.all(axis=1)])
+    return walls[near.all(axis=1)]
 
 
 def across(walls: Floats, at: Floats) -> Gap:

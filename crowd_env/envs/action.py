@@ -124,7 +124,7 @@ def _rows_of(commands: Floats, action: np.ndarray) -> Floats:
     bad = np.flatnonzero((whole != action) | (whole < 0) | (whole >= len(commands)))
     if len(bad):
         refuse(f"action of pedestrian {bad[0]}", action[bad[0]], f"0 to {len(commands) - 1}")
-    return np.asarray(commands[whole])
+    return commands[whole]
 
 
 def _choose(action: np.ndarray) -> np.ndarray:

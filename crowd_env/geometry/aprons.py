@@ -59,7 +59,7 @@ def _converge(exits: Floats) -> Bools:
     follows = np.hypot(*(exits[:, None, 1] - exits[None, :, 0]).T).T < _SAME  # line i ends where j begins
     turn = along[:, None, 0] * along[None, :, 1] - along[:, None, 1] * along[None, :, 0]
     lean = follows & (turn < -_SAME) & (along @ along.T > _SHARP)
-    return np.asarray(lean.any(axis=1) | lean.any(axis=0))
+    return lean.any(axis=1) | lean.any(axis=0)
 
 
 def ends_of_aprons(exits: Floats, depths: Floats) -> Floats:

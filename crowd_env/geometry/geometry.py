@@ -303,13 +303,13 @@ class Geometry:
     def _meet(self, ends: Floats) -> Bools:
         """Return (X, X) which lines of one exit have one of their ``ends`` (X, 2, 2) in common."""
         meet = (np.hypot(*(ends[:, None, :, None] - ends[None, :, None]).T) < SLIVER).any(axis=(0, 1))
-        return np.asarray(meet & self._same_exit)
+        return meet & self._same_exit
 
     @property
     def _same_exit(self) -> Bools:
         """(X, X) which lines are of one exit."""
         names = np.array(self.exit_names)
-        return np.asarray(names[:, None] == names)
+        return names[:, None] == names
 
     def openings(self, turn: float = -1.0) -> list[tuple[str, Ints]]:
         """Return the openings of the exits: the name of the exit, and its rows of ``exits``.

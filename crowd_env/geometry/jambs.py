@@ -177,7 +177,7 @@ def _require_solid(area: Area, corners: _Corners, radius: float) -> None:
         away = (r / radius * corners.cut)[:, None]
         first, last = corners.point - away * corners.before, corners.point + away * corners.behind
         kites = np.stack([first, corners.point, last, first + r * _right_of(corners.before)], axis=1)
-        return np.asarray(shapely.area(shapely.intersection(shapely.polygons(kites), area)) > _ROUNDING)
+        return shapely.area(shapely.intersection(shapely.polygons(kites), area)) > _ROUNDING
 
     if open_behind(radius).any():
         most = _largest(lambda r: not open_behind(r).any(), radius)
@@ -190,7 +190,7 @@ def _right_of(vectors: Floats) -> Floats:
 
 
 def _same(points: Floats, point: Floats) -> np.ndarray:
-    return np.asarray(np.hypot(*(points - point).T) < _ROUNDING)
+    return np.hypot(*(points - point).T) < _ROUNDING
 
 
 def _turn(before: Floats, behind: Floats) -> float:

@@ -71,7 +71,7 @@ def drift(crowds: Crowds) -> Floats:
             on = now.position / np.hypot(*now.position.T)[:, None]
             center.append(np.array([on[crowds.people(e)].mean(axis=0) for e in range(crowds.count)]))
     steps = np.array([turned(*pair) for pair in itertools.pairwise(center)])
-    return np.asarray(RADIUS * steps.sum(axis=0) / (_FOLLOWED[1] - _FOLLOWED[0]))
+    return RADIUS * steps.sum(axis=0) / (_FOLLOWED[1] - _FOLLOWED[0])
 
 
 def jam(setting: Setting) -> list[Row]:

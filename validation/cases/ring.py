@@ -37,7 +37,7 @@ def onward(moment: Moment) -> Floats:
     off = np.hypot(x, y)
     radial = np.clip(2.0 * (_RADIUS - off), -0.3, 0.3)  # 0.1 m off the middle: 0.2 towards it
     command = np.column_stack([-y + radial * x, x + radial * y]) / np.maximum(off, 1e-9)[:, None]
-    return np.asarray(command / np.maximum(np.hypot(*command.T), 1e-9)[:, None])
+    return command / np.maximum(np.hypot(*command.T), 1e-9)[:, None]
 
 
 def along(moment: Moment) -> Floats:
@@ -48,7 +48,7 @@ def along(moment: Moment) -> Floats:
 
 def around(before: Moment, now: Moment) -> Floats:
     """Return how far (P,) [m] people got around a circle."""
-    return np.asarray(np.einsum("ij,ij->i", now.position - before.position, along(before)))
+    return np.einsum("ij,ij->i", now.position - before.position, along(before))
 
 
 def speeds(setting: Setting, densities: tuple[float, ...] = tuple(BANDS)) -> dict[float, float]:
@@ -67,7 +67,7 @@ def speeds(setting: Setting, densities: tuple[float, ...] = tuple(BANDS)) -> dic
 def turned(before: Floats, now: Floats) -> Floats:
     """Return the angle [rad] between two positions (P, 2), counted around the center."""
     cross = before[:, 0] * now[:, 1] - before[:, 1] * now[:, 0]
-    return np.asarray(np.arctan2(cross, np.einsum("ij,ij->i", before, now)))
+    return np.arctan2(cross, np.einsum("ij,ij->i", before, now))
 
 
 def run(setting: Setting) -> list[Row]:

@@ -143,7 +143,7 @@ def met(reached: list[int], speed: list[float]) -> bool:
 def fastest(heads: Floats) -> Floats:
     """Return the greatest speed (5,) [m/s] of heads (K, 5) [m] as the camera sees it: over two of its frames."""
     seen = heads[_FRAME - 1 :: _FRAME]
-    return np.asarray((seen[2:] - seen[:-2]).max(axis=0) / (2.0 * _FRAME * EVERY))
+    return (seen[2:] - seen[:-2]).max(axis=0) / (2.0 * _FRAME * EVERY)
 
 
 def as_recorded(heads: Floats, place: tuple[float, ...]) -> bool:

@@ -25,7 +25,7 @@ def cells(position: Floats, floor: Polygon, reach: float = REACH) -> np.ndarray:
         own = np.empty(len(position), dtype=np.int64)
         own[person] = part
         discs = shapely.intersection(discs, parts[own])
-    return np.asarray(shapely.intersection(discs, floor))
+    return shapely.intersection(discs, floor)
 
 
 def density_and_speed(

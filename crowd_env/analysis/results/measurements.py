@@ -31,7 +31,7 @@ class Grid(NamedTuple):
         """Return the number of the cell (K,) that holds each position (K, 2), row by row."""
         column, row = np.floor((position - self.origin) / CELL).astype(np.int64).T
         rows, columns = self.shape
-        return np.asarray(np.clip(row, 0, rows - 1) * columns + np.clip(column, 0, columns - 1))
+        return np.clip(row, 0, rows - 1) * columns + np.clip(column, 0, columns - 1)
 
     def middles(self) -> Floats:
         """Return the middle (cells, 2) [m] of each cell, row by row."""

@@ -108,7 +108,7 @@ def _time(view: RoutingView) -> Floats:
 
 def _share(people: Bools) -> Floats:
     """Return the share (E, n) of all N people for each of n choices (n, E, N) of them."""
-    return np.asarray(people.sum(axis=2) / people.shape[2]).T
+    return (people.sum(axis=2) / people.shape[2]).T
 
 
 _TERMS = (

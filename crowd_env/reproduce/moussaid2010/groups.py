@@ -85,7 +85,7 @@ def walk(size: int, settings: MoussaidSettings) -> Walk:
 
 def lag(shape: Floats) -> Floats:
     """Return how far (E,) [m] the middle of a group walks behind its two ends."""
-    return np.asarray(shape[:, [0, -1], 0].mean(axis=1) - shape[:, 1:-1, 0].mean(axis=1))
+    return shape[:, [0, -1], 0].mean(axis=1) - shape[:, 1:-1, 0].mean(axis=1)
 
 
 def reproduce(settings: MoussaidSettings) -> Result:

@@ -81,7 +81,7 @@ def _widths_at_the_end(shape: tuple[int, ...], origin: Floats, spacing: float, g
     i, j = np.indices(shape)
     places = np.asarray(origin + spacing * np.stack([j, i], axis=-1).reshape(-1, 2), dtype=np.float64)
     widths = np.array([min(geometry.exit_widths[name], WIDEST) for name in geometry.exit_names])
-    return np.asarray(widths[nearest_among(geometry.exits)(places)].reshape(shape))
+    return widths[nearest_among(geometry.exits)(places)].reshape(shape)
 
 
 @allocating_kernel

@@ -112,7 +112,7 @@ class CongestionField:
         half = max(1, round(_SMOOTHING / self.spacing))
         for _ in range(2):
             count, floor = _box_mean(count, half), _box_mean(floor, half)
-        return np.asarray(np.divide(count, floor * self.spacing**2, out=np.zeros_like(count), where=floor > 1e-6))
+        return np.divide(count, floor * self.spacing**2, out=np.zeros_like(count), where=floor > 1e-6)
 
     @cached_property
     def _open(self) -> NavigationField:
@@ -144,7 +144,7 @@ class CongestionField:
         least = _least_near(np.where(np.isnan(time), np.inf, time), 1)
         least[np.isinf(least)] = np.nan  # unknown neighborhood: no comparison holds
         gained = 0.5 * (speed + speed[row, col]) * (least - least[row, col])
-        return np.asarray(gained > _ALIKE * walked)
+        return gained > _ALIKE * walked
 
     def march(self, position: Floats | None = None, people: FundamentalDiagram | None = None) -> NavigationField:
         """Return the field for ``people`` at ``position`` (K, 2) [m], or for an empty place."""
@@ -230,14 +230,14 @@ def _whole(index: Floats, count: int) -> Ints:
 
 def _any_near(fine: Bools, stride: int) -> Bools:
     """Return for every stride-th node whether any node around it is true."""
-    return np.asarray(_least_near(np.where(fine, 0.0, 1.0), stride // 2, stride) == 0.0)
+    return _least_near(np.where(fine, 0.0, 1.0), stride // 2, stride) == 0.0
 
 
 def _least_near(values: Floats, half: int, stride: int = 1) -> Floats:
     """Return for every stride-th node the least value in a square window of 2 ``half`` + 1 nodes."""
     padded = np.pad(values, half, constant_values=np.inf)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (2 * half + 1, 2 * half + 1))
-    return np.asarray(windows[::stride, ::stride].min(axis=(2, 3)))
+    return windows[::stride, ::stride].min(axis=(2, 3))
 
 
 def _box_mean(values: Floats, half: int) -> Floats:

@@ -85,7 +85,7 @@ class Fronts:
         self.front = _spread(front, open_right, open_up)
         narrow = size * spacing**2 / self._length <= NARROW
         self.narrow = narrow[self.front]
-        self.shared = np.asarray(self._behind(narrow)[self.front] | (len(self._first) == 1))
+        self.shared = self._behind(narrow)[self.front] | (len(self._first) == 1)
 
     def _behind(self, narrow: Bools) -> Bools:
         """Return which fronts (K,) a single ``narrow`` one parts from the way out (cut vertices; Tarjan 1972)."""
@@ -143,7 +143,7 @@ class Fronts:
             waiting[behind[first]] = np.maximum(waiting[behind[first]], np.minimum.reduceat(waiting[ahead], first))
         longest = waiting[np.arange(len(inside)), self._band]
         longest[0] = 0.0
-        return np.asarray(np.maximum(longest * people.desired_speed / self._depth, 1.0))
+        return np.maximum(longest * people.desired_speed / self._depth, 1.0)
 
     def keeps_on(self, queue: Floats) -> Bools:
         """Return in which fronts (K,) the shortest way is the fastest, and stays so all the way out."""
@@ -192,4 +192,4 @@ def parts_of_bands(band: Ints, right: Bools, up: Bools) -> Ints:
     linked[::2, 1::2] = right & (band[:, :-1] == band[:, 1:])
     linked[1::2, ::2] = up & (band[:-1] == band[1:])
     part = connected_parts(linked, np.zeros_like(linked))[::2, ::2]
-    return np.asarray(np.where(part > 0, part - 1, 0))
+    return np.where(part > 0, part - 1, 0)

@@ -73,7 +73,7 @@ def _beyond(end: Floats, inward: Floats, other: LineString, gap: float) -> Float
     """Return a place a hair beyond ``other`` for an end (2,), so that the lines cross and do not only nearly touch."""
     onto = shapely.get_coordinates(shapely.shortest_line(shapely.Point(end), other))[1]
     step = onto - end if np.hypot(*(onto - end)) > _PAST * gap else end - inward
-    return np.asarray(onto + (_PAST * gap / float(np.hypot(*step))) * step)
+    return onto + (_PAST * gap / float(np.hypot(*step))) * step
 
 
 def open_line(line: BaseGeometry, meters: float) -> str:

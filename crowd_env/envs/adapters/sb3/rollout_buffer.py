@@ -117,4 +117,4 @@ def _worth_of_having_left(values: np.ndarray, inside: Bools, slots: Slots) -> Fl
     expected = np.bincount(room, weights=np.where(inside, values, 0.0))
     weight = (1.0 - share) * np.bincount(room) + share * np.bincount(room, weights=inside)
     mean = np.divide(expected, weight, out=np.zeros_like(expected), where=weight > 0.0)
-    return np.asarray(share * mean)[room]
+    return (share * mean)[room]

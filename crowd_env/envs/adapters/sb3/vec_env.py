@@ -66,7 +66,7 @@ class BatchVecEnv(Restorable, VecEnv):
         self._return[:] = 0.0
         self._length[:] = 0
         self._agree()
-        return np.asarray(observation)
+        return observation
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Fix the draws of the next reset: environment ``e`` of the batch uses (seed, e)."""
@@ -282,7 +282,7 @@ class VectorVecEnv(BatchVecEnv):
         return list(cast(tuple[np.ndarray, ...], self.env.render()) or ())
 
     def _begin(self, seed: int | None) -> np.ndarray:
-        return np.asarray(self.env.reset(seed=seed)[0])
+        return self.env.reset(seed=seed)[0]
 
     def step_wait(self) -> VecEnvStepReturn:
         """Advance all rows by one step."""
