@@ -257,7 +257,7 @@ class DrivenCrowd:
         return {**self.arguments, **own_arguments(self.policy)}
 
     @property
-    def constants(self) -> dict[str, object]:
+    def constants(self) -> Plain:
         """Constants of a policy that is a dataclass, as plain data."""
         made_of = isinstance(self.policy, Policy) and is_dataclass(self.policy)
         return asdict(self.policy) if made_of else {}  # type: ignore[call-overload]  # an instance, no class

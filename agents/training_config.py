@@ -197,7 +197,7 @@ class TrainingConfig:
     def __post_init__(self) -> None:
         check_fields("", self)
 
-    def as_table(self) -> dict[str, object]:
+    def as_table(self) -> Plain:
         """Return plain data, as ``config.json`` holds it."""
         return asdict(self)
 

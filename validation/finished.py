@@ -12,6 +12,7 @@ from typing import Any
 from crowd_env import SCHEMES
 from crowd_env.core.behaviors.headway import MANNERS, Headway
 from crowd_env.core.behaviors.outline import Outline
+from crowd_env.core.checks import Plain
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.files.store import Store
 from crowd_env.core.kernels import jit
@@ -57,7 +58,7 @@ def _name(case: str, setting: Setting) -> str:
     return str(of_bodies(Path(), setting.outline) / case / f"{setting.scheme}-{setting.manner}")
 
 
-def identity(setting: Setting) -> dict[str, Any]:
+def identity(setting: Setting) -> Plain:
     """Return what decides the rows of a case beside scheme and manner, ready for JSON."""
     walking, outline = Headway.of(setting.manner), Outline.of(setting.outline)
     return {
@@ -92,6 +93,6 @@ def draws(folder: Path, case: str) -> tuple[int, int]:
     return min(found), max(found)
 
 
-def _complete(folder: Path, case: str) -> list[tuple[Path, dict[str, Any]]]:
+def _complete(folder: Path, case: str) -> list[tuple[Path, Plain]]:
     every = [(path, read_json(path)) for path in (folder / case).glob("*.json")]
     return [(path, content) for path, content in every if content["complete"]]

@@ -3,6 +3,7 @@
 import json
 from typing import Any
 
+from crowd_env.core.checks import Plain
 from crowd_env.core.files.atomic import write_text
 from crowd_env.core.files.json_file import read_json
 from validation.cases import CASES
@@ -45,7 +46,7 @@ def passed(rows: Grid) -> Grid:
     return [head, *sorted(lines, key=lambda line: first(line[0]))]
 
 
-def limits(rows: Grid, asked: Grid, unsupported: Grid) -> dict[str, Any]:
+def limits(rows: Grid, asked: Grid, unsupported: Grid) -> Plain:
     """Return the map as reports have it: what each case and test asks for, and what came out by manner and scheme."""
     results: dict[str, dict[str, dict[str, str]]] = {}
     for case, manner, scheme, said, _ in rows[1:]:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from crowd_env.analysis.figures import cell
-from crowd_env.core.checks import known
+from crowd_env.core.checks import Plain, known
 from crowd_env.core.files.atomic import write_text
 from crowd_env.core.files.csv_table import plain_cell, write_csv
 
@@ -26,7 +26,7 @@ _FACT = re.compile(r"<!--([\w-]+)-->.*?<!--/-->", re.DOTALL)
 _MARK = re.compile(r"(<!-- table: ([\w-]+)((?: [\w-]+=[\w.-]+)*) -->\n).*?(?=<!-- end -->)", re.DOTALL)
 
 Grid = list[list[str]]  # rows of cells, the head first
-Rows = Iterable[Mapping[str, Any]]
+Rows = Iterable[Plain]
 
 
 def read_toml(path: Path) -> dict[str, Any]:

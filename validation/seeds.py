@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import Plain
 from validation.pages import Rows
 from validation.sources import Source
 
@@ -33,7 +34,7 @@ def _runs(source: Source) -> list[str]:
     return sorted((one.parent.name for one in source.folder.glob("*/results.json")), key=int)
 
 
-def _row(source: Source, run: str) -> dict[str, Any]:
+def _row(source: Source, run: str) -> Plain:
     told = source.read(f"{run}/results.json")
     rows = {row["policy"]: row for row in told["rows"]}
     learned, beside = rows["learned"], rows["evolution"]["clearing_time"]["mean"]

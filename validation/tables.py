@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from crowd_env import SCHEMES
-from crowd_env.core.checks import known
+from crowd_env.core.checks import Plain, known
 from crowd_env.reproduce.pecol2011.room import PRINTED as FLOWS
 from crowd_env.reproduce.pecol2011.theatre import PRINTED as TIMES
 from validation import facts, task_tables
@@ -22,11 +22,11 @@ from validation.sources import Source
 _SCHEMES = ("dem", "nsm1", "nsm2", "nsm2-printed")  # of tables that compare rooms
 
 
-def _room(source: Source, scheme: str, options: str = "", place: str = "room-v0", runs: int = 50) -> dict[str, Any]:
+def _room(source: Source, scheme: str, options: str = "", place: str = "room-v0", runs: int = 50) -> Plain:
     return _left({"scheme": scheme, **source(f"crowd_env run {place} --scheme {scheme}{options} --runs {runs}")})
 
 
-def _left(row: Mapping[str, Any]) -> dict[str, Any]:
+def _left(row: Plain) -> Plain:
     """Return a row that says how many people were left inside."""
     left = f"{row['unfinished']} people in {row['unfinished_runs']} of {row['runs']} runs"
     return {**row, "left": left if row["unfinished"] else "nobody"}
@@ -149,7 +149,7 @@ def bodies(source: Source) -> Rows:
             yield {"kind": kind, **_room(source, scheme, options)}
 
 
-def _report(source: Source, line: str) -> dict[str, Any]:
+def _report(source: Source, line: str) -> Plain:
     """Return the rows of a table or figure of a paper by their quantities."""
     return {row["quantity"]: row for row in source(f"crowd_env reproduce {line}")["rows"]}
 

@@ -19,6 +19,7 @@ from crowd_env.agents.tasks.lower_bounds import RECORDED_FLOW, exit_widths, free
 from crowd_env.agents.tasks.tiers import SETTINGS
 from crowd_env.agents.tasks.variations import AS_IT_STANDS, variations
 from crowd_env.analysis.figures import cell
+from crowd_env.core.checks import Plain
 from crowd_env.core.files.json_file import read_json
 from crowd_env.envs.action import make_action
 from validation.pages import ROOT, Rows
@@ -26,7 +27,7 @@ from validation.pages import ROOT, Rows
 SUBMISSIONS = ROOT / "docs/tasks/submissions"
 
 
-def _listed(values: Mapping[str, Any]) -> str:
+def _listed(values: Plain) -> str:
     return ", ".join(f"{name.replace('_', ' ')} {value:g}" for name, value in values.items())
 
 
@@ -34,7 +35,7 @@ def _quoted(names: Iterable[str]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
 
-def _paid(reward: Mapping[str, Any]) -> dict[str, Any]:
+def _paid(reward: Plain) -> Plain:
     return {"prices": _listed(reward.get("weights", {})), "team_share": reward.get("team_share", 0.0)}
 
 
@@ -106,7 +107,7 @@ def _stands(one: Standing) -> dict[str, str]:
 # ----------------------------------------------------------------------------------------------------------- submissions
 
 
-def read_submissions(folder: Path = SUBMISSIONS) -> dict[str, list[dict[str, Any]]]:
+def read_submissions(folder: Path = SUBMISSIONS) -> dict[str, list[Plain]]:
     """Return the submissions in a folder by task, every one held against its task.
 
     Doubtful ones stand last, the others in the order of `crowd_env.agents.evaluation.comparison.order_of`: of the last person's
@@ -117,7 +118,7 @@ def read_submissions(folder: Path = SUBMISSIONS) -> dict[str, list[dict[str, Any
     ValueError
         If one does not fit its task, or two are of one policy.
     """
-    found: dict[str, list[dict[str, Any]]] = {name: [] for name in TASKS}
+    found: dict[str, list[Plain]] = {name: [] for name in TASKS}
     for path in sorted(folder.glob("*/*.json")):
         one = read_submission(path)
         mine, those = one["policy"]["name"], found[one["task"]["name"]]
@@ -129,21 +130,21 @@ def read_submissions(folder: Path = SUBMISSIONS) -> dict[str, list[dict[str, Any
     return {name: those for name, those in found.items() if those}
 
 
-def _times(content: dict[str, Any], policy: str = "", column: str = "last_time") -> np.ndarray:
+def _times(content: Plain, policy: str = "", column: str = "last_time") -> np.ndarray:
     """Return when the last person of each run was out [s], or another column; nan where people were left inside."""
     named = (policy or content["policy"]["name"], "task")
     found = next(one for one in content["runs"] if (one["policy"], one["variation"]) == named)
     return np.array(found[column], dtype=np.float64)
 
 
-def payoffs_of(content: dict[str, Any]) -> np.ndarray:
+def payoffs_of(content: Plain) -> np.ndarray:
     """Return the times [s] that order the policies of a task, see `read_submissions`."""
     task = TASKS[content["task"]["name"]]
     own = "mean_exit" if task.learned_share is None else "mean_exit_learned"
     return _times(content, column=own if task.selfish else "last_time")
 
 
-def _row(content: dict[str, Any], policy: str = "") -> dict[str, Any]:
+def _row(content: Plain, policy: str = "") -> Plain:
     return dict(next(row for row in content["rows"] if row["policy"] == (policy or content["policy"]["name"])))
 
 
@@ -155,7 +156,7 @@ def submissions(folder: Path = SUBMISSIONS) -> Rows:
         yield from ({"task": name, **_judged(content, policy)} for content, policy in ours)
 
 
-def _judged(content: dict[str, Any], policy: str) -> dict[str, Any]:
+def _judged(content: Plain, policy: str) -> Plain:
     row, own, best = _row(content, policy), content["own"][-1], REFERENCES[1]
     later = paired(_times(content, policy), _times(content, best))
     credible = {True: "yes", False: "**no**: " + "; ".join(row["credible"]["reasons"]), None: "not tried"}
@@ -179,11 +180,11 @@ def _judged(content: dict[str, Any], policy: str) -> dict[str, Any]:
     }
 
 
-def _lost(row: dict[str, Any]) -> str:
+def _lost(row: Plain) -> str:
     return f", left in {row['unfinished']} of {row['runs']}" if row["unfinished"] else ""
 
 
-def _worse(content: dict[str, Any]) -> str:
+def _worse(content: Plain) -> str:
     """Return the variations on which a policy leaves people inside in more draws than the rule does."""
     if content["robustness"] is None:
         return "not tried"
@@ -199,7 +200,7 @@ def cards(folder: Path = SUBMISSIONS) -> Rows:
     return [_card(name, read_json(path.with_suffix(".json")), judged.get(name)) for name, path in PRETRAINED.items()]
 
 
-def _card(name: str, made: dict[str, Any], judged: dict[str, Any] | None) -> dict[str, Any]:
+def _card(name: str, made: Plain, judged: Plain | None) -> Plain:
     config, spent, action = made["config"], made["spent"], make_action(made["config"]["action"])
     figures, limits = "not submitted", "unchecked"
     trained = f"{config['people']} people, `{config['scenario']}`: {_listed(config['options'])}; `{config['scheme']}`, "
@@ -235,7 +236,7 @@ def _card(name: str, made: dict[str, Any], judged: dict[str, Any] | None) -> dic
     }
 
 
-def _brought(found: dict[str, Any] | None) -> str:
+def _brought(found: Plain | None) -> str:
     """Return what PPO brought beside its start, on fresh draws."""
     if found is None or "draws" not in found:
         return "not recorded"
@@ -263,7 +264,7 @@ def _elsewhere(name: str, folder: Path = ROOT / TIERS_FOLDER) -> str:
     return told + (f", leaves people in more draws in: {', '.join(worse)}" if worse else "")
 
 
-def _known_limits(content: dict[str, Any]) -> list[str]:
+def _known_limits(content: Plain) -> list[str]:
     """Return the variations on which half of a policy's draws are over 10 % later than half of the rule's."""
     rows = () if content["robustness"] is None else content["robustness"]["rows"]
     half = {(row["variation"], row["policy"]): row["median_time"] for row in rows}

@@ -107,7 +107,7 @@ class Evaluation:
             found["crushed_time"] = measured.crushed.sum(axis=1)
         return found
 
-    def row(self) -> dict[str, Any]:
+    def row(self) -> Plain:
         """Return the figures as one JSON row, in SI units: `figures_of_runs`, and those of single people.
 
         ``exit_time_95`` is when 95 % of the people were out, ``mean_exit_time`` is over the people that got out.
@@ -151,7 +151,7 @@ class Evaluation:
         return found
 
 
-def figures_of_runs(runs: Mapping[str, Floats], scheme: str, people: int) -> dict[str, Any]:
+def figures_of_runs(runs: Mapping[str, Floats], scheme: str, people: int) -> Plain:
     """Return the figures that the `Evaluation.columns` of R runs amount to, ready for JSON.
 
     ``evacuation_time`` and ``mean_exit`` are over the runs in which everyone got out, ``median_time`` is when the last

@@ -46,7 +46,7 @@ _NUMBERS = ("simulated", "computing", "replanning")
 
 def settings_of(
     scenario: Scenario, runs: int, seed: int, task: Task | None = None, learned_share: float | None = None
-) -> dict[str, object]:
+) -> Plain:
     """Return the settings that all results of a folder share; the digest is of everything in a scenario that can matter."""
     held = {field.name: getattr(scenario, field.name) for field in fields(scenario)}
     for name in ("name", "title", "reference", *([] if scenario.apron else ["apron"])):

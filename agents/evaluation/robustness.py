@@ -39,7 +39,7 @@ class Trial(NamedTuple):
 Judged: TypeAlias = tuple[Trial, list[Evaluation]]  # all policies of a trial on the same draws
 
 
-def facts_of_variation(task: Task, one: Variation, place: Scenario) -> dict[str, object]:
+def facts_of_variation(task: Task, one: Variation, place: Scenario) -> Plain:
     """Return what a variation is, ready for JSON; the digest is of the place."""
     return {
         "variation": one.name,

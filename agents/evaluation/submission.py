@@ -167,7 +167,7 @@ def write_content(path: Path, content: Plain) -> None:
     write_text(path, re.sub(r"\[[^][{}\"]*\]", lambda found: "".join(found[0].split()), text) + "\n")
 
 
-def read_submission(path: Path) -> dict[str, Any]:
+def read_submission(path: Path) -> Plain:
     """Return a submission that has been held against its task as it stands, with the figures that its runs amount to.
 
     ``rows`` are those of the policy and of `REFERENCES` in the task (`crowd_env.agents.evaluation.protocol.task_figures`),
@@ -205,7 +205,7 @@ def _damage_told(path: Path) -> Iterator[None]:
         raise ValueError(f"{path} is damaged: {what}{error}") from None
 
 
-def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> dict[str, Any]:
+def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> Plain:
     """Return what `read_submission` does; ``beside`` has what the rules did, by variation."""
     ((policy, digest),) = content["policies"].items()
     task = TASKS[content["task"]["name"]]
@@ -302,8 +302,8 @@ def _held(path: Path, content: Plain) -> Plain:
 class _Now(NamedTuple):
     """A task as it stands."""
 
-    identity: dict[str, object]
-    facts: dict[str, dict[str, object]]  # by variation
+    identity: Plain
+    facts: dict[str, Plain]  # by variation
     places: dict[str, Scenario]
 
 

@@ -70,7 +70,7 @@ _TRAINED: Mapping[str, tuple[str, str, Plain]] = {
 _FOCAL = (_QUEUES, "`generalist`", "PPO, own time", "PPO, own time, 20 % push")
 
 
-def train_crowd(task: str, start: str, reward: Mapping[str, object], seed: int = 0) -> LearnedPolicy:
+def train_crowd(task: str, start: str, reward: Plain, seed: int = 0) -> LearnedPolicy:
     """Return the last policy of PPO with the preset of a task, from a start, with a changed ``reward``.
 
     From full speed it takes `_MOVES`: with the settings of the preset the likeliest action never changes.

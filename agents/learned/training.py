@@ -25,6 +25,7 @@ from crowd_env.envs.routing.env import RoutingVectorEnv
 from crowd_env.envs.tasks.task import HELD_OUT_SEED
 
 from ..networks import MLP, BetweenMLP, Network
+from ..plain import Plain
 from ..trained import LearnedController, LearnedPolicy
 from ..training_config import PPOSettings, TrainingConfig, facts_of, make_env
 from .actor_critic import network_of, std_of
@@ -196,7 +197,7 @@ def policy_of(model: PPO) -> LearnedPolicy:
     return LearnedPolicy(network_of(model), env_options_of(inner.env), spread=std_of(model))
 
 
-def env_options_of(env: WalkingBatch) -> dict[str, object]:
+def env_options_of(env: WalkingBatch) -> Plain:
     """Return the options of ``env`` that a policy trained in it keeps."""
     return {"frame": env.action_kind.frame, "action": env.action_kind, "observation": env.layout}
 

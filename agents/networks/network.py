@@ -53,7 +53,7 @@ class Network(ABC):
         """Return the arrays by name; files hold them in single precision."""
 
     @abstractmethod
-    def settings(self) -> dict[str, object]:
+    def settings(self) -> Plain:
         """Return what the tensors do not hold, as plain data for JSON."""
 
     @classmethod
@@ -140,7 +140,7 @@ class MLP(Network):
             f"{name}{k}": one for k, layer in enumerate(self.layers) for name, one in zip(_ARRAYS, layer, strict=True)
         }
 
-    def settings(self) -> dict[str, object]:
+    def settings(self) -> Plain:
         """Return the activation."""
         return {"activation": self.activation}
 
@@ -246,7 +246,7 @@ class BetweenMLP(MLP):
         found = np.where(speed < 0, speeds.size * headings.size, speed * headings.size + headings)
         return np.asarray(found.reshape(2, -1), dtype=np.int64)
 
-    def settings(self) -> dict[str, object]:
+    def settings(self) -> Plain:
         """Return the activation, the speeds and the headings."""
         return {**super().settings(), "speeds": list(self.table.speeds), "headings": list(self.table.headings)}
 

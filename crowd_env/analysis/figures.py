@@ -13,7 +13,7 @@ import numpy as np
 from crowd_env.analysis.results.plain import plain
 from crowd_env.core.arrays.state import MAX_SPEED, Floats, Ints, segment_lengths
 from crowd_env.core.behaviors.headway import Headway
-from crowd_env.core.checks import counted
+from crowd_env.core.checks import Plain, counted
 from crowd_env.core.files.json_file import json_number
 from crowd_env.core.version import __version__
 from crowd_env.envs.metrics import EpisodeMetrics, flow_slope, share_interval, summarise
@@ -109,7 +109,7 @@ def columns_of(metrics: Sequence[EpisodeMetrics]) -> dict[str, Floats]:
     return dict(zip(EpisodeMetrics._fields, np.array(metrics, dtype=np.float64).T.copy(), strict=True))
 
 
-def figures_of(runs: Mapping[str, Floats]) -> dict[str, Any]:
+def figures_of(runs: Mapping[str, Floats]) -> Plain:
     """Return the figures that every report of many evacuations has, ready for JSON, from `columns_of` them; see `report`."""
     count, unfinished = len(runs["unfinished"]), runs["unfinished"]
     left, blocked = int((unfinished > 0).sum()), int(np.isfinite(runs["blocked_since"]).sum())
@@ -153,7 +153,7 @@ def exit_names(scenario: Scenario, exit_index: Ints) -> np.ndarray:
     return np.append(np.array(scenario.geometry.exit_names), "")[exit_index]
 
 
-def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> dict[str, Any]:
+def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> Plain:
     """Return figures of each exit, ready for JSON.
 
     ``people`` took it in all runs, ``share`` is of the people out in a run, ``first`` and ``last`` are when it was first
@@ -208,7 +208,7 @@ def peak_flow(times: Floats) -> float:
     return max(flow_slope(times), float(following.max(initial=0)) / PEAK)  # nan stays nan: it comes first
 
 
-def named(values: np.ndarray, least: float = 0.0) -> dict[str, Any]:
+def named(values: np.ndarray, least: float = 0.0) -> Plain:
     """Return mean, spread and interval of the mean of the finite values, ready for JSON.
 
     No value can be below ``least``: nor is the interval, as the t interval of two runs often is.
@@ -224,7 +224,7 @@ def median_time(times: Floats) -> float | None:
     return json_number(float(np.quantile(ended, 0.5, method="inverted_cdf")))
 
 
-def share(count: int, of: int) -> dict[str, Any]:
+def share(count: int, of: int) -> Plain:
     """Return a share with its Wilson interval, ready for JSON."""
     return {"mean": count / of, "ci95": list(share_interval(count, of))}
 
@@ -237,20 +237,20 @@ def number(value: float | None, unit: str = "", digits: int = 2) -> str:
     return "-" if value is None or value != value else f"{value:.{digits}f} {unit}".rstrip()
 
 
-def spread(figure: Mapping[str, Any], unit: str = "", digits: int = 2) -> str:
+def spread(figure: Plain, unit: str = "", digits: int = 2) -> str:
     """Return "1.25 ± 0.10 s": the mean with the standard deviation over runs, if there is one."""
     if figure["mean"] is None or figure["sd"] is None:
         return number(figure["mean"], unit, digits)
     return f"{number(figure['mean'], digits=digits)} ± {number(figure['sd'], unit, digits)}"
 
 
-def interval(figure: Mapping[str, Any], unit: str = "", digits: int = 2) -> str:
+def interval(figure: Plain, unit: str = "", digits: int = 2) -> str:
     """Return "1.05 to 1.45 s": the 95 % interval of the mean; "" if there is none."""
     low, high = figure["ci95"]
     return "" if low is None else f"{number(low, digits=digits)} to {number(high, unit, digits)}"
 
 
-def percent(share: Mapping[str, Any]) -> str:
+def percent(share: Plain) -> str:
     """Return "12 (3..20)": a share of runs in percent with its interval."""
     low, high = (100.0 * bound for bound in share["ci95"])
     return f"{100.0 * share['mean']:.0f} ({low:.0f}..{high:.0f})"
@@ -261,7 +261,7 @@ def half(time: float | None, digits: int = 1) -> str:
     return "never" if time is None else f"{time:.{digits}f}"
 
 
-def with_interval(found: Mapping[str, Any], digits: int = 1, sign: str = "") -> str:
+def with_interval(found: Plain, digits: int = 1, sign: str = "") -> str:
     """Return "52.3 (51.2..53.4)": a mean with its interval, "–" for none; the larger the numbers, the fewer digits."""
     if found["mean"] is None:
         return "–"
@@ -308,13 +308,13 @@ class _Cells(string.Formatter):
         return text.replace("-", "−") if format_spec.startswith("+") else text
 
 
-def cell(text: str, row: Mapping[str, Any]) -> str:
+def cell(text: str, row: Plain) -> str:
     """Return a format string such as "{flow[mean]:.2f}" filled from a row of figures; a dash if nothing of it is known."""
     found = _Cells().vformat(text, (), row)
     return "–" if "–" in found and not any(sign.isdigit() for sign in found) else found
 
 
-def cells(place: Scenario, figures: Mapping[str, Any]) -> dict[str, str]:
+def cells(place: Scenario, figures: Plain) -> dict[str, str]:
     """Return the rows of the table of a `report`: label -> cell."""
     x0, y0, x1, y1 = place.geometry.bounds
     widths = [f"{name} {width:.2f} m" for name, width in place.geometry.exit_lengths.items()]
@@ -357,7 +357,7 @@ def cells(place: Scenario, figures: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def recorded_flow(figures: Mapping[str, Any]) -> tuple[float, str]:
+def recorded_flow(figures: Plain) -> tuple[float, str]:
     """Return what experiments with people of this manner found at doors [1/(s m)], as a number and in words."""
     manner = Headway.of(figures.get("manner"))
     if manner is not None and manner.time_gap > _WALKING and manner.push == 0.0:
@@ -365,7 +365,7 @@ def recorded_flow(figures: Mapping[str, Any]) -> tuple[float, str]:
     return HIGHEST_FLOW, f"crowds in experiments reach {HIGHEST_FLOW:g} at most"
 
 
-def doubts(figures: Mapping[str, Any]) -> str:
+def doubts(figures: Plain) -> str:
     """Return in one sentence what makes the figures of a `report` doubtful; "" if nothing does."""
     fast = {name: taken["flow_per_meter"]["mean"] or 0.0 for name, taken in figures["exits"].items()}
     highest, recorded = recorded_flow(figures)

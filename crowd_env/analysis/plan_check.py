@@ -10,7 +10,7 @@ from crowd_env.analysis.figures import listed
 from crowd_env.analysis.passages import Gap, Passage, narrowest_passages
 from crowd_env.analysis.terrain import Terrain, survey
 from crowd_env.core.arrays.state import Floats, Ints
-from crowd_env.core.checks import counted
+from crowd_env.core.checks import Plain, counted
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import closed_off, stuck_bodies
 from crowd_env.geometry.placement import lattice
@@ -227,11 +227,11 @@ def check_place(scenario: Scenario, seed: int = 0) -> PlanCheck:
     )
 
 
-def plain_check(check: PlanCheck) -> dict[str, Any]:
+def plain_check(check: PlanCheck) -> Plain:
     """Return what is known of a place, ready for JSON: lengths in meters, areas in square meters."""
     geometry = check.geometry
 
-    def plain_exit(name: str, width: float) -> dict[str, Any]:
+    def plain_exit(name: str, width: float) -> Plain:
         lines = geometry.exits[[other == name for other in geometry.exit_names]].tolist()
         found = check.passages[name]
         narrowest = None

@@ -103,7 +103,7 @@ def usual_scheme(place: str) -> str:
     return "nsm2" if task is None else task.scheme
 
 
-def named_now(arguments: Plain) -> dict[str, Any]:
+def named_now(arguments: Plain) -> Plain:
     """Return the arguments of a config by the names of the options."""
     return {_STORED.get(name, name): value for name, value in arguments.items()}
 
@@ -194,7 +194,7 @@ def walking_of(text: str | None) -> Manner | None:
         return dict(json.loads(text))
 
 
-def people_options(options: CrowdOptions, drawn: Mapping[str, str]) -> dict[str, Any]:
+def people_options(options: CrowdOptions, drawn: Mapping[str, str]) -> Plain:
     """Return the fields of a `Population` that options stand for.
 
     Parameters

@@ -12,6 +12,7 @@ from crowd_env.analysis.results.config import file_digest
 from crowd_env.cli.console import check_picture
 from crowd_env.cli.options import AsJson, new_app, of_output
 from crowd_env.cli.place import CrowdOptions, setting_of
+from crowd_env.core.checks import Plain
 from crowd_env.core.console import check_place, friendly_errors, say
 from crowd_env.core.files.atomic import check_suffix
 from crowd_env.core.files.own import names_own
@@ -24,7 +25,7 @@ from crowd_env.scenarios.scenario import Scenario
 app = new_app()
 
 
-def place_of(config: Mapping[str, Any], trust_code: bool = False) -> tuple[Scenario, ContactScheme]:
+def place_of(config: Plain, trust_code: bool = False) -> tuple[Scenario, ContactScheme]:
     """Return what a config stands for.
 
     Raises

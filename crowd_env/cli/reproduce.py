@@ -13,6 +13,7 @@ from rich.table import Table
 
 from crowd_env.cli.console import wide_console
 from crowd_env.cli.options import AsJson, new_app, plain, section
+from crowd_env.core.checks import Plain
 from crowd_env.core.console import check_folder, friendly_errors, interrupted, progress_bar, say
 from crowd_env.core.executors import Executor, Processes, RayCluster, Serial, all_cores
 from crowd_env.core.files.store import Store
@@ -123,7 +124,7 @@ def _results(chosen: list[_Chosen], store: Store, executor: Executor, fresh: boo
         yield figure.redo(name, settings, {key: runs[key] for key in cases})
 
 
-def _executor(given: Mapping[str, Any]) -> Executor:
+def _executor(given: Plain) -> Executor:
     """Return what computes; a cluster is connected to."""
     if "ray" in given:
         return RayCluster()
@@ -131,7 +132,7 @@ def _executor(given: Mapping[str, Any]) -> Executor:
     return Serial() if workers == 1 else Processes(workers)
 
 
-def _select(name: str, given: Mapping[str, Any], out: Path) -> list[_Chosen]:
+def _select(name: str, given: Plain, out: Path) -> list[_Chosen]:
     """Return what is to be done; an option goes to all the chosen figures that take it.
 
     Raises
@@ -202,7 +203,7 @@ def show(result: Result) -> None:
     console.print()
 
 
-def as_object(name: str, results: Sequence[Result]) -> dict[str, Any]:
+def as_object(name: str, results: Sequence[Result]) -> Plain:
     """Return what ``--json`` prints: a result, or those of a group put together."""
     if name in FIGURES:
         return results[0].as_json()

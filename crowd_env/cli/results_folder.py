@@ -12,7 +12,7 @@ import typer
 from crowd_env.analysis.results.config import FREE, require_data, run_config
 from crowd_env.analysis.results.folder import CROWDING, KEPT, ResultsFolder
 from crowd_env.cli.place import CrowdOptions, Setting, named_now
-from crowd_env.core.checks import check_keys, counted
+from crowd_env.core.checks import Plain, check_keys, counted
 from crowd_env.core.console import check_folder, friendly_errors, say
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.files.store import difference
@@ -135,7 +135,7 @@ def keep_in(folder: ResultsFolder) -> Callable[[Sequence[Episode]], None]:
     return keep
 
 
-def write_results(folder: ResultsFolder, title: str, figures: dict[str, Any], episodes: Sequence[Episode]) -> None:
+def write_results(folder: ResultsFolder, title: str, figures: Plain, episodes: Sequence[Episode]) -> None:
     """Write everything there is of the runs, and say where it is.
 
     Raises

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
-from crowd_env.core.checks import NAMES, check_keys, known, refuse
+from crowd_env.core.checks import NAMES, Plain, check_keys, known, refuse
 from crowd_env.physics.dem import DEM
 from crowd_env.physics.helbing import Helbing
 from crowd_env.physics.hertz import Hertz
@@ -42,9 +42,7 @@ __all__ = [
 ]
 
 
-def make_scheme(
-    scheme: str | Mapping[str, Any] | ContactScheme, social: str | Mapping[str, Any] | SocialForce | None = None
-) -> ContactScheme:
+def make_scheme(scheme: str | Plain | ContactScheme, social: str | Plain | SocialForce | None = None) -> ContactScheme:
     """Return a scheme, given as such, by name or as plain data.
 
     Parameters
@@ -67,7 +65,7 @@ def make_scheme(
     return scheme if social is None else replace(scheme, social=make_social(social))
 
 
-def _from_table(table: Mapping[str, Any]) -> ContactScheme:
+def _from_table(table: Plain) -> ContactScheme:
     parameters = dict(table)
     base = SCHEMES[known("contact scheme", parameters.pop("name", None), SCHEMES)]
     check_keys(f"scheme {base.info.name}", parameters, ["name", *(field.name for field in fields(base))])

@@ -82,7 +82,7 @@ class Physics(Part):
         If a value is unknown or out of range, or the scheme cannot have it.
     """
 
-    scheme: str | Mapping[str, Any] | ContactScheme = "nsm2"
+    scheme: str | Plain | ContactScheme = "nsm2"
     dt: float | None = None
     outline: BodyShape | None = None
     max_drive: float | None = None
@@ -128,7 +128,7 @@ class Walking(Part):
 
     manner: Manner | None = None
     acts_on: Literal["everyone", "scripted"] = "everyone"
-    pulls: Pulls | Mapping[str, Any] | Sequence[Pulls | Mapping[str, Any]] | None = None
+    pulls: Pulls | Plain | Sequence[Pulls | Plain] | None = None
     others: tuple[Behavior, ...] = ()
     share: Annotated[float, Range(0.0, 1.0, above=True)] | None = None
 
@@ -188,8 +188,8 @@ def check_others(others: Sequence[Behavior]) -> None:
         names.append(str(name))
 
 
-AsPhysics: TypeAlias = Physics | str | Mapping[str, Any] | ContactScheme
-AsWalking: TypeAlias = Walking | str | Mapping[str, Any] | Headway | None
+AsPhysics: TypeAlias = Physics | str | Plain | ContactScheme
+AsWalking: TypeAlias = Walking | str | Plain | Headway | None
 
 
 def behaviors_of(*parts: Part) -> dict[str, Any]:

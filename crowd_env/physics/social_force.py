@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields, from_choice, number
+from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, SHARE, Plain, Range, check_fields, from_choice, number
 from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.physics.narrow_phase import gap_to_feature
 from crowd_env.physics.workspace import Batch
@@ -94,7 +94,7 @@ SOCIAL_FORCES: dict[str, SocialForce | None] = {
 }
 
 
-def make_social(social: str | Mapping[str, Any] | SocialForce | None) -> SocialForce | None:
+def make_social(social: str | Plain | SocialForce | None) -> SocialForce | None:
     """Return a social force, given as such, by name, or as plain data such as ``{"strength": 300.0, "length": 0.05}``.
 
     Raises

@@ -23,7 +23,7 @@ _ALWAYS = ("manner", "outline")  # behaviors that every recording names
 _NOBODY: Ints = np.zeros(0, dtype=np.int64)
 
 
-def facts_of(env: CrowdEnv, e: int, *, every: int, contacts: bool, seed: int | None, run: int) -> dict[str, Any]:
+def facts_of(env: CrowdEnv, e: int, *, every: int, contacts: bool, seed: int | None, run: int) -> Plain:
     """Return the facts of the evacuation in environment ``e`` for a recording; a frame is ``every`` decisions."""
     scenario, simulation, people = env.scenario_of_env[e], env.simulation, env.people(e)
     facts = {

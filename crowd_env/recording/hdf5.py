@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from crowd_env.core.checks import Plain
 from crowd_env.core.files.atomic import written
 from crowd_env.recording.content import OF_PEOPLE, FrameContacts, Frames
 from crowd_env.recording.foreign import recording_of_positions
@@ -97,7 +98,7 @@ class Hdf5Writer:
         table[begin:] = rows
         table.flush()
 
-    def finish(self, facts: Mapping[str, Any]) -> Path:
+    def finish(self, facts: Plain) -> Path:
         """Write all into a file without the gaps of rows that every flush compresses again, with the last facts."""
         import h5py
 

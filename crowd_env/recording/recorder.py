@@ -186,7 +186,7 @@ class RunRecorder:
         self.close()
 
 
-def _end_of(env: CrowdEnv, e: int, step: Step) -> dict[str, Any]:
+def _end_of(env: CrowdEnv, e: int, step: Step) -> Plain:
     """Return the facts that are known at the end."""
     state = env.simulation.state
     return {

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
+from crowd_env.core.checks import Plain
 from crowd_env.recording.content import FrameContacts, Frames
 from crowd_env.recording.foreign import recording_of_positions
 from crowd_env.recording.writer import (
@@ -118,7 +119,7 @@ class SqliteWriter:
             self._file.execute("COMMIT")
         self._frames += len(numbers)
 
-    def finish(self, facts: Mapping[str, Any]) -> Path:
+    def finish(self, facts: Plain) -> Path:
         """Write the last facts, and move the file to its place."""
         with _named(self._part):
             told = [(key, json.dumps(value)) for key, value in facts.items()]

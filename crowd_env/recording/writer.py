@@ -59,7 +59,7 @@ def in_files(name: str) -> str:
     return _IN_FILES.get(name, name)
 
 
-def place_of(recording: Frames) -> dict[str, Any]:
+def place_of(recording: Frames) -> Plain:
     """Return the fields ``PLACE`` of a recording."""
     return {name: recording.cohorts if name == "groups" else getattr(recording, name) for name in PLACE}
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import Plain
 from crowd_env.rendering.canvas import hex_of, name_panel, new_figure, quiet_axes, series, without_formulas
 from crowd_env.rendering.libraries import Axes, Figure
 from crowd_env.rendering.palette import INK, QUIET, SERIES, Color
@@ -58,7 +59,7 @@ def egress_curves(
     return without_formulas(figure)
 
 
-def share_figure(shares: Mapping[str, Mapping[str, Any]], exits: Sequence[str]) -> Figure:
+def share_figure(shares: Mapping[str, Plain], exits: Sequence[str]) -> Figure:
     """Return the share of the people who took each exit, a bar for each label and exit.
 
     Parameters

@@ -9,6 +9,7 @@ import numpy as np
 
 from crowd_env.analysis.results.config import FREE, run_config
 from crowd_env.analysis.results.folder import decode, encode
+from crowd_env.core.checks import Plain
 from crowd_env.core.executors import Executor, WorkerDied
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.store import Store
@@ -40,7 +41,7 @@ class Case:
     dt: float  # s
     rules: bool = True
     recorder: Recorder | None = None  # what it keeps of a run is ready for JSON
-    facts: Mapping[str, Any] = field(default_factory=dict)  # that a table names
+    facts: Plain = field(default_factory=dict)  # that a table names
 
     @property
     def decision_dt(self) -> float:
@@ -48,7 +49,7 @@ class Case:
         return self.dt * max(1, round(0.1 / self.dt))
 
     @cached_property
-    def identity(self) -> dict[str, Any]:
+    def identity(self) -> Plain:
         """All that decides a run of a given seed, ready for JSON."""
         options: dict[str, Any] = {"seed": 0, "dt": self.dt, "strategy": "shortest", "rules": self.rules}
         config = run_config(self.place, self.scheme, 1, **options)

@@ -6,7 +6,7 @@ from typing import Any, Generic, Literal, TypeVar, get_args, get_origin, get_typ
 
 from pydantic import TypeAdapter, ValidationError
 
-from crowd_env.core.checks import COUNT, FINITE, NOT_NEGATIVE, POSITIVE, Range, known, number, whole
+from crowd_env.core.checks import COUNT, FINITE, NOT_NEGATIVE, POSITIVE, Plain, Range, known, number, whole
 from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.result import Result
 
@@ -77,7 +77,7 @@ class Settings:
         except ValidationError as error:
             raise ValueError(f"--set {name}={text}: {error.errors()[0]['msg'].lower()}") from None
 
-    def changed(self) -> dict[str, object]:
+    def changed(self) -> Plain:
         """Return the options that differ from the defaults, without which draws are made."""
         values = {one.name: (getattr(self, one.name), one.default) for one in fields(self)}
         return {k: here for k, (here, usual) in values.items() if here != usual and k not in ("runs", "seed")}
@@ -127,7 +127,7 @@ class Paper(Generic[AnySettings]):
     figures: Mapping[str, Figure[AnySettings]]  # by the names of the command line
     cpu_time: float  # s, of all figures together
 
-    def settings_of(self, name: str, given: Mapping[str, Any]) -> AnySettings:
+    def settings_of(self, name: str, given: Plain) -> AnySettings:
         """Return the settings of a figure, from the ``given`` options that matter to it.
 
         Raises

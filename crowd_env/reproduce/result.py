@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import Plain
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.json_file import write_json
 from crowd_env.envs.metrics import summarise
@@ -81,7 +82,7 @@ class Row:
             return False
         return float(f"{self.here:.{self.decimals}f}") == float(self.paper)
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> Plain:
         """Return what ``--json`` prints."""
         told = {_COLUMNS.get(name, name): value for name, value in asdict(self).items()}
         paper, ci95 = (self.paper and float(self.paper)), (self.ci95 and list(self.ci95))
@@ -146,7 +147,7 @@ class Result:
         """The rows of all sections."""
         return [row for section in self.sections for row in section]
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> Plain:
         """Return what ``--json`` prints."""
         return {
             "name": self.name,

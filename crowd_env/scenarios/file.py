@@ -142,7 +142,7 @@ def _read(path: Path) -> Plain:
     return table(f"{path}: the scenario", content, "keys and values")
 
 
-def _today(name: str, content: Mapping[str, Any]) -> Mapping[str, Any]:
+def _today(name: str, content: Plain) -> Plain:
     """Return a table of a file with the keys of today in place of older ones."""
     older = OLDER[name]
     for key, today in older.items():

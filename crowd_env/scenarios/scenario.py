@@ -13,7 +13,7 @@ from crowd_env.core.behaviors.behavior import Behavior
 from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.behaviors.outline import BodyShape, Outline, room_of
 from crowd_env.core.behaviors.pulls import Pulls
-from crowd_env.core.checks import Positive, Range, check_fields, flag, refuse, shown
+from crowd_env.core.checks import Plain, Positive, Range, check_fields, flag, refuse, shown
 from crowd_env.core.files.fingerprint import UNSAID
 from crowd_env.geometry.aprons import APRON, APRONS
 from crowd_env.geometry.geometry import Geometry, turning
@@ -154,7 +154,7 @@ class Scenario:
         """
         return kind.of(getattr(self, kind.NAME) if given is None else given)
 
-    def plain_behaviors(self) -> dict[str, Any]:
+    def plain_behaviors(self) -> Plain:
         """Return name -> plain form of each behavior that is set, see `Behavior.WORDS`."""
         return {name: BEHAVIORS[name].plain_of(self.behavior(BEHAVIORS[name])) for name in IN_WORDS}
 
@@ -331,7 +331,7 @@ def _best_of(exits: tuple[str, ...], strategy: str) -> Route:
     return Route(f"{strategy} to {name}" if name else strategy, exits, strategy=strategy)
 
 
-def changed_place(place: Scenario, options: Mapping[str, Any]) -> Scenario:
+def changed_place(place: Scenario, options: Plain) -> Scenario:
     """Return a scenario with the ``options`` that are `COMMON` to all and not None; a population brings its own people.
 
     Raises

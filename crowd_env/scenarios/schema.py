@@ -12,7 +12,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticOmit, core_schema
 
 from crowd_env.core.behaviors import BEHAVIORS
-from crowd_env.core.checks import COUNT
+from crowd_env.core.checks import COUNT, Plain
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.cohorts import Cohorts
 from crowd_env.scenarios.distributions import LAWS, Distribution
@@ -73,7 +73,7 @@ class _InFiles(GenerateJsonSchema):
         return table
 
 
-def json_schema() -> dict[str, Any]:
+def json_schema() -> Plain:
     """Return the JSON Schema of scenario files, in draft 7, the newest that most editors of TOML read."""
     scenario = _core(Scenario).json_schema(ref_template="#/definitions/{model}", schema_generator=_InFiles)
     definitions = _draft_7(scenario.pop("$defs"))

@@ -11,6 +11,7 @@ import numpy as np
 from crowd_env import SCHEMES, Normal, Population, Uniform
 from crowd_env.core.behaviors.headway import MANNERS, Headway
 from crowd_env.core.behaviors.outline import BodyShape, Outline, room_of
+from crowd_env.core.checks import Plain
 from crowd_env.envs.metrics import share_interval
 from validation.pages import read_toml
 
@@ -37,7 +38,7 @@ class Setting:
     """
 
     scheme: Any = "nsm2"
-    manner: str | Mapping[str, Any] | Headway | None = "hurried"
+    manner: str | Plain | Headway | None = "hurried"
     draws: int = 5
     seed: int = 0
     data: Path | None = None

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env import Geometry, Normal, Scenario
+from crowd_env.core.checks import Plain
 from crowd_env.geometry.geometry import box
 from validation.cases import voronoi
 from validation.cases.case import RECORDED, Row, Setting, adults, number, row
@@ -119,7 +120,7 @@ def recorded_looks(recorded: Trajectories, frame_rate: float) -> list[Look]:
     return looks
 
 
-def near(found: dict[str, Any], run: Run) -> tuple[bool, bool]:
+def near(found: Plain, run: Run) -> tuple[bool, bool]:
     """Return whether density and flow are near the recorded ones."""
     density, flow = found["density"] / run.density - 1.0, found["flow"] / run.flow - 1.0
     return abs(density) <= DENSITY_WITHIN, abs(flow) <= FLOW_WITHIN

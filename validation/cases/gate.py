@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from crowd_env import Scenario, Uniform
+from crowd_env.core.checks import Plain
 from validation.cases.case import Row, Setting, adults, number, row, share
 from validation.cases.crowds import Floats, Passages, draw_crowds, mean_of, steady_flow
 from validation.cases.standards.places import PLACES, place
@@ -98,7 +99,7 @@ def counted(runs: list[Floats]) -> dict[str, Any]:
     }
 
 
-def met(figures: dict[str, Any], eager: bool = False) -> bool:
+def met(figures: Plain, eager: bool = False) -> bool:
     """Whether the criterion is met, by people who were asked to be ``eager`` that of their flow."""
     flow, person, variation = (figures[name] for name in ("flow", "person", "variation"))
     near = [eager or abs(person[k] / time - 1.0) <= WITHIN for k, time in PASSED.items()]
@@ -110,7 +111,7 @@ def met(figures: dict[str, Any], eager: bool = False) -> bool:
     )
 
 
-def told(figures: dict[str, Any], draws: int) -> str:
+def told(figures: Plain, draws: int) -> str:
     """Return the figures as a sentence."""
     person = ", ".join(number(time, 1) for time in figures["person"].values())
     error = f" ± {number(figures['flow_error'])}" if np.isfinite(figures["flow_error"]) else ""

@@ -14,6 +14,7 @@ import shapely
 
 from crowd_env import FULL_SPEED, TABLE_4, CrowdEnv, Population, Scenario, make_scenario
 from crowd_env.core.arrays.state import MAX_SPEED
+from crowd_env.core.checks import Plain
 from crowd_env.envs.crowd import Step
 from crowd_env.envs.rollout import rollout
 from validation.cases.case import Row, Setting, row
@@ -67,7 +68,7 @@ class _Outside:
         return None
 
 
-def empty(hall: Hall, setting: Setting, draw: int = 0, time_limit: float = _TIME_LIMIT) -> dict[str, Any]:
+def empty(hall: Hall, setting: Setting, draw: int = 0, time_limit: float = _TIME_LIMIT) -> Plain:
     """Let everyone walk out, until all are out, the door has been blocked for 30 s, or the time is over.
 
     The result holds the most people outside of the plan at once, by shapely and by the simulation, the largest speed, the
@@ -96,13 +97,13 @@ def empty(hall: Hall, setting: Setting, draw: int = 0, time_limit: float = _TIME
     }
 
 
-def holds(found: dict[str, Any]) -> bool:
+def holds(found: Plain) -> bool:
     """Whether all stayed inside, and below the largest speed."""
     unstopped = found["outside"] == 0 and found["stopped"] is None
     return bool(unstopped and found["fastest, m/s"] <= MAX_SPEED * (1.0 + 1e-12))
 
 
-def told(found: dict[str, Any]) -> str:
+def told(found: Plain) -> str:
     """Return what came of a run, as a sentence."""
     hall = f"{found['people']} people at {found['density, 1/m2']:g} /m2, door of {found['door, m']:g} m: "
     if found["stopped"]:

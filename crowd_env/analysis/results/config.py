@@ -12,7 +12,7 @@ from typing_extensions import TypedDict
 
 from crowd_env.analysis.results.plain import plain
 from crowd_env.core.behaviors import IN_WORDS
-from crowd_env.core.checks import shown
+from crowd_env.core.checks import Plain, shown
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.json_file import read_json
 from crowd_env.core.files.versions import versions_of
@@ -43,7 +43,7 @@ _READ: dict[str, Any] = {
 }
 
 
-def read_config(path: Path) -> dict[str, Any]:
+def read_config(path: Path) -> Plain:
     """Return the config in a file, checked.
 
     Raises
@@ -82,7 +82,7 @@ def run_config(
     rules: bool,
     max_drive: float = math.inf,
     command: Sequence[str] = (),
-    arguments: Mapping[str, Any] | None = None,
+    arguments: Plain | None = None,
     files: Sequence[Path] = (),
 ) -> dict[str, Any]:
     """Return all that decides the results of a command, ready for JSON.

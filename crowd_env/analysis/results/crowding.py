@@ -173,7 +173,7 @@ class CrowdingRecorder:
         return {name: vars(self)[name] for name in ("grid", "_measure", "_felt", "_zones", "_pieces", "_exit_of_row")}
 
 
-def crowding_of(content: dict[str, Any] | None, shapes: dict[str, tuple[int, ...]]) -> Crowding | None:
+def crowding_of(content: Plain | None, shapes: dict[str, tuple[int, ...]]) -> Crowding | None:
     """Return what was kept of an evacuation as a `Crowding`; None if it is none of a place with arrays of these shapes."""
     if content is None or set(content) != set(Crowding._fields):
         return None

@@ -14,6 +14,7 @@ from crowd_env.analysis.figures import exit_names, time_of_share
 from crowd_env.analysis.results.config import FREE
 from crowd_env.analysis.results.crowding import Crowding, CrowdingRecorder, crowding_of
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import Plain
 from crowd_env.core.files.csv_table import write_csv
 from crowd_env.core.files.json_file import json_number, write_json
 from crowd_env.core.files.store import Store
@@ -41,7 +42,7 @@ class ResultsFolder(Store):
         If the folder holds results of something else.
     """
 
-    def __init__(self, folder: Path, config: dict[str, Any], scenario: Scenario) -> None:
+    def __init__(self, folder: Path, config: Plain, scenario: Scenario) -> None:
         super().__init__(folder, config, about=CONFIG, free=FREE, owned=_OWNED)
         self._scenario = scenario
 
@@ -85,7 +86,7 @@ class ResultsFolder(Store):
                 self.keep(f"{CROWDING}/{episode.seed}", episode.record["crowding"]._asdict())
             self.keep(f"{KEPT}/{episode.seed}", encode(episode))
 
-    def finish(self, episodes: Sequence[Episode], summary: dict[str, Any]) -> list[Path]:
+    def finish(self, episodes: Sequence[Episode], summary: Plain) -> list[Path]:
         """Write tables, the curve N(t) and the ``summary``; return the paths.
 
         Raises
@@ -101,14 +102,14 @@ class ResultsFolder(Store):
         return [*paths, self.folder / SUMMARY, self.about]
 
 
-def encode(episode: Episode) -> dict[str, Any]:
+def encode(episode: Episode) -> Plain:
     """Return a run, ready for JSON to the last bit, without what a recorder kept of it."""
     numbers = {name: [json_number(one) for one in getattr(episode, name).tolist()] for name in _ARRAYS}
     metrics = {name: json_number(one) for name, one in episode.metrics._asdict().items()}
     return {**{name: getattr(episode, name) for name in _NUMBERS}, "metrics": metrics, **numbers}
 
 
-def decode(run: int, content: dict[str, Any] | None) -> Episode | None:
+def decode(run: int, content: Plain | None) -> Episode | None:
     """Return the run of the number ``run`` that was encoded; None if this is no whole run."""
     try:
         told: dict[str, Any] = {name: np.array((content or {})[name], dtype=_ARRAYS[name]) for name in _ARRAYS}

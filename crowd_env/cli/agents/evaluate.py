@@ -185,7 +185,7 @@ def main(
     _tell(figures, None, as_json, [*tables, report.exits_table(results), report.crowding_table(results)], lines)
 
 
-def _first_given(given: Mapping[str, object]) -> str | None:
+def _first_given(given: Plain) -> str | None:
     """Return the first option that the command line gives, if any."""
     return next((name for name, value in given.items() if value is not None), None)
 

@@ -13,6 +13,7 @@ from crowd_env.agents.pretrained import load
 from crowd_env.agents.tasks import make_task
 from crowd_env.agents.transitions import minari_for, write_minari, write_runs
 from crowd_env.cli.options import new_app, plain
+from crowd_env.core.checks import Plain
 from crowd_env.core.console import check_folder, friendly_errors, say
 from crowd_env.core.files.atomic import check_suffix, write_bytes
 
@@ -68,7 +69,7 @@ def main(
         _say(about, f"{onnx}: {len(graph)} bytes", as_json)
 
 
-def _say(about: dict[str, object], line: str, as_json: bool) -> None:
+def _say(about: Plain, line: str, as_json: bool) -> None:
     """Print what is in a file as JSON, or say it in a line."""
     if as_json:
         typer.echo(json.dumps(about))

@@ -17,7 +17,7 @@ from crowd_env.agents.training_config import TrainingConfig
 from crowd_env.cli.agents.options import People, PlaceName, TaskName, Threads, changes, of_learning, task_or_place
 from crowd_env.cli.options import ONE_SCHEME, Exits, Unit, WalkingName, of_output, of_people, of_physics, of_runs
 from crowd_env.cli.place import CrowdOptions, plan_options, walking_of
-from crowd_env.core.checks import known, number, whole
+from crowd_env.core.checks import Plain, known, number, whole
 from crowd_env.core.console import friendly_errors, say
 from crowd_env.core.executors import check_cluster
 from crowd_env.core.files.json_file import write_json
@@ -177,7 +177,7 @@ def main(
     say(f"model, config, results.json, figures and film: {folder}/")
 
 
-def _begun(given: Mapping[str, Any], seed: int) -> TrainingConfig:
+def _begun(given: Plain, seed: int) -> TrainingConfig:
     """Return the parameters of a new run from the options of the command line.
 
     Raises
@@ -211,7 +211,7 @@ def _begun(given: Mapping[str, Any], seed: int) -> TrainingConfig:
     return training_config.default_config(place, seed=seed, options=options, **(usual | asked))
 
 
-def _asked(given: Mapping[str, Any]) -> dict[str, Any]:
+def _asked(given: Plain) -> dict[str, Any]:
     """Return the parameters of a run that options stand for."""
     names = {"walking": "manner"}
     of_run = ("people", "walking", "outline", "scheme", "dt", "start", "minutes", "steps", "envs", *_ROUTING)
@@ -239,7 +239,7 @@ def _new_folder(config: TrainingConfig, out: Path | None) -> Path:
     return new_folder(Path("runs"), f"{'-'.join(parts)}-seed{config.seed}")
 
 
-def _resumed(context: typer.Context, folder: Path, given: Mapping[str, Any]) -> tuple[Path, TrainingConfig]:
+def _resumed(context: typer.Context, folder: Path, given: Plain) -> tuple[Path, TrainingConfig]:
     """Return folder and parameters of a run that is resumed, by this command alone."""
     from crowd_env.agents.learned.curve import CURVE, read_curve
 

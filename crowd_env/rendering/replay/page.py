@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.checks import Plain
 from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.geometry.parsing import from_wkt
 from crowd_env.physics.pressure import INJURY
@@ -184,7 +185,7 @@ def pack(columns: Mapping[str, Floats | Ints]) -> tuple[list[dict[str, Any]], st
 _DIGITS = 4  # of a meter
 
 
-def plain_plan(recording: Recording) -> tuple[dict[str, Any], Floats]:
+def plain_plan(recording: Recording) -> tuple[Plain, Floats]:
     """Return the plan, and the point (2,) [m] from which all of the page is measured: coordinates of maps are large."""
     area = from_wkt(recording.walkable, "the walkable area of the recording")
     shells, holes = shells_of(area), holes_of(area)
@@ -220,7 +221,7 @@ def _with_rims(colors: NDArray[np.uint8]) -> dict[str, list[str]]:
     return {"fill": [hex_of(color) for color in colors], "rim": [hex_of(color) for color in darker(colors)]}
 
 
-def plain_colors() -> dict[str, Any]:
+def plain_colors() -> Plain:
     """Return the ramps of bodies, each with darker rims, and the colors of cohorts, from the palette of all pictures.
 
     They go in steps, so that people of one color are drawn in one go.
@@ -245,5 +246,5 @@ def style_variables() -> str:
     return f":root {{ {_properties(named)} {light} }}\n@media (prefers-color-scheme: dark) {{ :root {{ {dark} }} }}\n"
 
 
-def _properties(colors: Mapping[str, Any]) -> str:
+def _properties(colors: Plain) -> str:
     return " ".join(f"--{name}: {hex_of(color)};" for name, color in colors.items())

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from crowd_env.analysis.figures import FIGURES, columns_of, doubts, interval, named, number, spread
-from crowd_env.core.checks import counted
+from crowd_env.core.checks import Plain, counted
 from crowd_env.rendering.report.runs import Runs, table
 
 _AIM = 0.02  # of the mean: the interval that is aimed at
 _FEW = 5  # runs or fewer say little of how many are needed
 
 
-def answer(runs: Sequence[Runs]) -> dict[str, Any]:
+def answer(runs: Sequence[Runs]) -> Plain:
     """Return the sentences, the table and the exits of the first section."""
     return {
         "said": [{"name": one.name if len(runs) > 1 else "", "text": _sentence(one)} for one in runs],
@@ -126,7 +126,7 @@ def _exits(one: Runs) -> list[tuple[str, ...]]:
     return rows
 
 
-def share_words(found: Mapping[str, Any] | None) -> str:
+def share_words(found: Plain | None) -> str:
     """Return the share of an exit in percent with its interval."""
     if found is None or found["share"]["mean"] is None:
         return "–"

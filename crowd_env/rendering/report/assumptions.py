@@ -14,13 +14,14 @@ from crowd_env.analysis.results.folder import CONFIG
 from crowd_env.analysis.results.plain import plain
 from crowd_env.core.behaviors import BEHAVIORS, IN_WORDS
 from crowd_env.core.behaviors.behavior import Behavior
+from crowd_env.core.checks import Plain
 from crowd_env.envs.settings import physics_step
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.settings import Physics
 from crowd_env.rendering.report.runs import Runs, described, table
 
 
-def assumptions(runs: Sequence[Runs]) -> dict[str, Any]:
+def assumptions(runs: Sequence[Runs]) -> Plain:
     """Return the population, what was assumed and is not modeled, what the validation map says, and how to repeat it."""
     again = [["crowd-env", "run", "--config", str(one.folder / CONFIG)] for one in runs]
     first = [one.config.get("command") or ["crowd-env", "run"] for one in runs]
@@ -38,7 +39,7 @@ def assumptions(runs: Sequence[Runs]) -> dict[str, Any]:
     }
 
 
-def _population(one: Runs) -> dict[str, Any]:
+def _population(one: Runs) -> Plain:
     cohorts = plain(one.scenario.population.parts)
     rows = table(_OF_A_COHORT, cohorts)
     for name, behavior in IN_WORDS.items():
@@ -63,20 +64,20 @@ def _spread(value: Any, unit: str) -> str:
     return "the scheme's or manner's own" if value is None else f"{described(value)} [{unit}]"
 
 
-def _starts(part: Mapping[str, Any]) -> str:
+def _starts(part: Plain) -> str:
     if part.get("starts") is not None:
         return "at given positions"
     region = part.get("start_region")
     return f"at random in the region {region}" if region else "at random anywhere"
 
 
-def _goals(part: Mapping[str, Any]) -> str:
+def _goals(part: Plain) -> str:
     exits = f"only by {', '.join(part['exits'])}" if part.get("exits") else ""
     route = f"by the route {part['route']}" if part.get("route") else ""
     return ", ".join(filter(None, (route, exits))) or "as the strategy says"
 
 
-_OF_A_COHORT: dict[str, Callable[[Mapping[str, Any]], str]] = {
+_OF_A_COHORT: dict[str, Callable[[Plain], str]] = {
     "number": lambda part: str(part.get("people", part.get("count"))),
     "radius of the body": lambda part: _spread(part["radius"], "m"),
     "mass": lambda part: _spread(part["mass"], "kg"),

@@ -10,7 +10,7 @@ import numpy as np
 from crowd_env.analysis.figures import FIGURES, exit_names, named, number
 from crowd_env.analysis.plan_check import cells, check_place
 from crowd_env.analysis.results.crowding import SERVICE
-from crowd_env.core.checks import counted
+from crowd_env.core.checks import Plain, counted
 from crowd_env.envs.rollout import Episode
 from crowd_env.geometry.voronoi import REACH
 from crowd_env.physics.pressure import INJURY
@@ -24,7 +24,7 @@ from crowd_env.rendering.report.runs import Runs, table
 from crowd_env.rendering.sheet import plan_figure
 
 
-def figures(runs: Sequence[Runs], measured: Sequence[Measured]) -> dict[str, Any]:
+def figures(runs: Sequence[Runs], measured: Sequence[Measured]) -> Plain:
     """Return the tables and pictures (in base64) of a report."""
     names = [one.name for one in runs]
     found: dict[str, Any] = {
@@ -111,7 +111,7 @@ def _known(runs: Runs) -> float:
     return min((one.end for one in cut), default=inf)
 
 
-def _exits(runs: Sequence[Runs]) -> dict[str, Any] | None:
+def _exits(runs: Sequence[Runs]) -> Plain | None:
     """Return the shares of the exits; None if there is one."""
     names = list(dict.fromkeys(name for one in runs for name in one.figures["exits"]))
     if len(names) < 2:
@@ -134,7 +134,7 @@ def _over_time(one: Runs) -> str:
     return encoded(egress_curves(curves, until=dict.fromkeys(busiest, _known(one)), out=True))
 
 
-def _gaps(runs: Sequence[Runs]) -> dict[str, Any]:
+def _gaps(runs: Sequence[Runs]) -> Plain:
     """Return by how much the runs differ from the first, and why some cannot be compared."""
     minus_first = differences(runs)
     pairable = [one for one in minus_first if "why_not" not in one]
@@ -146,7 +146,7 @@ def _gaps(runs: Sequence[Runs]) -> dict[str, Any]:
     }
 
 
-def _gap(figure: Mapping[str, Any]) -> str:
+def _gap(figure: Plain) -> str:
     if figure["mean"] is None:
         return "–"
     low, high = figure["ci95"]
@@ -168,7 +168,7 @@ _ROWS: dict[str, Callable[[Runs], str]] = {
 COMPARED = ("evacuation_time", "t95", "mean_exit_time")  # of `FIGURES`
 
 
-def differences(runs: Sequence[Runs]) -> list[dict[str, Any]]:
+def differences(runs: Sequence[Runs]) -> list[Plain]:
     """Return how much longer each folder took than the first, ready for JSON.
 
     Runs of one seed are paired where they begin with the same people in the same places (common random numbers): the interval
@@ -179,7 +179,7 @@ def differences(runs: Sequence[Runs]) -> list[dict[str, Any]]:
     return [_minus(other, runs[0]) for other in runs[1:]]
 
 
-def _minus(one: Runs, first: Runs) -> dict[str, Any]:
+def _minus(one: Runs, first: Runs) -> Plain:
     head = {"name": one.name, "minus": first.name}
     if one.draw != first.draw:
         return {**head, "why_not": "the plan or the people are others, so that runs cannot be paired"}

@@ -10,6 +10,7 @@ from crowd_env.analysis.figures import named
 from crowd_env.analysis.results.crowding import SERVICE, wall_pieces
 from crowd_env.analysis.results.measurements import CELL, Grid, grid_over
 from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import Plain
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.pressure import INJURY
 from crowd_env.rendering.heat import HeatMap
@@ -36,8 +37,8 @@ class Zone(NamedTuple):
 
     name: str
     area: float  # m2
-    most: dict[str, Any]  # people at once, over runs
-    empty: dict[str, Any]  # s  when it was empty for good, over runs
+    most: Plain  # people at once, over runs
+    empty: Plain  # s  when it was empty for good, over runs
 
 
 class Measured(NamedTuple):
@@ -57,7 +58,7 @@ class Measured(NamedTuple):
     left_out: int  # decisions whose forces are left out, of all runs
     zones: list[Zone]
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> Plain:
         """Return what there is besides maps, ready for JSON."""
         places = {"density": self.densest, "pressure": self.hardest, "wall_load": self.loaded}
         return {

@@ -10,6 +10,7 @@ from crowd_env.analysis.results.config import read_config
 from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
 from crowd_env.core.behaviors import IN_WORDS
+from crowd_env.core.checks import Plain
 from crowd_env.core.files.atomic import legible
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.version import __version__
@@ -21,7 +22,7 @@ from crowd_env.scenarios.scenario import Scenario
 T = TypeVar("T")
 
 # Returns the place and the contact scheme that a config names.
-PlaceOf = Callable[[Mapping[str, Any]], tuple[Scenario, ContactScheme]]
+PlaceOf = Callable[[Plain], tuple[Scenario, ContactScheme]]
 
 
 class Runs(NamedTuple):
@@ -29,11 +30,11 @@ class Runs(NamedTuple):
 
     name: str  # in the report
     folder: Path
-    config: dict[str, Any]
+    config: Plain
     scenario: Scenario
     scheme: ContactScheme
     episodes: list[Episode]
-    figures: dict[str, Any]  # of `crowd_env.analysis.figures.report`
+    figures: Plain  # of `crowd_env.analysis.figures.report`
     crowding: list[Crowding]  # of the runs that have it
 
     @property

@@ -59,7 +59,7 @@ def _add_bounds(drawing: Drawing, attributes: Plain) -> None:
     drawing.walkable.append(box(x, y, x + width, y + height))
 
 
-def _plain(thing: Plain) -> dict[str, Any]:
+def _plain(thing: Plain) -> Plain:
     """Return the attributes of an element, which stand in it or in a table of their own."""
     return {"id": "?", **thing.get("attributes", {}), **thing}
 
