@@ -20,6 +20,7 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints, unit_vectors
 from crowd_env.core.checks import (
     Natural,
     NotNegative,
+    Plain,
     Range,
     array,
     check_fields,
@@ -229,7 +230,7 @@ ACTIONS: Mapping[str, ActionKind] = {
 }
 
 
-def make_action(kind: str | Mapping[str, Any] | ActionKind) -> ActionKind:
+def make_action(kind: str | Plain | ActionKind) -> ActionKind:
     """Return a kind of action by its name in ``ACTIONS``, the one of plain data, or the kind itself.
 
     Plain data are a name, the ``frame`` and, of a kind with a `SpeedTable`, its parameters: ``{"name": "speeds", "speeds": [0,
@@ -254,13 +255,13 @@ def make_action(kind: str | Mapping[str, Any] | ActionKind) -> ActionKind:
     return replace(made, frame=kind["frame"]) if "frame" in kind else made
 
 
-def plain_action(kind: str | Mapping[str, Any] | ActionKind) -> str | dict[str, Any]:
+def plain_action(kind: str | Plain | ActionKind) -> str | dict[str, Any]:
     """Return the plain data of which `make_action` makes a kind of action.
 
     Raises
     ------
-    If it is a custom kind: plain data hold no functions.
-        If it is one of the user's own: plain data hold no functions.
+    ValueError
+        If it is a custom kind: plain data hold no functions.
     """
     kind = make_action(kind)
     named = ACTIONS.get(kind.name)
@@ -300,6 +301,11 @@ def way_of_action(kind: ActionKind) -> Ints | None:
     if kind.routes is None or not isinstance(kind.space, gymnasium.spaces.Discrete):
         return None
     return kind.decoded(np.arange(kind.space.start, kind.space.start + kind.space.n))[1]
+
+
+def mask_info(mask: Masks | None) -> dict[str, Masks]:
+    """Return the ``action_mask`` of an info: nothing without a mask."""
+    return {} if mask is None else {"action_mask": mask}
 
 
 def to_command(action: ArrayLike, kind: ActionKind, controlled: Bools) -> tuple[Floats, Ints | None]:

@@ -76,11 +76,21 @@ def frame_rate(duration: float) -> float:
     return round(rate) if abs(rate - round(rate)) < 1e-9 * rate else rate
 
 
-class _Specified:
-    """An environment with the id of a task in its Gymnasium spec only if nothing is another than there."""
+class _OfBatch(Restorable):
+    """An environment over a `Batch`; its Gymnasium spec has the id of a task only if nothing is another than there."""
 
-    env: CrowdEnv
+    metadata: dict[str, Any]
     _spec: EnvSpec | None = None
+
+    def _take_up(self, batch: Batch, render_mode: str | None) -> None:
+        check_render_mode(render_mode)
+        self.batch, self.env, self.layout = batch, batch.env, batch.layout
+        self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": frame_rate(batch.duration)}
+        self._canvas: list[Any] = []
+
+    def _made_by(self) -> dict[str, Any]:
+        return {**super()._made_by(), **self.batch.made_by}
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -93,7 +103,7 @@ class _Specified:
         self._spec = replace(spec, id=marked) if spec is not None and self.env.changed else spec
 
 
-class SingleEnv(_Specified, Restorable, gymnasium.Env):
+class SingleEnv(_OfBatch, gymnasium.Env):
     """One environment of a `Batch`.
 
     Parameters
@@ -115,12 +125,8 @@ class SingleEnv(_Specified, Restorable, gymnasium.Env):
     _kept = ("_np_random", "_np_random_seed")
 
     def __init__(self, batch: Batch, render_mode: str | None = None) -> None:
-        check_render_mode(render_mode)
-        self.batch, self.env, self.layout = batch, batch.env, batch.layout
+        self._take_up(batch, render_mode)
         self.observation_space, self.action_space = batch.observation_space, batch.action_space
-        self.render_mode = render_mode
-        self.metadata = {**self.metadata, "render_fps": frame_rate(batch.duration)}
-        self._canvas: list[Any] = []
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Reset:
         """Start an episode; the same seed gives the same people at the same positions.
@@ -156,9 +162,6 @@ class SingleEnv(_Specified, Restorable, gymnasium.Env):
             raise AttributeError(f"every choice of the {type(self).__name__} always counts: it has no masks")
         return lambda: cast(Masks, self.batch.action_mask)[0]
 
-    def _made_by(self) -> dict[str, Any]:
-        return {**super()._made_by(), **self.batch.made_by}
-
     def _row(self, made: BatchStep) -> Row:
         info = _first(made.info)
         for metrics in made.metrics.values():
@@ -177,10 +180,10 @@ def frames_of(env: CrowdEnv, canvas: list[Any]) -> list[np.ndarray]:
     return draw_envs(env, canvas)
 
 
-def check_render_mode(mode: str | None) -> None:
-    """Raise ValueError if a render mode is neither None nor "rgb_array"."""
-    if mode not in (None, "rgb_array"):
-        raise ValueError(f"unknown render_mode {mode!r}; known: None, rgb_array")
+def check_render_mode(mode: str | None, modes: Sequence[str] = ("rgb_array",)) -> None:
+    """Raise ValueError if a render mode is neither None nor one of ``modes``."""
+    if mode not in (None, *modes):
+        raise ValueError(f"unknown render_mode {mode!r}; known: None, {', '.join(modes)}")
 
 
 def _first(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -194,7 +197,7 @@ def _first(values: Mapping[str, Any]) -> dict[str, Any]:
     return row
 
 
-class BatchVectorEnv(_Specified, Restorable, VectorEnv):
+class BatchVectorEnv(_OfBatch, VectorEnv):
     """The E environments of a `Batch`, with the infos of `gymnasium.vector.SyncVectorEnv` around E single ones.
 
     Every entry of an info is an array (E, ...), or a dictionary of such, and has a mask ``_<name>`` (E,) bool of the
@@ -238,18 +241,15 @@ class BatchVectorEnv(_Specified, Restorable, VectorEnv):
         render_mode: str | None = None,
         max_episode_steps: int | None = None,
     ) -> None:
-        check_render_mode(render_mode)
         if not isinstance(autoreset_mode, AutoresetMode):
             known("autoreset_mode", autoreset_mode, [one.value for one in AutoresetMode])
         self.autoreset_mode = mode = AutoresetMode(autoreset_mode)
         batch = make(autoreset=mode is AutoresetMode.SAME_STEP)
         if max_episode_steps is not None:
             batch.env.cut_off(whole("max_episode_steps", max_episode_steps) * batch.duration)
-        self.batch, self.env, self.layout = batch, batch.env, batch.layout
-        self.render_mode = render_mode
+        self._take_up(batch, render_mode)
         self.num_envs = num_envs = batch.env.num_envs
-        self.metadata = {**self.metadata, "autoreset_mode": mode, "render_fps": frame_rate(batch.duration)}
-        self._canvas: list[Any] = []
+        self.metadata |= {"autoreset_mode": mode}
         self.single_observation_space, self.single_action_space = batch.observation_space, batch.action_space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -336,7 +336,7 @@ class BatchVectorEnv(_Specified, Restorable, VectorEnv):
         return None if self.render_mode is None else tuple(frames_of(self.env, self._canvas))
 
     def _made_by(self) -> dict[str, Any]:
-        return {**super()._made_by(), **self.batch.made_by, "autoreset_mode": self.autoreset_mode.value}
+        return {**super()._made_by(), "autoreset_mode": self.autoreset_mode.value}
 
 
 def about(values: Mapping[str, Any], rows: Bools) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from crowd_env.core.arrays.state import Bools, Floats, Ints, join_bodies, make_state
 from crowd_env.core.behaviors.outline import Outline, room_of
 from crowd_env.core.checks import COUNT, POSITIVE, Plain, Range, array, flag, number, refuse, whole
-from crowd_env.envs.action import ActionKind, Masks, make_action, to_command
+from crowd_env.envs.action import ActionKind, Masks, make_action, mask_info, to_command
 from crowd_env.envs.arguments import (
     MIXED,
     Place,
@@ -144,8 +144,9 @@ class CrowdEnv(Restorable):
             "routing": routing,
             "action": action,
             "observation": observation,
+            "reward": reward,
+            "decision_dt": decision_dt,
         }
-        given |= {"reward": reward, "decision_dt": decision_dt}
         self.task, self.changed, scenario, made = made_for(scenario, people, time_limit, given)
         physics, walking, routing, action, observation, reward, decision_dt = made.values()
         people = people if self.task is None else None  # the place has them
@@ -199,19 +200,15 @@ class CrowdEnv(Restorable):
         blocked_after = np.array([each.blocked_after for each in self.scenario_of_env])
         self._transition = init_transition(self.simulation, self.observer.view.potential, time_limits, blocked_after)
         self._reward = RewardFunction(self.reward_weights, slots)
-        limits = {"time_limit": sorted({*time_limits.tolist()}), "blocked_after": sorted({*blocked_after.tolist()})}
-        decides = {
+        self._decides = {
             "decision_dt": decision_dt,
             "share": walking.share,
             "frame": self.action_kind.frame,
             "dwell": self.action_kind.dwell,
-            **limits,
-        }
-        pays = {getattr(term, "name", term): weight for term, weight in self.reward_weights.weights.items()}
-        self._decides = {
-            **decides,
+            "time_limit": sorted({*time_limits.tolist()}),
+            "blocked_after": sorted({*blocked_after.tolist()}),
             "acts_on": walks.acts_on,
-            "reward": pays,
+            "reward": {getattr(term, "name", term): weight for term, weight in self.reward_weights.weights.items()},
             "team_share": self.reward_weights.team_share,
         }
         self._seeds: Sequence[int | None] | None = None  # of the reset that is under way
@@ -230,12 +227,12 @@ class CrowdEnv(Restorable):
     @property
     def time_limit(self) -> Floats:
         """Time limit of each environment (E,) [s]; a change counts from the next step on."""
-        return cast(Floats, self._transition.time_limit)
+        return self._transition.time_limit
 
     @property
     def finished(self) -> Bools:
         """Which environments wait for a reset (E,): all of them until the first."""
-        return cast(Bools, self._transition.finished)
+        return self._transition.finished
 
     @property
     def num_people(self) -> int:
@@ -278,10 +275,6 @@ class CrowdEnv(Restorable):
     def masked(self, inside: Bools) -> Masks | None:
         """Return the `action_mask` if these pedestrians (P,) are inside; the others choose no way."""
         return self._choice.mask(inside, self._transition.state, self.simulation.history.door_open)
-
-    @property
-    def _masks(self) -> dict[str, Masks]:
-        return {} if (mask := self.action_mask) is None else {"action_mask": mask}
 
     def people(self, e: int) -> slice:
         """Return the slots of environment ``e``, 0 to E - 1."""
@@ -329,7 +322,7 @@ class CrowdEnv(Restorable):
         if chosen.all():
             self._agree()
             self._interrupted = False
-        return observation, self._masks
+        return observation, mask_info(self.action_mask)
 
     def step(self, action: ArrayLike | None = None, scripted: ArrayLike | None = None) -> Step:
         """Advance every unfinished environment by one decision step.
@@ -374,7 +367,7 @@ class CrowdEnv(Restorable):
             self.observer.observe(state.active, over, observation)
             self._wait_for_the_first(over)
         transition.travel_time_before[:] = transition.travel_time_after
-        info |= self._masks
+        info |= mask_info(self.action_mask)
         return Step(observation, reward, left, truncated, info)
 
     def metrics(self, e: int) -> EpisodeMetrics:
@@ -470,6 +463,6 @@ class CrowdEnv(Restorable):
 def require_same_spaces(env: CrowdEnv, before: CrowdEnv) -> None:
     """Raise ValueError if the observation or action space of a pedestrian differs from before."""
     for what in ("single_observation_space", "single_action_space"):
-        if getattr(env, what) != getattr(before, what):
-            one, other = getattr(env, what), getattr(before, what)
+        one, other = getattr(env, what), getattr(before, what)
+        if one != other:
             refuse("scenario", env.scenarios[0].name, f"a place in which a person's space stays {other}, not {one}")

@@ -136,8 +136,7 @@ class StateReader:
         taken = np.flatnonzero(crowd.exit_index >= 0)
         people[taken, layout["exit"].start + crowd.exit_index[taken]] = 1.0
         exits[:, :_LINE] = self._lines
-        exits[:, _LINE] = 1.0
         shut = ~env.simulation.history.door_open[0, : len(self._barred_by)]
-        exits[self._barred_by[shut].any(axis=0), _LINE] = 0.0
+        exits[:, _LINE] = ~self._barred_by[shut].any(axis=0)
         state[-1] = max(env.time_limit[0] - crowd.time[0], 0.0)
         return state

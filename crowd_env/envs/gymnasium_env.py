@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 
 from crowd_env.core.arrays.state import Bools, as_grid
 from crowd_env.core.checks import refuse
-from crowd_env.envs.action import Masks
+from crowd_env.envs.action import Masks, mask_info
 from crowd_env.envs.arguments import Place, check_options
 from crowd_env.envs.controlled import BatchStep, BatchVectorEnv, Row, SingleEnv
 from crowd_env.envs.crowd import CrowdEnv, Reset, require_same_spaces
@@ -69,14 +69,10 @@ class CrowdBatch:
         if final is not None:  # a restarted room was empty at the end
             active[step.info["finished"][env.env_of_person]] = False
         truncated = np.asarray(as_grid(step.truncated, rooms).any(axis=1))
-        info: dict[str, Any] = {
-            name: as_grid(values, rooms) for name, values in step.info.items() if name.startswith("reward/")
-        }
-        info |= {"reward": as_grid(step.reward, rooms)}
-        info |= {name: as_grid(values, rooms) for name, values in moved.items()}
-        if (mask := env.masked(active)) is not None:
-            info["action_mask"] = as_grid(mask, rooms)
-        info |= {"active": as_grid(active, rooms), "diagnostics": step.info["diagnostics"]._asdict()}
+        of_people = {name: values for name, values in step.info.items() if name.startswith("reward/")}
+        of_people |= {"reward": step.reward, **moved, **mask_info(env.masked(active)), "active": active}
+        info: dict[str, Any] = {name: as_grid(values, rooms) for name, values in of_people.items()}
+        info["diagnostics"] = step.info["diagnostics"]._asdict()
         return BatchStep(
             as_grid(step.observation, rooms),
             None if final is None else as_grid(final, rooms),

@@ -14,7 +14,7 @@ from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import array, refuse, whole
 from crowd_env.envs.arguments import NUMBERS, Place, check_options
-from crowd_env.envs.controlled import frame_rate
+from crowd_env.envs.controlled import check_render_mode, frame_rate
 from crowd_env.envs.crowd import CrowdEnv, require_same_spaces
 from crowd_env.envs.global_state import StateLayout, StateReader
 from crowd_env.envs.restorable import Restorable
@@ -78,8 +78,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
         max_cycles: int | None = None,
         **arguments: Unpack[EnvArguments],
     ) -> None:
-        if render_mode is not None and render_mode not in RENDER_MODES:
-            raise ValueError(f"unknown render_mode {render_mode!r}; known: None, {', '.join(RENDER_MODES)}")
+        check_render_mode(render_mode, RENDER_MODES)
         self._arguments, self._cycles = arguments, max_cycles
         self._enter(CrowdEnv(scenario, **arguments))
         self.render_mode = render_mode

@@ -8,7 +8,7 @@ from functools import wraps
 from typing import Any, ParamSpec, TypeAlias, TypedDict, TypeVar
 
 from crowd_env.core.behaviors.outline import Outline
-from crowd_env.core.checks import Plain, check_fields
+from crowd_env.core.checks import Plain
 from crowd_env.envs.action import ActionKind, make_action
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.reward import RewardWeights
@@ -69,10 +69,9 @@ def physics_step(physics: Physics, *places: Scenario, within: float = DECISION_D
     """
     if physics.dt is not None:
         return physics.dt
-    shapes = [Outline.of(place.outline if physics.outline is None else physics.outline) for place in places]
     return min(
-        physics.law.default_dt(extreme_bodies(place.population), within, shape)
-        for place, shape in zip(places, shapes, strict=True)
+        physics.law.default_dt(extreme_bodies(place.population), within, place.behavior(Outline, physics.outline))
+        for place in places
     )
 
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import gymnasium
 import numpy as np
 
-from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import COUNT, NOT_NEGATIVE, POSITIVE, Range, number, whole
 from crowd_env.envs.arguments import check_options, parts_of
 from crowd_env.envs.controlled import Row
@@ -133,7 +133,8 @@ class FootbridgeEnv(Restorable, gymnasium.Env):
         for _ in range(self._calls):
             x = state.position[:, 0].copy()
             command = np.tile([1.0, 0.0], (self.people, 1))
-            command[self._at_gate(x) & (not opened)] = 0.0
+            at_gate = (x >= -_GATE) & (x < 0.0)
+            command[at_gate & (not opened)] = 0.0
             bridge.advance(command, n_substeps=self._substeps, world=True)
             passed += int(((x < DECK.length) & (state.position[:, 0] >= DECK.length)).sum())
             come_round(bridge.simulation, DECK.length, DECK.length + _APPROACH)
@@ -155,9 +156,6 @@ class FootbridgeEnv(Restorable, gymnasium.Env):
         if self.bridge is None:
             raise ValueError("call reset before the first step")
         super()._check_whole()
-
-    def _at_gate(self, x: Floats) -> Bools:
-        return (x >= -_GATE) & (x < 0.0)
 
     def _discomfort(self, psi: Floats) -> Floats:
         low, high = COMFORT

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Bools, as_grid, segment_lengths
 from crowd_env.core.checks import POSITIVE, Plain, array, known, number, refuse, texts
-from crowd_env.envs.action import Masks
+from crowd_env.envs.action import Masks, mask_info
 from crowd_env.envs.arguments import NUMBERS, Place, parts_of
 from crowd_env.envs.controlled import BatchStep
 from crowd_env.envs.crowd import CrowdEnv
@@ -157,13 +157,10 @@ class RoutingBatch:
         found = self._open(self.env.simulation.history.door_open)
         return found | ~found.any(axis=1, keepdims=True)
 
-    @property
-    def _masks(self) -> dict[str, np.ndarray]:
-        return {} if (mask := self.action_mask) is None else {"action_mask": mask}
-
     def info_at_reset(self) -> dict[str, np.ndarray]:
         """Return ``inside`` (E,): all people; and the ``action_mask``, if any."""
-        return {"inside": np.full(self.env.num_envs, self.env.num_people // self.env.num_envs), **self._masks}
+        inside = np.full(self.env.num_envs, self.env.num_people // self.env.num_envs)
+        return {"inside": inside, **mask_info(self.action_mask)}
 
     def reset(self, seed: int | Sequence[int | None] | None = None, mask: ArrayLike | None = None) -> np.ndarray:
         """Start new episodes everywhere, or where ``mask`` (E,) is true; return all observations (E, D)."""
@@ -198,7 +195,7 @@ class RoutingBatch:
             info[f"reward/{term.name}"] = term.finite(values)
             if weight:
                 reward += weight * values
-        info |= {"inside": view.inside.sum(axis=1), **self._masks}
+        info |= {"inside": view.inside.sum(axis=1), **mask_info(self.action_mask)}
         truncated = np.asarray(as_grid(cut_off, self.env.num_envs).any(axis=1))
         terminated = np.logical_and(finished, ~truncated)
         observation, final, ended = self._observation(view), None, terminated | truncated

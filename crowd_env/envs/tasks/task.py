@@ -223,12 +223,16 @@ def named_task(place: Any) -> Task | None:
     ValueError
         If it is the id of another version than that of today.
     """
-    if isinstance(place, Task) or not isinstance(place, str):
-        return place if isinstance(place, Task) else None
+    if isinstance(place, Task):
+        return place
+    if not isinstance(place, str):
+        return None
     name, _, version = place.rpartition("-v")
     task = TASKS.get(place) or TASKS.get(name.removesuffix("-task"))
-    if task is None or place in (task.name, task.id) or place in SCENARIOS or not version.isdecimal():
-        return task if task is not None and place in (task.name, task.id) else None
+    if task is None or place in (task.name, task.id):
+        return task
+    if place in SCENARIOS or not version.isdecimal():
+        return None
     raise ValueError(f"the task {task.name} is at version {task.version}, there is no {place!r}: say {task.id!r}")
 
 
