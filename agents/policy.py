@@ -33,3 +33,10 @@ class Policy(Protocol):
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
         """Return actions (P, A) in [-1, 1] for observations (P, D); None: all follow the rule of the environment."""
+
+
+class WithoutMemory:
+    """Base of policies that decide by the present observation."""
+
+    def reset(self, env_mask: np.ndarray) -> None:
+        """Do nothing: there is no memory to clear."""

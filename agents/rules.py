@@ -5,9 +5,10 @@ import numpy as np
 from crowd_env import ObservationLayout, Routing
 
 from .plain import Plain
+from .policy import WithoutMemory
 
 
-class ShortestPath:
+class ShortestPath(WithoutMemory):
     """Leave all pedestrians to the rule of the environment: by default the shortest path at full desired speed."""
 
     name = "shortest"
@@ -15,9 +16,6 @@ class ShortestPath:
 
     def __init__(self) -> None:
         self.env_options: Plain = {}
-
-    def reset(self, env_mask: np.ndarray) -> None:
-        """Do nothing: there is no memory to clear."""
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
         """Return no actions."""

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import cast
 
 from crowd_env.core.files.atomic import write_bytes
 from crowd_env.core.files.json_file import read_json, write_json
@@ -80,7 +79,7 @@ def _results(path: Path) -> Plain:
     for key in ("task", "network", *_FROM_RESULTS):
         if not isinstance(found, dict) or key not in found:
             raise ValueError(f"{path} lacks {key!r}: it was not written by this version of train.py")
-    return cast(Plain, found)
+    return found
 
 
 def _check_task(path: Path, noted: object, present: Plain) -> None:

@@ -16,6 +16,7 @@ from crowd_env.envs.routing.batch import RoutingBatch
 
 from .networks import Network, read_network, write_network
 from .plain import Plain
+from .policy import WithoutMemory
 
 NUMBERS = ".safetensors"
 # Options of `RoutingBatch` that belong to a controller; the others describe the place of its training.
@@ -47,7 +48,7 @@ class _Learned:
         return found
 
 
-class LearnedPolicy(_Learned):
+class LearnedPolicy(_Learned, WithoutMemory):
     """A network that all pedestrians share.  It takes the most likely action, or draws one, see `sampled`.
 
     Parameters
@@ -113,9 +114,6 @@ class LearnedPolicy(_Learned):
     def steady(self) -> bool:
         """Whether its actions follow from the observation alone, see `Policy`."""
         return not self.draws
-
-    def reset(self, env_mask: np.ndarray) -> None:
-        """Do nothing: there is no memory to clear."""
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
         """Return actions (P, ...): the means within their bounds, or the choices with the largest logits; or drawn ones.

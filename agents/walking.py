@@ -24,6 +24,7 @@ from crowd_env.envs.observation.neighbors import DENSITY_RADIUS, DENSITY_SCALE
 from crowd_env.envs.observation.view import SIGHT, SPEED_SCALE, TIME_SCALE, View
 
 from .plain import Plain
+from .policy import WithoutMemory
 
 WEIGHT = Range(-100.0, 100.0)
 Weight = Annotated[float, WEIGHT]
@@ -68,7 +69,7 @@ LEADER = ObservationTerm("leader", 3, write_leader)
 PREDECESSOR = ObservationTerm("predecessor", 3, write_predecessor)
 
 
-class WalkingRule(ABC):
+class WalkingRule(WithoutMemory, ABC):
     """A rule that acts along and to the left of the shortest path, from the terms of an observation.
 
     Subclasses are frozen dataclasses, whose fields are the constants of the rule.
@@ -91,9 +92,6 @@ class WalkingRule(ABC):
     def env_options(self) -> Plain:
         """Options of `CrowdEnv`: the terms that the rule observes, and its kind of action."""
         return {"observation": ObservationLayout(terms=self.terms), "action": "continuous"}
-
-    def reset(self, env_mask: np.ndarray) -> None:  # noqa: B027  a hook: these rules have no memory
-        """Do nothing: there is no memory to clear."""
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray | None:
         """Return the actions (P, 2) along and left of the shortest path.
@@ -222,8 +220,8 @@ class Follow(WalkingRule):
     """
 
     name = "follow"
-    leader: ClassVar[ObservationTerm] = LEADER
-    terms: ClassVar[tuple[str | ObservationTerm, ...]] = ("desired_speed", LEADER)
+    leader = LEADER
+    terms = ("desired_speed", LEADER)
     spacing: NotNegative = 0.53
     time: Positive = 0.3
     back: Share = 0.33
@@ -306,7 +304,7 @@ class YieldWhenStuck(Evolved):
 
     name = "yield-when-stuck"
     steady = False
-    terms: ClassVar[tuple[str, ...]] = (*Evolved.terms, "stood")
+    terms = (*Evolved.terms, "stood")
     patience: NotNegative = 2.0
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:
@@ -330,7 +328,7 @@ class Overtaking(WalkingRule):
     """
 
     name = "overtaking"
-    terms: ClassVar[tuple[str, ...]] = (*Evolved.terms, "neighbors")
+    terms = (*Evolved.terms, "neighbors")
     weights: tuple[float, ...] = (0.0,) * 22
 
     def decide(self, observation: np.ndarray, layout: ObservationLayout) -> np.ndarray:

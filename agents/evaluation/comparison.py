@@ -69,6 +69,13 @@ def minus_first(result: Evaluation, first: Evaluation) -> Plain:
     }
 
 
+def by_scheme(results: Sequence[Evaluation]) -> dict[str, list[Evaluation]]:
+    """Return the results under each scheme."""
+    return {
+        name: [one for one in results if one.scheme == name] for name in dict.fromkeys(one.scheme for one in results)
+    }
+
+
 def rows_beside(results: Sequence[Evaluation]) -> list[Plain]:
     """Return the `Evaluation.row` of each result with its differences to the first policy under its scheme."""
     first = {one.scheme: one for one in reversed(results)}
@@ -109,9 +116,7 @@ def ranking(results: Sequence[Evaluation], *, of: Callable[[Evaluation], Floats]
     results : every policy under every scheme.
     of : the times (runs,) [s] of an evaluation that are compared, nan where somebody was left inside.
     """
-    table: dict[str, dict[str, Floats]] = {}
-    for result in results:
-        table.setdefault(result.scheme, {})[result.policy] = of(result)
+    table = {scheme: {one.policy: of(one) for one in some} for scheme, some in by_scheme(results).items()}
     keys = {scheme: {name: order_of(times) for name, times in row.items()} for scheme, row in table.items()}
     orders = {scheme: sorted(row, key=lambda name, row=row: row[name]) for scheme, row in keys.items()}  # type: ignore[misc]
     names = list(next(iter(keys.values()), {}))

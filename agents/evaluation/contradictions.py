@@ -71,14 +71,9 @@ def least_way(place: Scenario) -> float:
     return float((2.0 / 3.0 * caps * reach**3 + width * reach**2) / area - 2.0 / 3.0 * radius)
 
 
-def _inside(runs: Runs, crowd: Crowd) -> Floats:
-    """Return how long people were inside on average (R,) [s], at most."""
-    return np.where(runs["unfinished"] == 0, runs["mean_exit"], crowd.time_limit) + crowd.step
-
-
-def _end(runs: Runs, crowd: Crowd) -> Floats:
-    """Return when each run ended (R,) [s], at the latest."""
-    return np.where(runs["unfinished"] == 0, runs["last_time"], crowd.time_limit) + crowd.step
+def _latest(time: str, runs: Runs, crowd: Crowd) -> Floats:
+    """Return a time of each run (R,) [s], at the latest; people left inside count until the time limit."""
+    return np.where(runs["unfinished"] == 0, runs[time], crowd.time_limit) + crowd.step
 
 
 def _apart(people: int) -> float:
@@ -119,7 +114,7 @@ RULES: Mapping[str, Callable[[Runs, Crowd], Bools]] = {
     "last_time must not be so far above mean_exit at this flow": lambda r, c: (
         r["flow"] * (r["last_time"] - r["mean_exit"]) > _ROUNDED * _apart(c.people)
     ),
-    "mean_exit_learned and mean_exit_others must amount to mean_exit": (_mixed_wrongly),
+    "mean_exit_learned and mean_exit_others must amount to mean_exit": _mixed_wrongly,
     "crushed must be 0 where crushed_time is 0, and there alone": lambda r, c: (
         (r["crushed"] > 0) != (r["crushed_time"] > 0)
     ),
@@ -128,23 +123,23 @@ RULES: Mapping[str, Callable[[Runs, Crowd], Bools]] = {
     ),
     "crushed_time must not be below a decision step, or above the time of the run, for each of the crushed": lambda r, c: (
         (_ROUNDED * r["crushed_time"] < c.step * r["crushed"])
-        | (r["crushed_time"] > _ROUNDED * r["crushed"] * _end(r, c))
+        | (r["crushed_time"] > _ROUNDED * r["crushed"] * _latest("last_time", r, c))
     ),
     "contact_impulse must not be above max_pressure on all, all the time": lambda r, c: (
-        (r["contact_impulse"] > _ROUNDED * 2.0 * np.pi * c.radius[1] * r["max_pressure"] * _inside(r, c))
+        (r["contact_impulse"] > _ROUNDED * 2.0 * np.pi * c.radius[1] * r["max_pressure"] * _latest("mean_exit", r, c))
         & (c.apron == 0.0)
     ),
     "contact_impulse must not be below that of max_pressure on one, in one decision step": lambda r, c: (
         _ROUNDED * r["contact_impulse"] * c.people < 2.0 * np.pi * c.radius[0] * r["max_pressure"] * c.step
     ),
     "max_speed must not be below walked over mean_exit": lambda r, c: (
-        r["walked"] > _ROUNDED * r["max_speed"] * _inside(r, c)
+        r["walked"] > _ROUNDED * r["max_speed"] * _latest("mean_exit", r, c)
     ),
     "max_speed must not be below hurry times the least desired speed": lambda r, c: (
         r["hurry"] * c.desired[0] > _ROUNDED * r["max_speed"]
     ),
     "hurry must not be below walked over mean_exit and the largest desired speed": lambda r, c: (
-        r["walked"] > _ROUNDED * r["hurry"] * c.desired[1] * _inside(r, c)
+        r["walked"] > _ROUNDED * r["hurry"] * c.desired[1] * _latest("mean_exit", r, c)
     ),
     "walked must not be below the way of people who start as near to the exits as they fit": lambda r, c: (
         (_ROUNDED * r["walked"] < c.least_way) & (r["unfinished"] == 0)

@@ -18,6 +18,7 @@ from crowd_env.routing.strategies import STRATEGIES
 from .. import POLICIES, PRETRAINED, make_policy
 from ..controllers import Controller
 from ..drivers import SAMPLE, UNHINDERED, DrivenCrowd, Hindrance, own_arguments
+from ..networks import network_digest
 from ..policy import Policy
 from ..rules import ShortestPath, StrategyPolicy
 from ..trained import SAMPLED, LearnedPolicy, load_trained, names_file
@@ -45,6 +46,11 @@ class Entry:
     task: Task | None = None
     learned_share: float | None = None
     hindrance: Hindrance = UNHINDERED
+
+    @property
+    def digest(self) -> str | None:
+        """Hash of the network; None for a policy without one."""
+        return None if self.source is None else network_digest(self.source)
 
     @property
     def leads(self) -> bool:
@@ -211,9 +217,4 @@ def _learned_entry(
             f"{path} was trained for {found.trained.get('scenario', 'another place')} and observes "
             f"{found.network.inputs} numbers; {scenario.name} has {batch.layout.size}"
         )
-    return replace(controller_entry(found, task), name=legible(path.stem), source=path)
-
-
-def controller_entry(controller: Controller, task: Task | None = None) -> Entry:
-    """Return the entry of a controller of ``crowd_env/routing-v0``."""
-    return Entry(controller.name, controller, task=task)
+    return Entry(legible(path.stem), found, path, task)

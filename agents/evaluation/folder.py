@@ -26,7 +26,7 @@ from ..networks import network_digest
 from ..plain import Plain
 from ..runs import versions
 from ..trained import names_file
-from .comparison import clearing_times
+from .comparison import by_scheme, clearing_times
 from .entries import Entry
 from .evaluation import Evaluation, pressure_is_force
 
@@ -63,9 +63,8 @@ def settings_of(
 def _made_by(entry: Entry, physics: Physics) -> Plain:
     """Return what else a result depends on: the network, the physics with its parameters, and the code."""
     law = physics.law
-    network = None if entry.source is None else network_digest(entry.source)
     source = Path(inspect.getfile(type(law))).read_bytes()  # of the user's own scheme too
-    facts = {"network": network, "scheme": fingerprint(law, source), "dt": law.info.default_dt}
+    facts = {"network": entry.digest, "scheme": fingerprint(law, source), "dt": law.info.default_dt}
     own = (one for one in fields(physics) if one.name not in ("scheme", "threads"))
     changed = {one.name: value for one in own if (value := getattr(physics, one.name)) != one.default}
     facts |= {"physics": fingerprint(changed)} if changed else {}
@@ -148,8 +147,7 @@ class EvaluationFolder(Store):
         from crowd_env.rendering import egress_curves, save_figure
 
         made = []
-        for scheme in dict.fromkeys(result.scheme for result in results):
-            those = [result for result in results if result.scheme == scheme]
+        for scheme, those in by_scheme(results).items():
             title = f"{scenario.name}, {scheme}, {those[0].runs} runs"
             for k in range(1, max(len(those), 2), _CURVES - 1):  # the first policy in every figure
                 curves = _curves([those[0], *those[k : k + _CURVES - 1]])

@@ -13,6 +13,7 @@ from crowd_env.analysis.figures import cell
 from crowd_env.core.checks import whole
 
 from ..plain import Plain
+from ..policy import WithoutMemory
 from ..tasks import make_task
 from .entries import policy_entry
 from .protocol import task_rows
@@ -22,7 +23,7 @@ _LINE = "{policy}: left inside in {unfinished} of {runs}; half of them {median_t
 
 
 @dataclass(frozen=True)
-class Outside:
+class Outside(WithoutMemory):
     """A policy of any library, with the action and the observation of a task.
 
     Parameters
@@ -41,9 +42,6 @@ class Outside:
         """Options of `CrowdEnv` that it was made for."""
         task = make_task(self.task)
         return {"frame": "path", "action": task.action, "observation": ObservationLayout(terms=tuple(task.terms))}
-
-    def reset(self, env_mask: np.ndarray) -> None:
-        """Nothing to forget."""
 
     def act(self, observation: np.ndarray, layout: ObservationLayout, rng: np.random.Generator) -> np.ndarray:
         """Return the actions of all people (P,)."""

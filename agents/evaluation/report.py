@@ -13,7 +13,7 @@ from crowd_env.analysis.figures import cell, median_time
 from crowd_env.core.console import literal_console
 
 from ..plain import Plain
-from .comparison import ranking, rows_beside
+from .comparison import by_scheme, ranking, rows_beside
 from .evaluation import Evaluation
 
 Columns: TypeAlias = Mapping[str, str]  # heading -> the format of its cells, see `crowd_env.analysis.figures.cell`
@@ -104,13 +104,6 @@ def table_of(sections: Sections, columns: Columns, caption: str, title: str = ""
         for row in rows:
             table.add_row(Text(f" {row['policy']}"), *(Text(cell(text, row)) for text in columns.values()))
     return table
-
-
-def by_scheme(results: Sequence[Evaluation]) -> dict[str, list[Evaluation]]:
-    """Return the results under each scheme."""
-    return {
-        name: [one for one in results if one.scheme == name] for name in dict.fromkeys(one.scheme for one in results)
-    }
 
 
 def _sections(groups: Mapping[str, Sequence[Evaluation]]) -> Sections:

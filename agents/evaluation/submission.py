@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -104,17 +104,13 @@ def submit(
     paths = []
     for given, entry, result in zip(names, whole.entries, results, strict=True):
         if given in policies:
-            name, seed = entry.name.replace("/", "-"), own_seed(entry.name, _digest(entry), result.constants)
+            name, seed = entry.name.replace("/", "-"), own_seed(entry.name, entry.digest, result.constants)
             own = whole._replace(variation=OWN_DRAWS, entries=list(dict.fromkeys((rule, entry))))
             those = judged(own, min(runs, own_runs(task)), f"own-{name}", seed - HELD_OUT_SEED)
             trial = {**_trial(own, those), "first_seed": seed}
             paths.append(out / task.name / f"{name}.json")
             write_content(paths[-1], _content(task, [entry], found, trial))
     return paths
-
-
-def _digest(entry: Entry) -> str | None:
-    return None if entry.source is None else network_digest(entry.source)
 
 
 def _check_rule(path: Path, rule: Evaluation, runs: int | None) -> None:
@@ -132,7 +128,7 @@ def _content(task: Task, entries: Sequence[Entry], found: Iterable[Judged], own:
     return {
         "format": FORMAT,
         "task": task.identity(),
-        "policies": {entry.name: _digest(entry) for entry in entries},
+        "policies": {entry.name: entry.digest for entry in entries},
         "networks": {
             entry.name: base64.b64encode(entry.source.read_bytes()).decode()
             for entry in entries
@@ -209,6 +205,7 @@ def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> Plain:
     """Return what `read_submission` does; ``beside`` has what the rules did, by variation."""
     ((policy, digest),) = content["policies"].items()
     task = TASKS[content["task"]["name"]]
+    places = _now(task.name, repr(task)).places
     if policy in PRETRAINED and network_digest(PRETRAINED[policy]) != digest:
         raise ValueError(f"{path} names the shipped policy {policy}, but holds the digest of another network")
     if policy not in PRETRAINED and digest is not None:
@@ -235,8 +232,8 @@ def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> Plain:
                 f"{path} holds other constants of {policy}; a network has none, a rule the same everywhere"
             )
         columns = {one: _runs_of(found["runs"]) for one, found in kept[name].items()}
+        crowd = crowd_of(task, places[name], trial["learned_share"])
         for one, found in columns.items():
-            crowd = crowd_of(task, _now(task.name, repr(task)).places[name], trial["learned_share"])
             if wrong := contradiction(found, crowd):
                 raise ValueError(f"{path}: runs of {one} in {name} contradict themselves: {wrong}")
         if len({len(one["last_time"]) for one in columns.values()}) != 1:
@@ -246,9 +243,8 @@ def _judged(path: Path, content: Plain, beside: Mapping[str, Plain]) -> Plain:
 
     def rows(trial: Plain, count: int) -> list[Plain]:
         name = trial["variation"]
-        place = _now(task.name, repr(task)).places[name]
         figures = [_figures(one, trial, found, count) for one, found in kept[name].items()]
-        return [{**row, "variation": name} for row in task_figures(task.name, place, figures)]
+        return [{**row, "variation": name} for row in task_figures(task.name, places[name], figures)]
 
     few = [row for trial in (whole, *varied) for row in rows(trial, least) if row["policy"] in (RULE, policy)]
     return {

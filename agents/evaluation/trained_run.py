@@ -26,8 +26,8 @@ from ..trained import SAMPLED, LearnedPolicy, load_trained
 from ..training_config import TrainingConfig, judged_place, law_of, physics_of, task_of
 from ..walking import HeadwayRule
 from . import shipped
-from .comparison import clearing_means, clearing_times, last_times, minus_first, paired, ratio
-from .entries import RULE, Entry, controller_entry, make_entries
+from .comparison import by_scheme, clearing_means, clearing_times, last_times, minus_first, paired, ratio
+from .entries import RULE, Entry, make_entries
 from .evaluation import VALIDATION_SEED, Evaluation, evaluate
 from .folder import EvaluationFolder, settings_of
 from .plans import RULES as PLAN_RULES
@@ -35,7 +35,7 @@ from .plans import figures as plan_figures
 from .plans import judge_plans
 from .plans import table as plans_table
 from .protocol import task_rows
-from .report import by_scheme, comparison_table, crowding_table, task_table
+from .report import comparison_table, crowding_table, task_table
 from .same_draws import compare
 
 LEARNED = "learned"
@@ -68,7 +68,7 @@ def judge(folder: Path, config: TrainingConfig, runs: int, threads: int, *, fres
     own = config.task is not None
     rules = make_entries(named_beside(config), place, task)
     if config.routing is not None:
-        rules += [controller_entry(kind(config.routing), task) for kind in (FixedSplit, RandomController)]
+        rules += [Entry(kind.name, kind(config.routing), task=task) for kind in (FixedSplit, RandomController)]
     kinds = _kinds(folder)
     networks = make_entries([f"{folder / NETWORK}{kind}" for kind in kinds], place, task)
     named = [replace(entry, name=LEARNED + kind) for entry, kind in zip(networks, kinds, strict=True)]

@@ -1,6 +1,6 @@
 """The actor-critic policy of pedestrians and controllers: two layers of its own for each."""
 
-from typing import ClassVar, Self, cast
+from typing import ClassVar, Self
 
 import torch
 from stable_baselines3 import PPO
@@ -43,7 +43,7 @@ class Layers(nn.Module):
 
     def forward_critic(self, rows: Tensor) -> Tensor:
         """Return the last layer of the critic."""
-        return cast(Tensor, self.critic(rows))
+        return self.critic(rows)
 
 
 class Choices(CategoricalDistribution):

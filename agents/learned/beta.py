@@ -1,6 +1,6 @@
 """A policy of stable-baselines3 with Beta distributions of actions: bounded, with a mode that can be the bound."""
 
-from typing import ClassVar, Self
+from typing import Self
 
 import gymnasium
 import numpy as np
@@ -12,7 +12,7 @@ from torch.nn.functional import softplus
 
 from crowd_env.core.arrays.state import Floats
 
-from ..networks import MLP, BetaMLP
+from ..networks import BetaMLP
 from ..networks.network import LEAST, beta_mode
 from .actor_critic import CrowdPolicy
 
@@ -77,7 +77,7 @@ class BetaPolicy(CrowdPolicy):
         If the actions are not continuous.
     """
 
-    kind: ClassVar[type[MLP]] = BetaMLP
+    kind = BetaMLP
     action_dist: BetaActions
 
     def _build(self, lr_schedule: Schedule) -> None:

@@ -112,7 +112,7 @@ def batch_of(model: PPO) -> WalkingBatch:
 
 def _head(policy: CrowdPolicy, observation: Tensor) -> Tensor:
     """Return logits, or the mean of a continuous action."""
-    return cast(Tensor, policy.action_net(policy.mlp_extractor.forward_actor(observation)))
+    return policy.action_net(policy.mlp_extractor.forward_actor(observation))
 
 
 def _loss(policy: CrowdPolicy, env: WalkingBatch, inputs: Tensor, labels: Tensor) -> Tensor:

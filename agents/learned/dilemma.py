@@ -43,6 +43,7 @@ from ..trained import NUMBERS, LearnedPolicy
 from ..training_config import TrainingConfig, make_env, physics_of, place_of, task_config
 from ..walking import Evolved, Follow, HeadwayRule, Overtaking, overtake
 from .actor_critic import network_of, std_of
+from .evolution import begun
 from .ppo import make_ppo
 from .starts import begin
 from .training import trained_in
@@ -92,13 +93,10 @@ def searched_response(crowd: Policy, task: str, seed: int = 0, generations: int 
     ModuleNotFoundError
         If the library cma is not installed.
     """
-    import cma
-
     judged = make_task(task)
     config = replace(task_config(task, seed, start=RULE), people=judged.people, options=dict(judged.options))
     env = _among(crowd, config, "continuous", _CANDIDATES * _DRAWS)
-    options = {"popsize": _CANDIDATES, "seed": seed + 1, "verbose": -9}  # seed 0 is the clock
-    search, rng = cma.CMAEvolutionStrategy(np.array(Overtaking().weights), _STEP, options), np.random.default_rng(seed)
+    search, rng = begun(np.array(Overtaking().weights), _STEP, _CANDIDATES, seed), np.random.default_rng(seed)
     for _ in range(generations):
         first, candidates = int(rng.integers(0, HELD_OUT_SEED - _DRAWS)), search.ask()
         seeds = [*range(first, first + _DRAWS)] * _CANDIDATES

@@ -4,8 +4,6 @@ The actor has the observation of one pedestrian; only the actor is kept.  The cr
 pedestrians inside the environment, and their number: a state of fixed width, independent of the order of pedestrians.
 """
 
-from typing import ClassVar
-
 import gymnasium
 import numpy as np
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
@@ -75,7 +73,7 @@ class _Central(Layers):
 class CentralPolicy(CrowdPolicy):
     """Actor and critic of a `CentralVecEnv`."""
 
-    activation: ClassVar[str] = "tanh"
+    activation = "tanh"
 
     def _build_mlp_extractor(self) -> None:
         self.mlp_extractor = _Central((self.features_dim - 1) // 2, self.net_arch[0])  # type: ignore[index,arg-type]

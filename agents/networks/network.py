@@ -100,7 +100,7 @@ class MLP(Network):
         If layers do not fit one another, a number is not finite, or the activation is unknown.
     """
 
-    kind: ClassVar[str] = "mlp"
+    kind = "mlp"
     weights: tuple[Floats, ...]
     biases: tuple[Floats, ...]
     activation: str = "tanh"
@@ -180,7 +180,7 @@ class BetaMLP(MLP):
         As an `MLP`, or if the number of outputs of the layers is odd.
     """
 
-    kind: ClassVar[str] = "beta-mlp"
+    kind = "beta-mlp"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -217,7 +217,7 @@ class BetweenMLP(MLP):
         As an `MLP`, or if the number of outputs of the layers is not the number of choices.
     """
 
-    kind: ClassVar[str] = "between-mlp"
+    kind = "between-mlp"
     table: SpeedTable = field(default_factory=SpeedTable)
 
     def __post_init__(self) -> None:

@@ -31,10 +31,8 @@ def touching_flow(place: Scenario) -> float:
     """
     rng = np.random.default_rng(0)
     parts = place.population.parts
-    drawn = [
-        part.changed(people=max(1, _BODIES * part.people // place.population.people), starts=None) for part in parts
-    ]
-    bodies = [part.draw_bodies(rng) for part in drawn]
+    counts = [max(1, _BODIES * part.people // place.population.people) for part in parts]
+    bodies = [part.changed(people=n, starts=None).draw_bodies(rng) for part, n in zip(parts, counts, strict=True)]
     width = 2.0 * float(np.concatenate([one.radius for one in bodies]).mean())
     speed = float(np.concatenate([one.desired_speed for one in bodies]).mean())
     abreast = np.maximum(1.0, np.floor(exit_widths(place) / width + 1e-9))

@@ -1,6 +1,5 @@
 """The folder of ``crowd-env run --out``, and how a command is run again from the config in it."""
 
-import hashlib
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
@@ -83,8 +82,7 @@ def config_of(
     if "scheme" in files:
         config["law"] = config["files"][str(files["scheme"].absolute())]
     if led is not None:
-        digest = {} if led.source is None else {"sha256": hashlib.sha256(led.source.read_bytes()).hexdigest()}
-        config["policy"] = {"name": led.name, **digest}
+        config["policy"] = {"name": led.name} | ({} if led.digest is None else {"sha256": led.digest})
     if like is not None:
         other = difference(read_json(like), config, FREE)
         if other:

@@ -1,7 +1,7 @@
 """Compare ways to lead people out, on a task or under any contact schemes, on the same draws: ``crowd-env evaluate``."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +12,7 @@ from rich.table import Table
 from crowd_env import SCHEMES, make_scheme
 from crowd_env.agents import starts_from
 from crowd_env.agents.evaluation import plans, report, robustness
+from crowd_env.agents.evaluation.comparison import by_scheme
 from crowd_env.agents.evaluation.entries import RULE, make_entries
 from crowd_env.agents.evaluation.folder import EvaluationFolder, settings_of
 from crowd_env.agents.evaluation.protocol import credible_lines
@@ -180,7 +181,7 @@ def main(
     else:
         starts = {one.name: starts_from(str(one.source or one.name)) for one in entries}
         heading = f"{task.name}, version {task.version}: {title}"
-        tables = [report.task_table(report.by_scheme(results), heading, starts=starts)]
+        tables = [report.task_table(by_scheme(results), heading, starts=starts)]
         lines += credible_lines(figures["rows"])
     _tell(figures, None, as_json, [*tables, report.exits_table(results), report.crowding_table(results)], lines)
 
