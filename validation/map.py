@@ -1,7 +1,6 @@
 """The map: which case and test is passed under which manner and scheme, as tables of docs/, and as reports have it."""
 
 import json
-from typing import Any
 
 from crowd_env.core.checks import Plain
 from crowd_env.core.files.atomic import write_text

@@ -4,7 +4,7 @@
 that --from names.  Verdicts of the table ``lin`` are written by hand, beside what ``crowd-env reproduce`` prints.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from crowd_env import SCHEMES

@@ -1,8 +1,7 @@
 """The tables of docs/tasks/: what each task is, how soon it could end at all, and what policies do on it, from submissions."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import gymnasium
 import numpy as np

@@ -51,10 +51,14 @@ class Discs(PeerCrowd):
 
     def _read(self) -> None:
         """Read everyone's position and velocity; the body of the walls comes along."""
-        self._buffer.clear()
-        pymunk.batch.get_space_bodies(self._space, _FIELDS, self._buffer)
+        self._fill(_FIELDS)
         ids = np.frombuffer(self._buffer.int_buf(), dtype=np.uintp)
         self._who = np.array([self._number.get(one, -1) for one in ids.tolist()], dtype=np.int64)
+
+    def _fill(self, fields: pymunk.batch.BodyFields) -> None:
+        """Fill the buffer, and take positions and velocities from it."""
+        self._buffer.clear()
+        pymunk.batch.get_space_bodies(self._space, fields, self._buffer)
         self._state = np.frombuffer(self._buffer.float_buf()).reshape(-1, 4).copy()
 
     def _step(self) -> None:
@@ -70,9 +74,7 @@ class Discs(PeerCrowd):
         written.set_float_buf(np.ascontiguousarray(velocity))
         pymunk.batch.set_space_bodies(self._space, pymunk.batch.BodyFields.VELOCITY, written)
         self._space.step(DT)
-        self._buffer.clear()
-        pymunk.batch.get_space_bodies(self._space, _MOVING, self._buffer)
-        self._state = np.frombuffer(self._buffer.float_buf()).reshape(-1, 4).copy()
+        self._fill(_MOVING)
         out = self._who[(self._state[:, 0] > scene.side) & (self._who >= 0)]
         for k in out.tolist():
             disc = self._disc.pop(k)

@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
+
+from crowd_env.core.arrays.state import Floats
 
 
 class DueClock:
@@ -16,13 +17,13 @@ class DueClock:
     """
 
     def __init__(self, environments: int) -> None:
-        self.due: NDArray[np.float64] = np.zeros(environments)
+        self.due: Floats = np.zeros(environments)
 
     def is_due(self, e: int, now: float) -> bool:
         """Whether the time of environment ``e`` has come, but for rounding."""
         return bool(now >= self.due[e] - 1e-9)
 
-    def steps_until_due(self, environments: Iterable[int], time: NDArray[np.float64], dt: float) -> int | None:
+    def steps_until_due(self, environments: Iterable[int], time: Floats, dt: float) -> int | None:
         """Return after how many steps of ``dt`` [s], at least one, the first of these is due; None if there are none."""
         waits = (max(1, math.ceil((self.due[e] - time[e]) / dt - 1e-9)) for e in environments)
         return min(waits, default=None)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import Any
 
 from crowd_env.core.checks import NAMES, Plain, check_keys, known, refuse
 from crowd_env.physics.dem import DEM

@@ -13,7 +13,6 @@ The two pedestrians of a pair walk in different directions, so the two forces ar
 for any overlap.  A pedestrian without a desired direction has no front: cos beta is 0.
 """
 
-from collections.abc import Mapping
 from dataclasses import astuple, dataclass
 from typing import Any, NamedTuple
 

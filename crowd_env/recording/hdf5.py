@@ -9,7 +9,7 @@ The file is written in the mode of one writer and many readers (SWMR), in which 
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any

@@ -225,8 +225,7 @@ def record(
         if env.num_envs != 1:
             raise ValueError(f"record needs a single environment; this batch has {env.num_envs}")
         of_env, driver = Driver(env), driver or (lambda _: of_env)
-    place = env.scenario_of_env[0] if isinstance(env, CrowdEnv) else make_scenario(env) if isinstance(env, str) else env
+    place = env.scenario_of_env[0] if isinstance(env, CrowdEnv) else make_scenario(env)
     recorder = RunRecorder(contacts=contacts, every=every, seed=seed, facts=facts)
     (episode,) = rollout(place, 1, seed=seed, driver=driver, recorder=recorder, **options)
-    recording: Recording = episode.record
-    return recording
+    return episode.record

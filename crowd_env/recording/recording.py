@@ -69,7 +69,7 @@ class Recording(Frames):
         time = min(max(time, float(self.times[0])), self.end)
         first, last = np.searchsorted(self.times, [time, time + 1e-12], side="right") - 1
         after = min(int(last) + 1, len(self.times) - 1)
-        rows, later = self._rows_of(int(first)), self._rows_of(after)
+        rows, later = self.rows_of(int(first)), self.rows_of(after)
         here = rows[np.nan_to_num(self.exit_time[self.person[rows]], nan=np.inf) > time]
         person = self.person[here]
         place = np.searchsorted(self.person[later], person).clip(max=max(len(later) - 1, 0))
@@ -102,7 +102,8 @@ class Recording(Frames):
         writer.append(self)
         return writer.finish(self.facts)
 
-    def _rows_of(self, frame: int) -> Ints:
+    def rows_of(self, frame: int) -> Ints:
+        """Return the rows of a frame."""
         return np.arange(self.frame_start[frame], self.frame_start[frame + 1])
 
     def _mean_pressure(self, person: Ints, since: float, until: float) -> Floats:
@@ -112,7 +113,7 @@ class Recording(Frames):
         borne, seen = np.zeros(len(self.radius)), 0.0
         for frame in range(first, last + 1):
             share = min(until, float(self.times[frame])) - max(since, float(self.times[frame - 1]))
-            rows = self._rows_of(frame)
+            rows = self.rows_of(frame)
             borne[self.person[rows]] += share * np.nan_to_num(self.pressure[rows])
             seen += share
         return borne[person] / max(seen, 1e-9)

@@ -158,7 +158,8 @@ def _disc(size: int, line: int, x: int, y: int, turn: int) -> _Picture:
             corners = (*(center - fine * reach), *(center + fine * reach))
             draw.ellipse(corners, fill=value)
         if turn >= 0 and len(rings) > 1:
-            way = np.array([np.cos(2.0 * np.pi * turn / _TURNS), np.sin(2.0 * np.pi * turn / _TURNS)])
+            angle = 2.0 * np.pi * turn / _TURNS
+            way = np.array([np.cos(angle), np.sin(angle)])
             ends = [tuple(center + fine * part * radius * way) for part in (0.38, 0.95)]
             draw.line(ends, fill=255, width=max(round(1.5 * fine * edge), 1))
         return mask.reduce(fine)

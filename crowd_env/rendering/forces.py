@@ -195,7 +195,7 @@ def forces_of(recording: Recording, at: float | None = None) -> ContactForces:
     else:
         load = recording.pressure * recording.radius[recording.person]
         frame = int(np.argmax(np.bincount(recording.frame, load, minlength=len(times))))
-    rows = np.arange(recording.frame_start[frame], recording.frame_start[frame + 1])
+    rows = recording.rows_of(frame)
     person, count = recording.person[rows], len(recording.radius)
     position, active, angle = np.full((count, 2), np.nan), np.zeros(count, dtype=bool), np.zeros(count)
     position[person], active[person] = recording.position[rows], ~recording.beyond[rows]

@@ -9,7 +9,7 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.rendering.canvas import draw_geometry, hex_of, name_panel, new_figure, without_formulas
 from crowd_env.rendering.libraries import Axes, Figure
-from crowd_env.rendering.palette import FAINT, INK, QUIET, Color, blend
+from crowd_env.rendering.palette import ANCHORS, FAINT, INK, QUIET, Color, blend
 
 _COLUMNS = 2
 _WIDTH, _TALLEST = 10.6, 9.0  # inch
@@ -17,7 +17,7 @@ _BAR = 0.72  # inch, of a color bar with its numbers and the title above it
 # From hardly there to much: teal, and the warm part of the ramp of pressures.
 _ANCHORS: dict[str, tuple[Color, ...]] = {
     "density": ((235, 243, 244), (142, 203, 205), (15, 118, 128), (8, 42, 60)),
-    "pressure": ((240, 242, 243), (238, 186, 92), (222, 96, 46), (160, 16, 30)),
+    "pressure": ((240, 242, 243), *ANCHORS[1:]),
 }
 
 

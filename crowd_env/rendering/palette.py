@@ -23,7 +23,7 @@ FAINT: Color = (221, 217, 209)
 SERIES: tuple[Color, ...] = ((15, 118, 128), (137, 71, 145), (158, 122, 22), (74, 92, 160), (112, 112, 112))
 
 
-_ANCHORS: tuple[Color, ...] = ((168, 188, 205), (238, 186, 92), (222, 96, 46), (160, 16, 30))
+ANCHORS: tuple[Color, ...] = ((168, 188, 205), (238, 186, 92), (222, 96, 46), (160, 16, 30))
 
 
 def to_oklab(colors: ArrayLike) -> Floats:
@@ -70,7 +70,7 @@ def _between(corners: Floats, at: Floats, level: Floats) -> Floats:
 
 def _ramp(size: int = 256) -> NDArray[np.uint8]:
     """Return ``size`` colors along the anchors, at equal perceived distances."""
-    corners = to_oklab(_ANCHORS)
+    corners = to_oklab(ANCHORS)
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
     return from_oklab(_between(corners, length, np.linspace(0.0, length[-1], size)))
 

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
@@ -144,7 +144,7 @@ def exit_areas(geometry: Geometry) -> Iterator[Floats]:
             yield hole
 
 
-def _strip(a: NDArray[np.float64], b: NDArray[np.float64], near: float, far: float) -> Floats:
+def _strip(a: Floats, b: Floats, near: float, far: float) -> Floats:
     """Return the corners (4, 2) of the strip ``near`` to ``far`` outside of the segment; its inside is to the left."""
     outward = _outward(a, b)
     return np.array([a + near * outward, b + near * outward, b + far * outward, a + far * outward])

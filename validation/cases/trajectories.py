@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.files.foreign import rows_in
@@ -16,7 +15,7 @@ from crowd_env.core.files.foreign import rows_in
 class Trajectories:
     """Positions of N people over time, sorted by person, then frame."""
 
-    person: NDArray[np.int64]  # (R,)  number of the person in the file
+    person: Ints  # (R,)  number of the person in the file
     time: Floats  # (R,)  s, frame / frame rate
     position: Floats  # (R, 2)  m
 

@@ -111,10 +111,12 @@ def encode(episode: Episode) -> Plain:
 
 def decode(run: int, content: Plain | None) -> Episode | None:
     """Return the run of the number ``run`` that was encoded; None if this is no whole run."""
+    if content is None:
+        return None
     try:
-        told: dict[str, Any] = {name: np.array((content or {})[name], dtype=_ARRAYS[name]) for name in _ARRAYS}
-        told |= {name: (content or {})[name] for name in _NUMBERS}
-        metrics: Any = {name: float("nan") if one is None else one for name, one in (content or {})["metrics"].items()}
+        told: dict[str, Any] = {name: np.array(content[name], dtype=_ARRAYS[name]) for name in _ARRAYS}
+        told |= {name: content[name] for name in _NUMBERS}
+        metrics: Any = {name: float("nan") if one is None else one for name, one in content["metrics"].items()}
         found = Episode(run, metrics=EpisodeMetrics(**metrics), **told)
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
         return None

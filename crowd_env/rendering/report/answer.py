@@ -1,8 +1,7 @@
 """The answer that a report opens with: when people are out, by which exits, and how sure that is."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from math import isfinite
-from typing import Any
 
 import numpy as np
 

@@ -1,6 +1,6 @@
 """What a report shows: the plan as it was understood, what came out, and what the first folder's figures differ from."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import zip_longest
 from math import inf, isfinite
 from typing import Any

@@ -1,7 +1,7 @@
 """Where it was crowded and where people pressed each other, in the runs of a folder: collected while they went on."""
 
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
