@@ -137,13 +137,13 @@ def setting_of(options: CrowdOptions) -> Setting:
             there = "; ".join(f"{who} has {', '.join(names)}" for who, names in owners.items())
             raise ValueError(f"--set {name}: nothing has this name; {there}")
     _, of_law, _ = owners.values()
-    numbers = {name: _value(changes[name]) for name in of_law if name in changes and name != "social"}
+    numbers = {name: value_of(changes[name]) for name in of_law if name in changes and name != "social"}
     law = make_scheme(law, changes.get("social"))
     step, drive = numbers.pop("dt", None), numbers.pop("max_drive", None)
     place, led = read_place(options), None
     task = named_task(options.scenario)
     way = task.rule if task is not None and options.routing is None else options.routing and legible(options.routing)
-    routing = Routing(place.strategy_of_run(way), flag("--set signs", _value(changes.get("signs", "yes"))))
+    routing = Routing(place.strategy_of_run(way), flag("--set signs", value_of(changes.get("signs", "yes"))))
     names = ("people", "walking", "routing", "set", "starts", "time_limit")
     others = [name for name in names if getattr(options, name) is not None]
     if task is not None and (others := others + ["scheme"] * (law.info.name != task.scheme)):
@@ -257,7 +257,7 @@ def split_changes(texts: Sequence[str] | None, option: str = "--set", such_as: s
     return found
 
 
-def _value(text: str) -> Any:
+def value_of(text: str) -> Any:
     """Return the number, the switch or the text that is written."""
     for kind in (int, float):
         try:

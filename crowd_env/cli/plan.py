@@ -11,7 +11,8 @@ from crowd_env.analysis.plan_check import PlanCheck, cells, check_place, check_p
 from crowd_env.analysis.results.plain import plain
 from crowd_env.cli import options
 from crowd_env.cli.console import check_picture, show_table
-from crowd_env.cli.place import CrowdOptions, people_options, plan_options, setting_of, split_changes
+from crowd_env.cli.place import CrowdOptions, people_options, plan_options, setting_of, split_changes, value_of
+from crowd_env.core.behaviors import BEHAVIORS
 from crowd_env.core.behaviors.outline import Outline, room_of
 from crowd_env.core.checks import Plain, at
 from crowd_env.core.console import friendly_errors, noted, progress_bar, say
@@ -129,7 +130,7 @@ def _project(asked: CrowdOptions, path: Path) -> str:
         drawing = plan_options(asked)
         plan = read_plan(asked.scenario, **drawing)
         own_exits, changes = bool(drawing.pop("exits", None)), split_changes(asked.set)
-        others: Plain = {name: changes.pop(name) for name in ("outline", "balance") if name in changes}
+        others: Plain = {name: value_of(changes.pop(name)) for name in BEHAVIORS if name in changes}
         fields = people_options(asked, changes)
         crowd = people_on(plan, fields.pop("people", None))
         of_all = {name: plain(law) for name, law in fields.items()}

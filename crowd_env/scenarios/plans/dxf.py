@@ -223,7 +223,7 @@ def _taken_for(drawing: Drawing, walkable: Sequence[Any], layers: Iterable[_Laye
 
 
 def _between(mline: Any) -> list[Floats]:
-    """Return the outline (K, 2) of what lies between the outermost lines of a multiline, or the outlines if it is closed."""
+    """Return the edge (K, 2) of what lies between the outermost lines of a multiline, or both edges if it is closed."""
     lines = [one for one in mline.virtual_entities() if one.dxftype() == "LINE"]
     merged = shapely.line_merge(shapely.MultiLineString([[one.dxf.start.vec2, one.dxf.end.vec2] for one in lines]))
     chains = [shapely.get_coordinates(part) for part in shapely.get_parts(merged)]
@@ -269,7 +269,7 @@ def _add_layer(drawing: Drawing, drawn: _Layer, meters: float) -> None:
     areas += [
         shapely.buffer(LineString(line), 0.5 * width, cap_style="flat", join_style="mitre") for line, width in wide
     ]
-    if role == "exit" and all(area.is_valid for area in areas):  # an outline and its hatch are one exit
+    if role == "exit" and all(area.is_valid for area in areas):  # an edge and its hatch are one exit
         areas = list(shapely.get_parts(shapely.union_all(areas)))
     for area in areas:
         drawing.add(role, name, area)

@@ -24,7 +24,7 @@ _LEVELS = ("level", "level_id", "floor", "storey")
 _RANGE = re.compile(r"(-?\d+(?:\.\d+)?)\s*-\s*(-?\d+(?:\.\d+)?)")  # 0-2, as of stairs in OpenStreetMap
 _MOST_LEVELS = 200  # of a range
 _NAMES = ("name", "id", "label", "title")
-_FLOOR = ("walkable", "room", "stairs", "outline")
+_FLOOR = ("walkable", "room", "stairs", "building")
 _GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
 
 
@@ -173,7 +173,7 @@ def _drawing(features: Iterable[_Feature]) -> Drawing:
         name = said.name or _name(own, said.role)
         seen[said.role] += 1
         match said.role:
-            case "" | "outline":
+            case "" | "building":
                 unmarked.append(one)
             case "nothing":
                 pass

@@ -14,7 +14,7 @@ _LAYER = re.compile(
 _OF_LAYER = {"w": "walkable", "o": "obstacle", "e": "exit", "d": "start"}
 LAYERS = "jps-walkablearea, jps-obstacles, jps-exits and jps-distributions (with or without jps-)"
 
-# Words of a feature, beside the names of layers.  Only the edges of rooms may be walls; an outline is floor if nothing else is.
+# Words of a feature, beside the names of layers.  Only the edges of rooms may be walls; a building is floor if nothing else is.
 WORDS = {
     "walkable": ("walkable", "floor", "corridor", "walkway", "hallway", "hall", "lobby"),
     "room": ("room",),
@@ -25,7 +25,7 @@ WORDS = {
     "region": ("region", "regions", "zone", "zones"),
     "stairs": ("stairs", "staircase", "steps"),
     "elevator": ("elevator", "elevators", "lift"),
-    "outline": ("outline", "building", "building outline", "footprint"),
+    "building": ("building", "building outline", "footprint"),
 }
 _OF_WORD = {word: role for role, words in WORDS.items() for word in words}
 _OWN = ("role", "kind", "type", "layer", "class", "category", "usage", "function")
@@ -40,9 +40,9 @@ OSM = {
     "door": {"*": "door"},  # door=no is an opening without a leaf
     "indoor": {
         **{"room": "room", "area": "walkable", "corridor": "walkable"},
-        **{"wall": "obstacle", "column": "obstacle", "door": "door", "level": "outline"},
+        **{"wall": "obstacle", "column": "obstacle", "door": "door", "level": "building"},
     },
-    "building": {"no": "", "*": "outline"},
+    "building": {"no": "", "*": "building"},
 }
 _ON_EDGES = ("entrance", "exit", "door")  # keys that say nothing about an area
 _RELATIONS = ("multipolygon", "boundary", "site")  # types in OpenStreetMap

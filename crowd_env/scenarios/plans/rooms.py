@@ -6,7 +6,7 @@ import shapely
 from shapely.geometry import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-_THICKEST = 0.45  # m; what is narrower all along, between two lines or in an outline, is wall
+_THICKEST = 0.45  # m; what is narrower all along, between two lines or within its edge, is wall
 _REACH = 0.3  # m; exits are drawn so far from the walls that they close
 _GRID = 1e-4  # m; lines that nearly meet do
 
@@ -17,7 +17,7 @@ def rooms_between(walls: Sequence[BaseGeometry], exits: Sequence[BaseGeometry], 
     Parameters
     ----------
     walls : outlines of walls, columns and furniture, and lines.
-    exits : lines and areas, whose outline closes a way out.
+    exits : lines and areas, whose edge closes a way out.
     meters : length of a unit of all coordinates.
     """
     bodies = shapely.union_all([wall for wall in walls if wall.area > 0.0])
@@ -33,7 +33,7 @@ def rooms_between(walls: Sequence[BaseGeometry], exits: Sequence[BaseGeometry], 
 
 
 def _longer(exit: BaseGeometry, reach: float) -> BaseGeometry:
-    """Return a line that is longer at both ends, or the outline of an area."""
+    """Return a line that is longer at both ends, or the edge of an area."""
     if exit.area > 0.0 or exit.length == 0.0:
         return exit.boundary if exit.area > 0.0 else exit
     points = shapely.get_coordinates(exit)

@@ -171,7 +171,7 @@ class _Edges:
         return None
 
     def _thickness(self, at: Floats, out: Floats) -> float:
-        """Return how far behind an edge [m] the walkable area begins anew, inf if it does not within a wall."""
+        """Return how far behind an edge [m] the walkable area goes on, inf if it does not within a wall."""
         beam = LineString([at, at + (_WALL + _SAME) * out])
         start = shapely.Point(at)
         found = (shapely.distance(part, start) for part in shapely.get_parts(shapely.intersection(beam, self.walkable)))
