@@ -131,7 +131,7 @@ def _project(asked: CrowdOptions, path: Path) -> str:
         plan = read_plan(asked.scenario, **drawing)
         own_exits, changes = bool(drawing.pop("exits", None)), split_changes(asked.set)
         others: Plain = {name: value_of(changes.pop(name)) for name in BEHAVIORS if name in changes}
-        fields = people_options(asked, changes)
+        fields = dict(people_options(asked, changes))
         crowd = people_on(plan, fields.pop("people", None))
         of_all = {name: plain(law) for name, law in fields.items()}
         return project_text(path, plan, crowd, own_exits=own_exits, drawing=drawing, of_all=of_all, others=others)
