@@ -25,7 +25,7 @@ def looks_like_degrees(points: Floats, standard: bool) -> bool:
 class Projection:
     """Meters to the east and the north of the middle of a plan.
 
-    Lengths along the meridian and the parallel of the middle are those on the ellipsoid: x = N cos(lat) dlon, y = M dlat
+    Lengths along the meridian and the parallel of the middle are true on the ellipsoid: x = N cos(lat) dlon, y = M dlat
     (Snyder, Map Projections, USGS 1395, 1987, equations 4-19 to 4-21).  Within 3 km of it they are right to 0.1 %.
 
     Raises

@@ -30,7 +30,7 @@ WORDS = {
 _OF_WORD = {word: role for role, words in WORDS.items() for word in words}
 _OWN = ("role", "kind", "type", "layer", "class", "category", "usage", "function")
 
-# Key of OpenStreetMap -> value -> role; "*" = any other, "" = it says nothing.  See its page Simple Indoor Tagging.
+# Key of OpenStreetMap -> value -> role; "*" = any other, "" = no meaning.  See its page Simple Indoor Tagging.
 OSM = {
     "highway": {"steps": "stairs", "elevator": "elevator"},
     "stairs": {"yes": "stairs", "no": ""},
@@ -67,7 +67,7 @@ class Said(NamedTuple):
 
     role: str  # "" = none, or none that is known
     name: str  # that a layer gives
-    words: str  # key=value, as written; "" if no property says anything
+    words: str  # key=value, as written; "" if no property has a role
 
 
 RoleOf: TypeAlias = Callable[[str], tuple[str, str] | None]
@@ -115,7 +115,7 @@ def role_of_word(word: str) -> str | None:
 
 
 def role_of_feature(table: Mapping[str, Any], feature_type: object, area: bool) -> Said:
-    """Return what the first property with a known word says; without one, the last word that is not known.
+    """Return what the first property with a known word means; without one, the last word that is not known.
 
     Parameters
     ----------
@@ -134,13 +134,13 @@ def role_of_feature(table: Mapping[str, Any], feature_type: object, area: bool) 
             role, name = _role(key, word)
             if role:
                 return Said(role, name, f"{own}={word}")
-            if role is None and re.search(r"[^\W\d_]", word):  # a number says nothing
+            if role is None and re.search(r"[^\W\d_]", word):  # a number has no meaning
                 unknown = f"{own}={word}"
     return Said("", "", unknown)
 
 
 def _role(key: str, word: str) -> tuple[str | None, str]:
-    """Return the role of a word and the name that it gives; "" = it says nothing, None = it is not known."""
+    """Return the role of a word and the name that it gives; "" = no meaning, None = it is not known."""
     if key in OSM:
         words = OSM[key]
         return words.get(word.strip().lower(), words.get("*")), ""

@@ -33,7 +33,7 @@ def walls_between(
     obstacles: Sequence[BaseGeometry],
     notes: list[str],
 ) -> list[BaseGeometry]:
-    """Return walls along the edges that rooms share with other areas, if a door is drawn on one; else a note says so.
+    """Return walls along the edges that rooms share with other areas, if a door is drawn on one; else a note.
 
     Parameters
     ----------
@@ -116,16 +116,18 @@ def open_doors(
             near, far = wall.at - 2 * _SAME * out, wall.at + (wall.thickness + 2 * _SAME) * out
             passages.append(Polygon([near - along, near + along, far + along, far - along]))
         elif not any(shapely.intersects_xy(one, *(wall.at + (_WALL + _BEHIND) * out)) for one in obstacles):
-            exits += [(door.name, LineString([wall.at - along, wall.at + along]))] * door.leads_out
-            blind += [door] * (not door.leads_out)
+            ends = wall.at - along, wall.at + along
+            exits += [(door.name, LineString(ends))] * door.leads_out
+            blind += [ends] * (not door.leads_out)
     notes += [f"{counted(len(passages), 'door is', 'doors are')} open"] * bool(passages)
-    for missed, where, remedy in (
-        (lost, "away from all walls", ""),
-        (blind, "on the outer edge", "; kind=exit makes an exit"),
-    ):
-        if missed:
-            at = place(shapely.get_coordinates(shapely.centroid(missed[0].shape))[0])
-            notes.append(f"left out: {counted(len(missed), 'door', 'doors')} {where}, such as at {at}{remedy}")
+    if lost:
+        at = place(shapely.get_coordinates(shapely.centroid(lost[0].shape))[0])
+        notes.append(f"left out: {counted(len(lost), 'door', 'doors')} away from all walls, such as at {at}")
+    if blind:
+        at = " to ".join(map(place, blind[0]))
+        notes.append(
+            f"{counted(len(blind), 'door', 'doors')} on the outer edge, no exit unless it is named one, such as from {at}"
+        )
     opened = shapely.union_all([walkable, *passages]) if passages else walkable
     return opened, exits
 
@@ -171,7 +173,7 @@ class _Edges:
         return None
 
     def _thickness(self, at: Floats, out: Floats) -> float:
-        """Return how far behind an edge [m] the walkable area goes on, inf if it does not within a wall."""
+        """Return how far behind an edge [m] the walkable area begins again, inf if it does not within a wall."""
         beam = LineString([at, at + (_WALL + _SAME) * out])
         start = shapely.Point(at)
         found = (shapely.distance(part, start) for part in shapely.get_parts(shapely.intersection(beam, self.walkable)))

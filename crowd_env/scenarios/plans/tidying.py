@@ -149,7 +149,7 @@ def regions_in(
 ) -> dict[str, Area]:
     """Return the regions that lie in ``walkable`` [m], at least with a piece; the others are noted.
 
-    The names ``starts`` are those of start areas.
+    The names ``starts`` are of start areas.
 
     Raises
     ------

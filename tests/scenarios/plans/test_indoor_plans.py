@@ -219,7 +219,7 @@ def test_rooms_a_wall_apart_are_joined_by_their_doors(tmp_path):
     apart = [feature(BOX(0, 0, 10, 3.4), kind="room"), feature(BOX(0, 4, 10, 6), kind="corridor")]
     plan = read(tmp_path, *apart, feature(POINT(5, 3.7), kind="door"), EXIT)
     assert plan.walkable.geom_type == "MultiPolygon"
-    assert plan.notes[0].startswith("left out: 1 door on the outer edge, such as at (5, 3.7)")
+    assert plan.notes[0].startswith("1 door on the outer edge, no exit unless it is named one, such as from (")
 
 
 def test_a_door_opens_a_wall_that_is_drawn(tmp_path):
@@ -235,7 +235,7 @@ def test_doors_that_open_nothing_are_noted(tmp_path):
     plan = read(tmp_path, *flat(), feature(POINT(2.5, 4), kind="door"), *odd)
     assert plan.notes[2:] == (
         "left out: 1 door away from all walls, such as at (2.5, 2)",
-        "left out: 2 doors on the outer edge, such as at (0, 2); kind=exit makes an exit",
+        "2 doors on the outer edge, no exit unless it is named one, such as from (0, 2.45) to (0, 1.55)",
     )
 
 
