@@ -24,8 +24,8 @@ SPEED = 1.19  # m/s  0.85 k
 def by_hand(place: Scenario) -> dict[str, Any]:
     """Return what an evacuation takes by hand, in ``words`` and ready for JSON: times in s, widths in m.
 
-    ``walk`` is that of the first and of the last.  The queue is the longest of those at all exits together and at each passage
-    that people have to pass, ``at`` which it is; it and ``time`` are None if that is no wider than its boundary layers.
+    ``walk`` is that of the first and of the last.  The queue is the longest of that at all exits together and of each at a
+    passage that people have to pass, ``at`` which it is; it and ``time`` are None if that is no wider than its boundary layers.
     """
     people, check, field = place.population, check_place(place), place.field()
     steady = people.changed(desired_speed=Uniform(SPEED, SPEED), response_time=Uniform(0.0, 0.0))

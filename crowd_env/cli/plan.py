@@ -27,7 +27,7 @@ app = options.new_app()
 
 _PLACES = f"{options.PLACES} Several make a sheet."
 _LAYERS = (
-    "Layers of a DXF drawing, in place of those that its names say: walkable, obstacles, exits, starts or regions, such "
+    "Layers of a DXF drawing, by role, in place of their own names: walkable, obstacles, exits, starts or regions, such "
     'as "obstacles=A-WALL*,A-COLS"; may be repeated.'
 )
 _SAVE = "File, .toml, for what was understood of a floor plan: edit it, then run it."
@@ -120,7 +120,7 @@ def _check(asked: CrowdOptions, seed: int) -> PlanCheck:
 
 
 def _project(asked: CrowdOptions, path: Path) -> str:
-    """Return a scenario file of a floor plan, with all that the command said of it."""
+    """Return a scenario file of a floor plan, with all that the command was given."""
     if kind_of_place(asked.scenario) != "plan":
         raise ValueError(f"{asked.scenario} is no floor plan in a file; --save writes a project of one")
     if asked.starts is not None:

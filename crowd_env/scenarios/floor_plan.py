@@ -138,7 +138,7 @@ def with_own(
 
 
 def _taken(key: str, own: Mapping[str, Any], drawn: Mapping[str, Any], plan: FloorPlan) -> dict[str, Any]:
-    """Return shapes, those of the plan in place of their names."""
+    """Return shapes, with the shapes of the plan for their names."""
     names = {name: shape for name, shape in own.items() if isinstance(shape, str) and not set(shape) & set("(,")}
     for name, shape in names.items():
         if shape not in drawn:

@@ -237,7 +237,7 @@ def _bottleneck(rng: np.random.Generator, people: _People) -> _Plan:
 
 
 def _corridor(rng: np.random.Generator, people: _People) -> _Plan:
-    """A corridor with a door at its end; half of the crowds, and those that it cannot hold, start in a room before it."""
+    """A corridor with a door at its end; half of the crowds, and all too large for it, start in a room before it."""
     width, (length, depth) = float(rng.uniform(1.2, 4.0)), _room(rng, people)
     room = rng.random() < 0.5 or people.area > _LONGEST * width
     end = rng.uniform(3.0, 12.0) if room else people.area / width + rng.uniform(1.0, 10.0)

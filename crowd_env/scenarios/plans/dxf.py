@@ -14,7 +14,7 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import counted
 from crowd_env.core.libraries import needed_for
 from crowd_env.scenarios.plans.floor_plan import Drawing, listed
-from crowd_env.scenarios.plans.lines import GAP, open_line, outlines
+from crowd_env.scenarios.plans.lines import GAP, enclosed, open_line
 from crowd_env.scenarios.plans.roles import LAYERS, RoleOf, role_of_layer
 from crowd_env.scenarios.plans.rooms import rooms_between
 from crowd_env.scenarios.plans.units import judge_unit
@@ -261,7 +261,7 @@ def _add_layer(drawing: Drawing, drawn: _Layer, meters: float) -> None:
     every = (*lines, *(line for line, _ in wide), *(ring for rings in hatches for ring in rings))
     if not all(np.isfinite(line).all() for line in every):
         raise ValueError(f"layer {layer} has a coordinate that is not finite")
-    found = outlines([line for line in lines if len(line) > 1], GAP / meters)
+    found = enclosed([line for line in lines if len(line) > 1], GAP / meters)
     if found.closed_gap > 0.0:
         gap = 1000.0 * meters * found.closed_gap
         drawing.notes.append(f"layer {layer}: gaps between the ends of lines are closed, the widest {gap:.2g} mm")

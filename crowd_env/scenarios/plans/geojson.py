@@ -256,7 +256,7 @@ def _name(table: Plain, role: str) -> str:
 
 
 def _add_unmarked(drawing: Drawing, unmarked: list[_Feature], bare: bool) -> None:
-    """Add polygons that say nothing, and outlines, to a drawing that is ``bare`` of floor; what is left out is noted."""
+    """Add polygons that say nothing, and buildings, to a drawing that is ``bare`` of floor; what is left out is noted."""
     left: Counter[str] = Counter()
     for one in unmarked:
         role, _, words = one.said

@@ -15,7 +15,7 @@ GAP = 0.01  # m; ends nearer to each other, or to another line, were meant to me
 _PAST = 1e-4  # share of the gap by which an end is moved beyond the line that it was meant to meet, so that they cross
 
 
-class Outlines(NamedTuple):
+class Enclosed(NamedTuple):
     """The areas that lines enclose, and the lines left over."""
 
     areas: list[Polygon]
@@ -23,7 +23,7 @@ class Outlines(NamedTuple):
     closed_gap: float  # the largest gap that was closed, in units of the lines; 0 = none
 
 
-def outlines(lines: Sequence[Floats], gap: float) -> Outlines:
+def enclosed(lines: Sequence[Floats], gap: float) -> Enclosed:
     """Return the areas that lines (K, 2) each enclose, one by one or together, if gaps up to ``gap`` are closed.
 
     An area inside another is returned beside it, not cut out of it.
@@ -38,13 +38,13 @@ def outlines(lines: Sequence[Floats], gap: float) -> Outlines:
         elif len(line) > 1:
             chains.append(line)
     if not chains:
-        return Outlines(areas, [], widest)
+        return Enclosed(areas, [], widest)
     met, moved = _meeting(chains, gap)
     faces, cuts, dangles, _ = shapely.polygonize_full([shapely.union_all(met)])
     left = shapely.line_merge(shapely.union_all([*shapely.get_parts(cuts), *shapely.get_parts(dangles)]))
     rest = [part for part in shapely.get_parts(left) if part.length > gap]
     areas += [Polygon(face.exterior) for face in shapely.get_parts(faces)]
-    return Outlines(areas, rest, max(widest, moved))
+    return Enclosed(areas, rest, max(widest, moved))
 
 
 def _meeting(chains: Sequence[Floats], gap: float) -> tuple[list[LineString], float]:

@@ -16,7 +16,7 @@ def rooms_between(walls: Sequence[BaseGeometry], exits: Sequence[BaseGeometry], 
 
     Parameters
     ----------
-    walls : outlines of walls, columns and furniture, and lines.
+    walls : edges of walls, columns and furniture, and lines.
     exits : lines and areas, whose edge closes a way out.
     meters : length of a unit of all coordinates.
     """

@@ -189,7 +189,7 @@ def _is_area(part: BaseGeometry) -> bool:
 
 def _mended(part: Polygon, crossing: bool) -> list[Polygon]:
     """Return a polygon with an outline that touches or retraces itself as valid ones; none if it may not cross itself."""
-    for method in ("linework", "structure"):  # the second cuts holes that share an edge with the outline
+    for method in ("linework", "structure"):  # the second cuts holes that run along the rim
         shape = shapely.make_valid(part, method=method, keep_collapsed=method == "linework")
         valid = [one for one in flat_parts(shape) if one.geom_type == "Polygon"]
         total = sum(one.area for one in valid)

@@ -15,7 +15,7 @@ from crowd_env.core.checks import counted
 from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.parsing import flat_parts, from_wkt
 from crowd_env.scenarios.plans.floor_plan import Drawing
-from crowd_env.scenarios.plans.lines import GAP, open_line, outlines
+from crowd_env.scenarios.plans.lines import GAP, enclosed, open_line
 
 _READ = (
     "a floor plan in this file must be well-known text (WKT), e.g. POLYGON ((0 0, 5 0, 5 5, 0 5, 0 0)); GeoJSON, DXF, "
@@ -28,7 +28,7 @@ _COLLECTIONS = ("walkable", "exit", "start")
 def read_wkt(path: Path, meters: float | None) -> Drawing:
     """Read a POLYGON, MULTIPOLYGON or GEOMETRYCOLLECTION, or the collections that JuPedSim's converter of DXF files writes.
 
-    Geometries may stand one below the other, with comments after #; lines alone are outlines.
+    Geometries may stand one below the other, with comments after #; lines alone enclose the floor.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def _outlined(lines: Sequence[Floats], meters: float) -> Drawing:
     ValueError
         If they enclose nothing.
     """
-    found = outlines(lines, GAP / meters)
+    found = enclosed(lines, GAP / meters)
     longest = max(found.open, key=lambda line: line.length, default=None)
     if not found.areas:
         where = "" if longest is None else f", {open_line(longest, meters)}"

@@ -9,7 +9,7 @@ from cases import looped
 from plan_files import box_of, drawing, outline, room_drawing
 
 from crowd_env import make_scenario
-from crowd_env.scenarios.plans.lines import outlines
+from crowd_env.scenarios.plans.lines import enclosed
 from crowd_env.scenarios.plans.reading import read_plan
 
 
@@ -230,7 +230,7 @@ def test_a_region_may_be_called_like_an_exit(tmp_path):
 def test_lines_shorter_than_the_gap_make_an_outline_too(corners, tmp_path):
     angle = np.linspace(0, 2 * np.pi, corners, endpoint=False)
     ring = np.round(np.column_stack([9 * np.cos(angle), 9 * np.sin(angle)]), 9)
-    found = outlines([np.stack(pair) for pair in zip(ring, np.roll(ring, -1, axis=0), strict=True)], gap=0.01)
+    found = enclosed([np.stack(pair) for pair in zip(ring, np.roll(ring, -1, axis=0), strict=True)], gap=0.01)
     assert len(found.areas) == 1 and found.open == [] and found.closed_gap == 0.0
     assert found.areas[0].area == pytest.approx(shapely.Polygon(ring).area)
 
@@ -239,6 +239,6 @@ def test_three_ends_that_nearly_meet_are_one_corner():
     ends = np.array([[0, 0], [0.004, 0], [0, 0.004]])
     outer = [np.array([ends[0], [-5, 0], [-5, 5]]), np.array([ends[1], [5, 0], [5, 5]]), np.array([ends[2], [0, 5]])]
     top = [np.array([[-5, 5], [0, 5]]), np.array([[0, 5], [5, 5]])]
-    found = outlines([*outer, *top], gap=0.01)
+    found = enclosed([*outer, *top], gap=0.01)
     assert sorted(round(area.area) for area in found.areas) == [25, 25] and found.open == []
     assert 0.003 < found.closed_gap <= 0.01
