@@ -376,8 +376,9 @@ def doubts(figures: Plain) -> str:
     ]
     if max(fast.values(), default=0.0) > _OF_PAPERS and Headway.of(figures.get("manner")) is None:
         said.append("competitive people are those of the papers, faster than any recorded crowd")
-    by_hand, mean = figures.get("by_hand", {}).get("time"), figures["evacuation_time"]["mean"]
-    if by_hand and mean and mean < _FASTER * by_hand:
+    by_hand, mean = (figures.get(name, {}) for name in ("by_hand", "evacuation_time"))
+    by_hand, mean = by_hand.get("time"), mean.get("mean")
+    if highest == WALKING_FLOW and by_hand and mean and mean < _FASTER * by_hand:
         said.append(f"the last person is out after {mean:.0f} s, by hand (SFPE) after {by_hand:.0f} s")
     if figures["unfinished"]:
         left, cut = figures["unfinished"], figures["unfinished_runs"] - figures["blocked_runs"]

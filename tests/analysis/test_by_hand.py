@@ -54,6 +54,7 @@ def test_a_door_without_effective_width_has_no_time():
 @pytest.mark.parametrize(("mean", "doubtful"), [(50.0, True), (70.0, False), (None, False)])
 def test_a_crowd_that_is_faster_by_a_third_is_doubted(mean, doubtful):
     figures = {
-        "exits": {}, "unfinished": 0, "evacuation_time": {"mean": mean}, "by_hand": {"time": 90.0},
+        "exits": {}, "unfinished": 0, "evacuation_time": {"mean": mean}, "by_hand": {"time": 90.0}, "manner": "calm",
     }  # fmt: skip
     assert ("by hand" in doubts(figures)) is doubtful
+    assert "by hand" not in doubts(figures | {"manner": None})  # crowds that press are faster than people who walk
