@@ -232,8 +232,10 @@ def plan_options(options: CrowdOptions) -> dict[str, Any]:
     if kind_of_place(name) != "plan":
         if exits:
             raise ValueError(f"{name} has its own exits; --exit is for floor plans in files")
-        if unit is not None or layers:
-            raise ValueError(f"{name} is in meters and has no layers; --unit and --layers are for floor plans in files")
+        if unit is not None:
+            raise ValueError(f"{name} is in meters; --unit is for floor plans in files")
+        if layers:
+            raise ValueError(f"{name} has no layers; --layers is for floor plans in files")
     chosen = {role: names.split(",") for role, names in split_changes(layers, "--layers", "exits=NAME,NAME").items()}
     return {key: value for key, value in (("exits", exits), ("unit", unit), ("layers", chosen)) if value}
 

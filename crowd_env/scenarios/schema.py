@@ -12,7 +12,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import PydanticOmit, core_schema
 
 from crowd_env.core.behaviors import BEHAVIORS
-from crowd_env.core.checks import COUNT, Plain
+from crowd_env.core.checks import COUNT, POSITIVE, Plain
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.cohorts import Cohorts
 from crowd_env.scenarios.distributions import LAWS, Distribution
@@ -78,6 +78,9 @@ def json_schema() -> Plain:
     scenario = _core(Scenario).json_schema(ref_template="#/definitions/{model}", schema_generator=_InFiles)
     definitions = _draft_7(scenario.pop("$defs"))
     del definitions["Population"]["required"]  # recorded starts have a number; cohorts share the rest
+    definitions["Plan"]["anyOf"] = [{"required": ["walkable", "exits"]}, {"required": ["file"]}]
+    density = {"type": "number", **POSITIVE.in_schema(), "description": "1/m2, in place of the number of people."}
+    definitions["Population"]["properties"]["density"] = density
     for name, allowed in BOUNDS.items():
         single, pair, *_ = definitions["Population"]["properties"][name]["anyOf"]
         for form in (single, pair["items"]):

@@ -88,7 +88,7 @@ def test_who_is_stuck_walks_as_evolved_and_the_others_at_full_speed():
 
 
 @pytest.mark.more
-@looped("seed", [33, 51, 143])
+@looped("seed", [37, 44])
 def test_streams_that_lock_at_full_speed_come_loose_when_those_who_are_stuck_yield(seed):
     rule, yielding = (judge_plan(name, 1_000_000 + seed) for name in ("rule", YieldWhenStuck.name))
     assert rule.left > 30 and yielding.left == 0

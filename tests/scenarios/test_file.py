@@ -29,6 +29,7 @@ from crowd_env import (
     make_scenario,
 )
 from crowd_env.cli.main import app
+from crowd_env.core.checks import POSITIVE, number
 from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
@@ -461,6 +462,8 @@ def test_the_schema_takes_what_the_reader_takes_and_refuses_what_it_refuses():
     ):
         assert accepts(schema, {**content, **right}, schema)
     assert accepts(schema, {"geometry": content["geometry"], "groups": [{"people": 3}]}, schema)
+    assert accepts(schema, {**content, "population": {"density": 0.5}}, schema)
+    assert accepts(schema, {"geometry": {"file": "office.dxf", "layers": {"exits": ["A-EXIT"]}}}, schema)
     for wrong in (
         {"titel": "x"},
         {"target": "paht"},
@@ -477,6 +480,16 @@ def test_the_schema_takes_what_the_reader_takes_and_refuses_what_it_refuses():
         {"population": {"people": 3, "radius": {"distribution": "gauss", "mean": 0.2}}},
     ):
         assert not accepts(schema, {**content, **wrong}, schema)
+
+
+def of_plan(level=0.0, **key):
+    number("level", level)
+    return Geometry.from_polygon(box(0, 0, 900, 900), exits={"a": [(900, 400), (900, 500)]}, **key)
+
+
+def of_population(density=1.0, **key):
+    number("density", density, POSITIVE)
+    return Population(**{"people": 10**4, **key})
 
 
 # Table -> what it is made by, and the numbers of it that others bound too: these are refused by more than the schema.
@@ -496,10 +509,10 @@ TABLES = {
     "OneWay": (None, ()),
     "Outline": (partial(Outline, ((0.0, 0.0, 1.0),)), ()),
     "Plan": (
-        lambda **key: Geometry.from_polygon(box(0, 0, 900, 900), exits={"a": [(900, 400), (900, 500)]}, **key),
+        of_plan,
         ("jamb_radius",),
     ),
-    "Population": (lambda **key: Population(**{"people": 10**4, **key}), ("group_size",)),
+    "Population": (of_population, ("group_size",)),
     "Pulls": (None, ()),
     "Route": (None, ()),
     "SpeedZone": (partial(SpeedZone, "a"), ()),

@@ -179,7 +179,7 @@ def test_a_drawing_without_exits_is_saved_to_be_given_some(tmp_path):
             "examples/foyer.wkt examples/office.dxf --save p.toml",
             "--save is for one floor plan, but 2 places are given",
         ),
-        ("room-v0 --layers walkable=A", "--layers are for floor plans in files"),
+        ("room-v0 --layers walkable=A", "--layers is for floor plans in files"),
     ],
 )
 def test_what_cannot_be_saved_is_refused(tmp_path, monkeypatch, line, words):
