@@ -2,7 +2,8 @@
 
 The hydraulic model of first order (SFPE Handbook of Fire Protection Engineering, 5th edition 2016, chapter 59): a door passes
 1.32 people a second and meter of effective width, which is 0.15 m less on each side than the clear width, and pedestrians
-alone walk at 1.19 m/s.  The queue begins when the first have come; everybody uses the exits in proportion to their widths.
+alone walk at 1.19 m/s.  The queue begins when half of the people have responded and the first have come; everybody uses the
+exits in proportion to their widths.
 """
 
 from dataclasses import replace
@@ -24,8 +25,9 @@ SPEED = 1.19  # m/s  0.85 k
 def by_hand(place: Scenario) -> dict[str, Any]:
     """Return what an evacuation takes by hand, in ``words`` and ready for JSON: times in s, widths in m.
 
-    ``walk`` is that of the first and of the last.  The queue is the longest of that at all exits together and of each at a
-    passage that people have to pass, ``at`` which it is; it and ``time`` are None if that is no wider than its boundary layers.
+    ``response`` is the median and the latest, ``walk`` that of the first and of the last.  The queue is the longest of that at
+    all exits together and of each at a passage that people have to pass, ``at`` which it is; it and ``time`` are None if that
+    is no wider than its boundary layers.
     """
     people, check, field = place.population, check_place(place), place.field()
     steady = people.changed(desired_speed=Uniform(SPEED, SPEED), response_time=Uniform(0.0, 0.0))
@@ -39,12 +41,19 @@ def by_hand(place: Scenario) -> dict[str, Any]:
             behind = lost.mean() if len(lost) else 0.0
             queues.append(_queue(round(behind * people.people), _effective(passage.gap.width), spot(passage.gap)))
     queue, effective, at = max(queues)
-    response = max(part.response_time.high for part in people.parts)
-    time = response + max(last, first + queue)
-    late = f"{response:.0f} s of response, " if response else ""
+    rng = np.random.default_rng(0)
+    responses = np.concatenate([part.draw_bodies(rng).response_time for part in people.parts])
+    typical, latest = float(np.median(responses)), float(responses.max())
+    time = max(latest + last, typical + first + queue)
+    late = f"responses of {typical:.0f} to {latest:.0f} s, " if latest else ""
     line = f"{queue:.0f} s of queue at {at}, {effective:.2f} m of effective width"
     words = f"{time:.0f} s: {late}walks of {first:.0f} to {last:.0f} s, {line}"
-    times = {"time": json_number(time), "response": response, "walk": [first, last], "queue": json_number(queue)}
+    times = {
+        "time": json_number(time),
+        "response": [typical, latest],
+        "walk": [first, last],
+        "queue": json_number(queue),
+    }
     return {"words": words, "people": people.people, **times, "effective_width": effective, "at": at}
 
 
