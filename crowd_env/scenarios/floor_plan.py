@@ -124,7 +124,9 @@ def with_own(
         floor = shapely.union(plan.walkable, read_area(walkable, "walkable area"))
         plan = replace(plan, walkable=read_area(floor, "walkable area"))
     if exits is not None:
-        plan = replace(plan, exits=read_exits(_taken("exits", exits, plan.exits, plan)))
+        today = {shape: name for name, shape in exits.items() if isinstance(shape, str) and shape in plan.exits}
+        goals = {start: tuple(today[one] for one in to if one in today) for start, to in plan.goals.items()}
+        plan = replace(plan, exits=read_exits(_taken("exits", exits, plan.exits, plan)), goals=goals)
     own = _taken("regions", {} if regions is None else regions, plan.regions, plan)
     renamed = {
         shape: name for name, shape in (regions or {}).items() if isinstance(shape, str) and shape in plan.regions
@@ -134,6 +136,7 @@ def with_own(
         plan,
         regions=rest | {name: read_area(shape, f"region {name!r}") for name, shape in own.items()},
         starts={renamed.get(name, name): many for name, many in plan.starts.items()},
+        goals={renamed.get(name, name): to for name, to in plan.goals.items()},
     )
 
 
@@ -207,7 +210,8 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
                 said = {name: many for name, many in plan.starts.items() if many is not None}
                 wanted = f"the file says {sum(said.values())} people" if said else f"{PEOPLE} people may not fit"
                 warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --people decides", stacklevel=2)
-    parts = [Population(**{**fields, "people": share, "start_region": name}) for name, share in shares.items()]
+    goals = {name: {} if fields.get("route") else {"exits": plan.goals.get(name, ())} for name in shares}
+    parts = [Population(**{**goals[name], **fields, "people": n, "start_region": name}) for name, n in shares.items()]
     crowd: People = parts[0] if len(parts) == 1 else Cohorts(tuple(parts))
     return crowd.changed(people=usual if people is None else people)
 

@@ -56,7 +56,7 @@ def _lines(
             yield f"{_key(name)} = {_value(name)} # {_about(shape)}"
     parts = people.parts
     yield "\n[population]" + (" # what all cohorts share" if len(parts) > 1 else "")
-    own = [{"people": part.people, "start_region": part.start_region} for part in parts]
+    own = [{"people": one.people, "start_region": one.start_region, "exits": one.exits or None} for one in parts]
     yield from _entries(of_all if len(parts) > 1 else {**own[0], **of_all})
     for table in own if len(parts) > 1 else ():
         yield "\n[[cohorts]]"

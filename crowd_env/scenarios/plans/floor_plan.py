@@ -43,6 +43,7 @@ class Drawing:
     exits : name -> lines on the edge of the walkable area, or areas that people walk into.
     regions : name -> area.
     starts : name of a region in which people start -> how many of them, None if the file does not say.
+    goals : name of such a region -> the exits that people take from there; all if it is not among them.
     unit : the file's, as a word for messages, if it names one.
     meters : how many meters that unit is, if it is known.
     on_ground : whether the coordinates are meters for sure, projected from degrees.
@@ -57,6 +58,7 @@ class Drawing:
     exits: dict[str, BaseGeometry] = field(default_factory=dict)
     regions: dict[str, BaseGeometry] = field(default_factory=dict)
     starts: dict[str, int | None] = field(default_factory=dict)
+    goals: dict[str, tuple[str, ...]] = field(default_factory=dict)
     unit: str | None = None
     meters: float | None = None
     on_ground: bool = False
@@ -99,6 +101,7 @@ class FloorPlan:
     exits : name -> line on the edge of the walkable area, or area that people walk into [m].
     regions : name -> area [m].
     starts : name of a region in which people start -> how many of them, None if the file does not say.
+    goals : name of such a region -> the exits that people take from there; all if it is not among them.
     notes : a sentence on each shape that was dropped, or read in another way than may be meant.
     level : of the file, if one was chosen.
     """
@@ -108,6 +111,7 @@ class FloorPlan:
     exits: Mapping[str, BaseGeometry]
     regions: Mapping[str, Area] = field(default_factory=dict)
     starts: Mapping[str, int | None] = field(default_factory=dict)
+    goals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     level: str | None = None
 

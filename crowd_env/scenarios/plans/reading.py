@@ -238,7 +238,8 @@ def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
     own = {name: f"{name} (area)" if name in exits else name for name in regions}  # no region has the name of an exit
     starts = {own[name]: people for name, people in drawing.starts.items() if name in regions}
     regions = {own[name]: shape for name, shape in regions.items()}
-    return FloorPlan(path, walkable, exits, regions, starts, tuple(notes))
+    leave = {own[name]: tuple(one for one in to if one in exits) for name, to in drawing.goals.items() if name in own}
+    return FloorPlan(path, walkable, exits, regions, starts, leave, tuple(notes))
 
 
 def _judged(drawing: Drawing) -> tuple[float, str]:

@@ -33,8 +33,14 @@ def read_vadere(content: Plain, meters: float | None) -> Drawing:
             drawing.add(role, f"target-{target['id']}", _shape(target, f"target {target['id']}"))
         for source in sources:
             drawing.add("start", f"source-{source['id']}", _shape(source, f"source {source['id']}"), _people(source))
-        if any(not _leave_by_all(source, targets) for source in sources):
+        ways = {f"source-{source['id']}": _way(source, targets) for source in sources if source.get("targetIds")}
+        drawing.goals = {name: way[-1:] for name, way in ways.items() if way}
+        if not all(ways.values()):
             drawing.notes.append("left out: to which targets the people of a source walk; they choose among all exits")
+        if any(len(way) > 1 for way in ways.values()):
+            drawing.notes.append(
+                "left out: the targets that people of a source walk to before the one that they leave by"
+            )
         if not all(map(_at_once, sources)):
             late = "that people of a source come one after the other; they stand there at the start"
             drawing.notes.append(f"left out: {late}")
@@ -90,10 +96,11 @@ def _absorbs(target: Plain) -> bool:
     return bool(absorber.get("enabled", True))
 
 
-def _leave_by_all(source: Plain, targets: Iterable[Plain]) -> bool:
-    """Return whether people of a source may walk to every target that people leave by, as far as the file shows."""
-    chosen = source.get("targetIds")
-    return not chosen or {target["id"] for target in targets if _absorbs(target)} <= set(chosen)
+def _way(source: Plain, targets: Iterable[Plain]) -> tuple[str, ...]:
+    """Return the targets that people of a source walk to in turn, up to the first by which people leave; () = none."""
+    leave, ids = {target["id"] for target in targets if _absorbs(target)}, source["targetIds"]
+    last = next((k for k, one in enumerate(ids) if one in leave), -1)
+    return tuple(f"target-{one}" for one in ids[: last + 1])
 
 
 def _at_once(source: Plain) -> bool:

@@ -293,3 +293,20 @@ def test_attributes_of_a_thing_may_lie_in_a_table_of_their_own(tmp_path):
     flat, nested = (read_plan(one) for one in (path, tmp_path / "nested.scenario"))
     assert not flat.exits and list(nested.regions) == list(flat.regions) == ["target-3", "source-1"]
     assert nested.starts == flat.starts == {"source-1": 4} and nested.walkable.equals(flat.walkable)
+
+
+def test_people_of_a_source_walk_to_their_own_target(tmp_path):
+    """The own target is far, another is near; one of the way is noted; exits that are given take the place of all."""
+    targets = [target(3, 7.5, 1, 0.5, 1), target(4, 0, 1, 0.5, 1), target(5, 4, 4, 1, 1, absorbing=False)]
+    sources = [source(1, 1.0, 4) | {"targetIds": [3]}, source(2, 5.0, 4) | {"targetIds": [5, 4, 3]}, source(6, 3.0, 2)]
+    path = vadere(tmp_path / "room.scenario", targets=targets, sources=sources)
+    with pytest.warns(UserWarning, match="the targets that people of a source walk to before the one"):
+        place = make_scenario(path)
+    assert [part.exits for part in place.population.parts] == [("target-3",), ("target-4",), ()]
+    project = tmp_path / "room.toml"
+    project.write_text('[geometry]\nfile = "room.scenario"\n[geometry.exits]\nfar = "target-3"\nnear = "target-4"\n')
+    with pytest.warns(UserWarning, match="the targets that people"):
+        assert [part.exits for part in make_scenario(project).population.parts] == [("far",), ("near",), ()]
+    with pytest.warns(UserWarning, match="left out for those that are given"):
+        other = make_scenario(path, exits=["0.5,3,0.5,4"])
+    assert not any(part.exits for part in other.population.parts)
