@@ -21,7 +21,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios import kind_of_place
 from crowd_env.scenarios.floor_plan import people_on
 from crowd_env.scenarios.plans.reading import read_plan
-from crowd_env.scenarios.project import project_text
+from crowd_env.scenarios.project import project_of
 
 app = options.new_app()
 
@@ -134,4 +134,4 @@ def _project(asked: CrowdOptions, path: Path) -> str:
         fields = dict(people_options(asked, changes))
         crowd = people_on(plan, fields.pop("people", None))
         of_all = {name: plain(law) for name, law in fields.items()}
-        return project_text(path, plan, crowd, own_exits=own_exits, drawing=drawing, of_all=of_all, others=others)
+        return project_of(path, plan, crowd, own_exits=own_exits, drawing=drawing, of_all=of_all, others=others).text

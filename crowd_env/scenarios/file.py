@@ -69,7 +69,8 @@ class Plan:
     level: str | float | None = None
     """the level of the floor plan, where it has several."""
     layers: dict[str, list[str]] | None = None
-    """role of layers of a DXF drawing = names of these layers; the roles are walkable, obstacles, exits, starts and regions."""
+    """role of layers = their names in a DXF drawing, or words of features such as "indoor=room"; the roles are walkable,
+    obstacles, exits, doors, starts, regions and left_out."""
     unit: str | None = None
     """of the coordinates of the floor plan: m, cm, mm, ft or in; all other lengths here are in m."""
     walkable: Areas | None = None

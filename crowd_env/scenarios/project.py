@@ -5,7 +5,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -16,11 +16,25 @@ from crowd_env.scenarios.cohorts import People
 from crowd_env.scenarios.plans.floor_plan import FloorPlan
 
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
+_NAMED = ("exits", "regions", "doors")  # tables of geometry in which each shape has a line
 
 
-def project_text(
+class Project(NamedTuple):
+    """A scenario file: what it holds, and what stands beside it."""
+
+    content: Plain
+    comments: Plain  # name of a key, such as geometry.exits.north -> text
+    head: tuple[str, ...]  # lines
+
+    @property
+    def text(self) -> str:
+        """The file."""
+        return project_text(self.content, self.comments, self.head)
+
+
+def project_of(
     path: Path, plan: FloorPlan, people: People, *, own_exits: bool, drawing: Plain, of_all: Plain, others: Plain
-) -> str:
+) -> Project:
     """Return a scenario file that names the drawing of a floor plan, each line with where it comes from.
 
     Parameters
@@ -32,39 +46,57 @@ def project_text(
     of_all : fields that all cohorts have.
     others : further keys of the file.
     """
-    return "\n".join(_lines(path, plan, people, own_exits, drawing, of_all, others)) + "\n"
-
-
-def _lines(
-    path: Path, plan: FloorPlan, people: People, own_exits: bool, drawing: Plain, of_all: Plain, others: Plain
-) -> Iterator[str]:
-    yield f"# {plan.title} as it was understood; crowd-env plan {path.name} draws it, docs/scenarios.md lists all keys"
-    yield from (f"# {note}" for note in plan.notes)
-    yield from _entries(others)
-    yield "\n[geometry]"
-    file = os.path.relpath(plan.path.absolute(), path.absolute().parent)
-    yield from _entries({"file": Path(file).as_posix(), "level": plan.level, **drawing})
-    if plan.exits:
-        yield "\n[geometry.exits]"
-        for name, shape in plan.exits.items():
-            yield f"{_key(name)} = {_value(_corners(shape) if own_exits else name)} # {_about(shape)}"
-    else:
-        yield "# no exits yet: name = line on the edge, such as north = [[2, 8], [3, 8]]"
-    if plan.regions:
-        yield "\n[geometry.regions]"
-        for name, shape in plan.regions.items():
-            yield f"{_key(name)} = {_value(name)} # {_about(shape)}"
+    file = Path(os.path.relpath(plan.path.absolute(), path.absolute().parent)).as_posix()
+    exits = {name: corners(shape) if own_exits else name for name, shape in plan.exits.items()}
+    shapes = {"exits": exits or None, "regions": {name: name for name in plan.regions} or None}
+    geometry = {"file": file, "level": plan.level, **drawing, **shapes}
     parts = people.parts
-    yield "\n[population]" + (" # what all cohorts share" if len(parts) > 1 else "")
     own = [{"people": one.people, "start_region": one.start_region, "exits": one.exits or None} for one in parts]
-    yield from _entries(of_all if len(parts) > 1 else {**own[0], **of_all})
-    for table in own if len(parts) > 1 else ():
-        yield "\n[[cohorts]]"
-        yield from _entries(table)
+    crowd: Plain = {"population": {**own[0], **of_all}} if len(parts) == 1 else {"population": of_all, "cohorts": own}
+    comments = {"population": "what all cohorts share"} if len(parts) > 1 else {}
+    comments |= {f"geometry.exits.{name}": _about(shape) for name, shape in plan.exits.items()}
+    comments |= {f"geometry.regions.{name}": _about(shape) for name, shape in plan.regions.items()}
+    said = f"{plan.title} as it was understood; crowd-env plan {path.name} draws it, docs/scenarios.md lists all keys"
+    none = () if plan.exits else ("no exits yet: under [geometry.exits], name = line on the edge, [[2, 8], [3, 8]]",)
+    return Project({**others, "geometry": geometry, **crowd}, comments, (said, *plan.notes, *none))
 
 
-def _entries(table: Plain) -> Iterator[str]:
-    yield from (f"{_key(name)} = {_value(value)}" for name, value in table.items() if value is not None)
+def project_text(content: Plain, comments: Plain | None = None, head: tuple[str, ...] = ()) -> str:
+    """Return a scenario file in TOML.
+
+    Parameters
+    ----------
+    content : its keys and values; None = no key.
+    comments : name of a key, such as geometry.exits.north -> text behind it.
+    head : lines of comment before all.
+    """
+    lines = [f"# {line}" for line in head]
+    return "\n".join([*lines, *_tables("", content, {} if comments is None else comments)]) + "\n"
+
+
+def _tables(path: str, table: Plain, comments: Plain) -> Iterator[str]:
+    """Yield the lines of a table, the tables in it last."""
+    given = {key: value for key, value in table.items() if value is not None}
+    inner = {key: value for key, value in given.items() if _stands_apart(path, key, value)}
+    for key, value in given.items():
+        if key not in inner:
+            yield f"{_key(key)} = {_value(value)}{_comment(path + key, comments)}"
+    for key, value in inner.items():
+        for one in value if isinstance(value, list) else [value]:
+            name = f"[{path}{_key(key)}]"
+            yield "\n" + (f"[{name}]" if isinstance(value, list) else name) + _comment(path + key, comments)
+            yield from _tables(f"{path}{key}.", one, comments)
+
+
+def _stands_apart(path: str, key: str, value: Any) -> bool:
+    """Return whether a value has a heading of its own."""
+    if isinstance(value, list):
+        return not path and bool(value) and all(isinstance(one, Mapping) for one in value)
+    return isinstance(value, Mapping) and bool(value) and (not path or (path == "geometry." and key in _NAMED))
+
+
+def _comment(name: str, comments: Plain) -> str:
+    return f" # {comments[name]}" if name in comments else ""
 
 
 def _key(name: str) -> str:
@@ -74,13 +106,13 @@ def _key(name: str) -> str:
 def _value(value: Any) -> str:
     """Return a text, number, list or table in TOML, which writes all but tables as JSON does."""
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(_entries(value)) + " }"
+        return "{ " + ", ".join(f"{_key(key)} = {_value(one)}" for key, one in value.items() if one is not None) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_value, value)) + "]"
     return json.dumps(value, ensure_ascii=False)
 
 
-def _corners(shape: BaseGeometry) -> Any:
+def corners(shape: BaseGeometry) -> Any:
     """Return a line as its points, an area as WKT."""
     line = shape.geom_type == "LineString"
     return shapely.get_coordinates(shape).tolist() if line else shapely.to_wkt(shape, rounding_precision=6)

@@ -1,9 +1,10 @@
 """Floor plans in DXF drawings, with the layers that JuPedSim reads; ezdxf is loaded when one is read."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import shapely
@@ -13,9 +14,9 @@ from shapely.geometry.base import BaseGeometry
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import counted
 from crowd_env.core.libraries import needed_for
-from crowd_env.scenarios.plans.floor_plan import Drawing, listed
+from crowd_env.scenarios.plans.floor_plan import Drawing, Layer, listed
 from crowd_env.scenarios.plans.lines import GAP, enclosed, open_line
-from crowd_env.scenarios.plans.roles import LAYERS, RoleOf, role_of_layer
+from crowd_env.scenarios.plans.roles import LAYERS, Chosen, by_names, role_of_layer
 from crowd_env.scenarios.plans.rooms import rooms_between
 from crowd_env.scenarios.plans.units import judge_unit
 
@@ -35,7 +36,7 @@ _UNITS = {
 _NO_LINES = ("TEXT", "MTEXT", "ATTDEF", "ATTRIB", "POINT", "DIMENSION", "LEADER", "MULTILEADER", "VIEWPORT", "IMAGE")
 
 
-def read_dxf(path: Path, meters: float | None, role_of: RoleOf = role_of_layer) -> Drawing:
+def read_dxf(path: Path, meters: float | None, chosen: Chosen = by_names) -> Drawing:
     """Read the closed lines, hatches and blocks of a drawing, layer by layer.
 
     Without a layer of floor, what the walls enclose together with the exits is floor.
@@ -43,7 +44,7 @@ def read_dxf(path: Path, meters: float | None, role_of: RoleOf = role_of_layer) 
     Parameters
     ----------
     meters : how many meters a unit of the drawing is, as the user gave it; the unit in the drawing is then only reported.
-    role_of : returns the role of a layer, and the name that it gives.
+    chosen : returns the role that a user has chosen for a layer.
 
     Raises
     ------
@@ -55,7 +56,7 @@ def read_dxf(path: Path, meters: float | None, role_of: RoleOf = role_of_layer) 
     document = _open(path)
     drawing = Drawing()
     drawing.unit, drawing.meters = _unit(document)
-    layers = _layers_with_a_role(document, role_of, drawing.notes)
+    layers = _layers_with_a_role(document, partial(_role, chosen), drawing.notes)
     floor, walls = ([one for one in layers.values() if one.role == role] for role in ("walkable", "obstacle"))
     if not (floor or walls):
         used = [*(one.dxf.name for one in document.layers), *(one.dxf.layer for one in document.modelspace())]
@@ -78,6 +79,29 @@ def read_dxf(path: Path, meters: float | None, role_of: RoleOf = role_of_layer) 
     return drawing
 
 
+def draw_dxf(path: Path, meters: float | None, chosen: Chosen = by_names) -> Drawing:
+    """Return a drawing that holds its visible layers alone, all of them, as lines.
+
+    Raises
+    ------
+    ModuleNotFoundError, ValueError
+        As `read_dxf`, but for the lack of a layer with a role.
+    """
+    document, drawing = _open(path), Drawing()
+    drawing.unit, drawing.meters = _unit(document)
+    for drawn in _layers_with_a_role(document, lambda layer: ("any", ""), []).values():
+        curves = [_straight(one, meters or drawing.meters or 1.0) for one in _flat(drawn.curves)]
+        lines: list[BaseGeometry] = [LineString(one) for one in curves if len(one) > 1 and np.isfinite(one).all()]
+        drawing.layers[drawn.layer] = Layer((_role(chosen, drawn.layer) or ("", ""))[0], lines)
+    return drawing
+
+
+def _role(chosen: Chosen, layer: str) -> tuple[str, str] | None:
+    """Return the role of a layer and the name that it gives, or None."""
+    role = chosen(layer)
+    return role_of_layer(layer) if role is None else (role, "") if role else None
+
+
 def _open(path: Path) -> "Document":
     with needed_for("reading a DXF drawing"):
         from ezdxf.filemanagement import readfile
@@ -97,6 +121,9 @@ def _unit(document: "Document") -> tuple[str | None, float | None]:
     return _UNITS.get(int(document.header.get("$INSUNITS", 0)), (None, None))
 
 
+_RoleOf: TypeAlias = Callable[[str], tuple[str, str] | None]
+
+
 class _Wide(NamedTuple):
     """A polyline with a width."""
 
@@ -113,7 +140,7 @@ class _Layer(NamedTuple):
     curves: list[Any]
 
 
-def _layers_with_a_role(document: "Document", role_of: RoleOf, notes: list[str]) -> dict[str, _Layer]:
+def _layers_with_a_role(document: "Document", role_of: _RoleOf, notes: list[str]) -> dict[str, _Layer]:
     """Return name in small letters -> visible layer with a role; layers left out are noted."""
     from ezdxf import path as paths
 
@@ -162,7 +189,7 @@ class _Exploding:
     none of their content is visible, on any layer.
     """
 
-    def __init__(self, document: "Document", role_of: RoleOf) -> None:
+    def __init__(self, document: "Document", role_of: _RoleOf) -> None:
         self._document, self._role_of = document, role_of
         self._frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
         self._layers: dict[str, frozenset[str]] = {}  # of all that a block holds
@@ -256,7 +283,7 @@ def _add_layer(drawing: Drawing, drawn: _Layer, meters: float) -> None:
     hatches = [[_straight(ring, meters) for ring in curve] for curve in curves if isinstance(curve, list)]
     wide = [(_straight(curve.curve, meters), curve.width) for curve in curves if isinstance(curve, _Wide)]
     lines = [_straight(curve, meters) for curve in curves if not isinstance(curve, list | _Wide)]
-    if role == "exit":  # as long as its line
+    if role in ("exit", "door"):  # as long as its line
         lines, wide = lines + [line for line, _ in wide], []
     every = (*lines, *(line for line, _ in wide), *(ring for rings in hatches for ring in rings))
     if not all(np.isfinite(line).all() for line in every):
@@ -275,7 +302,7 @@ def _add_layer(drawing: Drawing, drawn: _Layer, meters: float) -> None:
         drawing.add(role, name, area)
     if not found.open:
         return
-    if role in ("exit", "obstacle"):
+    if role in ("exit", "obstacle", "door"):
         for line in found.open:
             drawing.add(role, name, line)
         return

@@ -31,6 +31,20 @@ class Door:
 
 
 @dataclass
+class Layer:
+    """What a file draws in one layer, or as features of one kind.
+
+    Attributes
+    ----------
+    role : "" = none.
+    shapes : in units of the drawing; lines of a DXF drawing are not closed yet.
+    """
+
+    role: str
+    shapes: list[BaseGeometry] = field(default_factory=list)
+
+
+@dataclass
 class Drawing:
     """The shapes of a file, in its own units and as found: nothing is checked, united or cut yet.
 
@@ -49,6 +63,7 @@ class Drawing:
     on_ground : whether the coordinates are meters for sure, projected from degrees.
     levels : the drawing of each level, by its name, if the file names levels; then the rest is empty if there are several.
     notes : shapes that the reader dropped, or read in another way than may be meant.
+    layers : name -> what is drawn there and its role.
     """
 
     walkable: list[BaseGeometry] = field(default_factory=list)
@@ -64,6 +79,7 @@ class Drawing:
     on_ground: bool = False
     levels: dict[str, "Drawing"] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    layers: dict[str, "Layer"] = field(default_factory=dict)
 
     def add(self, role: str, name: str, shape: BaseGeometry, people: int | None = None) -> None:
         """Add a shape in a role of `crowd_env.scenarios.plans.roles`: shapes of one name make one exit or region, shapes
@@ -79,6 +95,8 @@ class Drawing:
                 self.obstacles.append(shape)
             case "exit":
                 _join(self.exits, name or _numbered("exit", self.exits), shape)
+            case "door":
+                self.doors.append(Door(shape, name))
             case "start" | "region":
                 name = name or _numbered(role, self.regions)
                 _join(self.regions, name, shape)
@@ -104,6 +122,7 @@ class FloorPlan:
     goals : name of such a region -> the exits that people take from there; all if it is not among them.
     notes : a sentence on each shape that was dropped, or read in another way than may be meant.
     level : of the file, if one was chosen.
+    meters : how many meters a unit of the file was taken for.
     """
 
     path: Path
@@ -114,6 +133,7 @@ class FloorPlan:
     goals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     level: str | None = None
+    meters: float = 1.0
 
     @property
     def name(self) -> str:

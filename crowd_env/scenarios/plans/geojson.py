@@ -17,12 +17,13 @@ from crowd_env.core.checks import Plain, counted
 from crowd_env.core.files.atomic import legible
 from crowd_env.geometry.parsing import flat_parts, in_degrees
 from crowd_env.scenarios.plans.degrees import Projection, looks_like_degrees
-from crowd_env.scenarios.plans.floor_plan import Door, Drawing, listed
-from crowd_env.scenarios.plans.roles import FIRST_EXITS, WORDS, Said, role_of_feature, role_of_word
+from crowd_env.scenarios.plans.floor_plan import Door, Drawing, Layer, listed
+from crowd_env.scenarios.plans.roles import FIRST_EXITS, WORDS, Chosen, Said, by_names, role_of_feature, role_of_word
 
 _LEVELS = ("level", "level_id", "floor", "storey")
 _RANGE = re.compile(r"(-?\d+(?:\.\d+)?)\s*-\s*(-?\d+(?:\.\d+)?)")  # 0-2, as of stairs in OpenStreetMap
 _MOST_LEVELS = 200  # of a range
+UNSAID = "no word"  # layer of features without a word of what they are
 _NAMES = ("name", "id", "label", "title")
 _FLOOR = ("walkable", "room", "stairs", "building")
 _GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
@@ -37,6 +38,7 @@ class _Feature(NamedTuple):
     whole: Plain
     table: Plain  # properties
     shape: BaseGeometry | None
+    chosen: Chosen
 
     @property
     def type(self) -> object:
@@ -50,15 +52,18 @@ class _Feature(NamedTuple):
             self.shape.geom_type.endswith(("Polygon", "Collection")) or bool(shapely.is_ring(self.shape))
         )
         said = role_of_feature(self.table, self.type, area)
+        role = self.chosen(said.words or UNSAID)
+        said = said if role is None else said._replace(role=role or "nothing")
         return said._replace(role="") if said.role in _FLOOR and not area else said
 
 
-def read_geojson(content: Plain, meters: float | None) -> Drawing:
+def read_geojson(content: Plain, meters: float | None, chosen: Chosen = by_names) -> Drawing:
     """Read features, level by level; polygons that say nothing are walkable if no other is.
 
     Parameters
     ----------
     meters : how many meters a unit is, as the user gave it.
+    chosen : returns the role that a user has chosen for features with a word, such as "indoor=room".
 
     Raises
     ------
@@ -67,7 +72,7 @@ def read_geojson(content: Plain, meters: float | None) -> Drawing:
     """
     wholes = _features(content)
     shapes = [_shape(whole.get("geometry"), number) for number, whole in enumerate(wholes)]
-    features = [_Feature(*one) for one in zip(wholes, map(_properties, wholes), shapes, strict=True)]
+    features = [_Feature(*one, chosen) for one in zip(wholes, map(_properties, wholes), shapes, strict=True)]
     features, note = _on_ground(features, content.get("crs"), meters)
     on, height, ignored = _levels_of(features)
     names = sorted({name for levels in on for name in levels}, key=lambda name: (height.get(name, _height(name)), name))
@@ -166,6 +171,8 @@ def _drawing(features: Iterable[_Feature]) -> Drawing:
         if one.shape is None:
             continue
         said, shape = one.said, one.shape
+        role = "" if said.role in ("nothing", "building") else said.role
+        drawing.layers.setdefault(legible(said.words) or UNSAID, Layer(role)).shapes.append(shape)
         if said.role in _FLOOR and shape.geom_type == "LineString":
             shape = shapely.Polygon(shape)
             one = one._replace(shape=shape)

@@ -16,24 +16,21 @@ from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.foreign import foreign_kind, read_text, require_file
 from crowd_env.geometry.boundary import clear_exits
 from crowd_env.geometry.parsing import parse_exit, read_area
-from crowd_env.scenarios.plans.dxf import read_dxf
-from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, listed
+from crowd_env.scenarios.plans.dxf import draw_dxf, read_dxf
+from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, Layer, listed
 from crowd_env.scenarios.plans.geojson import is_geojson, level_name, read_geojson
-from crowd_env.scenarios.plans.roles import chosen_roles
+from crowd_env.scenarios.plans.roles import Chosen, by_names, chosen_roles
 from crowd_env.scenarios.plans.shared_edges import open_doors, walls_between
 from crowd_env.scenarios.plans.tidying import apart, regions_in, simplified, tidied, without_obstacles
 from crowd_env.scenarios.plans.units import judge_unit, unit_in_meters
 from crowd_env.scenarios.plans.vadere import is_vadere, read_vadere
 from crowd_env.scenarios.plans.wkt import read_jupedsim_sqlite, read_wkt
 
-Reader = Callable[[Path, float | None], Drawing]
-"""Takes a file, and how many meters a unit of it is as the user gave it."""
-
-# Test of the content of a JSON file -> its reader.
-_IN_JSON = ((is_vadere, read_vadere), (is_geojson, read_geojson))
+Reader = Callable[..., Drawing]
+"""Takes a file, how many meters a unit of it is as the user gave it, and, if it is one of `_CHOOSING`, the roles of layers."""
 
 
-def read_json_plan(path: Path, meters: float | None = None) -> Drawing:
+def read_json_plan(path: Path, meters: float | None = None, chosen: Chosen = by_names) -> Drawing:
     """Read a plan of GeoJSON or Vadere."""
     text = read_text(path, "the floor plan", "a floor plan in this file must be JSON", ("JSON", "GeoJSON"))
     try:
@@ -41,9 +38,12 @@ def read_json_plan(path: Path, meters: float | None = None) -> Drawing:
             content = json.loads(text)
     except RecursionError:
         raise ValueError("nested too deeply") from None
-    for holds, read in _IN_JSON:
-        if holds(content):
-            return read(content, meters)
+    if is_vadere(content):
+        if chosen is not by_names:
+            raise ValueError(_NO_LAYERS)
+        return read_vadere(content, meters)
+    if is_geojson(content):
+        return read_geojson(content, meters, chosen)
     raise ValueError(
         "it is JSON, but neither GeoJSON, which is a FeatureCollection, a Feature or a geometry, nor a scenario of Vadere, "
         "which has a 'topography' in 'scenario'"
@@ -67,6 +67,8 @@ _BY_CONTENT: dict[str | None, Reader] = {
     "a DXF drawing": read_dxf,
     "an SQLite database": read_jupedsim_sqlite,
 }
+_CHOOSING = (read_dxf, read_json_plan)
+_NO_LAYERS = "it has no layers to choose from; DXF drawings and GeoJSON have"
 _LARGEST = 60_000_000  # bytes; a plan of a million corners has 40 million of them
 
 PLANS = "WKT (.wkt), GeoJSON, DXF, JuPedSim (.sqlite) or Vadere (.scenario)"
@@ -109,7 +111,8 @@ def read_plan(
     unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that is implausible and the file
         names another.  Degrees become meters about the middle of the file, in which exits are then.
     level : one level of a file that names levels, such as GeoJSON; or a part of the path, ``house.geojson:1``.
-    layers : role -> layers of a DXF drawing, as `crowd_env.scenarios.plans.roles.chosen_roles` takes them.
+    layers : role -> layers of a DXF drawing, or words of features of GeoJSON such as "indoor=room", as
+        `crowd_env.scenarios.plans.roles.chosen_roles` takes them.
 
     Raises
     ------
@@ -139,13 +142,44 @@ def read_plan(
         raise ValueError(f"{path}: its shapes cannot be cut and united: {error}") from None
 
 
-def _read(path: Path, meters: float | None, layers: Mapping[str, Sequence[str]] | None) -> Drawing:
+def drawn_layers(
+    path: str | Path,
+    *,
+    unit: str | None = None,
+    level: str | float | None = None,
+    layers: Mapping[str, Sequence[str]] | None = None,
+    meters: float | None = None,
+) -> dict[str, Layer]:
+    """Return what a file draws in each of its layers [m], even where it makes no plan yet.
+
+    The parameters are those of `read_plan`, and ``meters``, for how long a plan of this file takes a unit.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read.
+    ModuleNotFoundError
+        If the library that reads such files is not installed.
+    """
+    path, named = split_level(path)
+    meters = meters if unit is None else unit_in_meters(unit)
+    level = level_name(named if level is None else level) if (named, level) != (None, None) else None
+    drawing = _at_level(_read(path, meters, layers, draw=True), path, level)
+    shapes = [shape for layer in drawing.layers.values() for shape in layer.shapes]
+    if meters is None and shapes and not drawing.on_ground:
+        x0, y0, x1, y1 = shapely.total_bounds(shapes).tolist()
+        meters, _ = judge_unit((x0, y0, x1, y1), 0.0, drawing.unit, drawing.meters)
+    return {name: replace(one, shapes=_scaled(one.shapes, meters or 1.0)) for name, one in drawing.layers.items()}
+
+
+def _read(path: Path, meters: float | None, layers: Mapping[str, Sequence[str]] | None, draw: bool = False) -> Drawing:
     reader = _reader(path)
-    if layers is None:
-        return reader(path, meters)
-    if reader is not read_dxf:
-        raise ValueError("it has no layers to choose from; a DXF drawing has")
-    return read_dxf(path, meters, chosen_roles(layers))
+    if layers is not None and reader not in _CHOOSING:
+        raise ValueError(_NO_LAYERS)
+    chosen = () if not layers else (chosen_roles(layers),)
+    if draw and reader is read_dxf:
+        return draw_dxf(path, meters, *chosen)
+    return reader(path, meters, *chosen)
 
 
 def _at_level(drawing: Drawing, path: Path, level: str | None) -> Drawing:
@@ -209,7 +243,7 @@ def _is_json_plan(path: Path) -> bool:
         content = json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError):
         return False
-    return any(holds(content) for holds, _ in _IN_JSON)
+    return is_vadere(content) or is_geojson(content)
 
 
 def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
@@ -239,7 +273,7 @@ def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
     starts = {own[name]: people for name, people in drawing.starts.items() if name in regions}
     regions = {own[name]: shape for name, shape in regions.items()}
     leave = {own[name]: tuple(one for one in to if one in exits) for name, to in drawing.goals.items() if name in own}
-    return FloorPlan(path, walkable, exits, regions, starts, leave, tuple(notes))
+    return FloorPlan(path, walkable, exits, regions, starts, leave, tuple(notes), meters=meters)
 
 
 def _judged(drawing: Drawing) -> tuple[float, str]:

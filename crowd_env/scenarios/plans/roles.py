@@ -70,15 +70,22 @@ class Said(NamedTuple):
     words: str  # key=value, as written; "" if no property has a role
 
 
-RoleOf: TypeAlias = Callable[[str], tuple[str, str] | None]
-"""Returns the role of a layer and the name that it gives, or None."""
+Chosen: TypeAlias = Callable[[str], str | None]
+"""Returns the role that a user has chosen for a layer, "" = it is left out; None = it has that of its name."""
 
 # Key of `layers` in a project -> the role of its layers.
-CHOICES = {"walkable": "walkable", "obstacles": "obstacle", "exits": "exit", "starts": "start", "regions": "region"}
+CHOICES = {
+    **{"walkable": "walkable", "obstacles": "obstacle", "exits": "exit", "doors": "door"},
+    **{"starts": "start", "regions": "region", "left_out": ""},
+}
 
 
-def chosen_roles(layers: Mapping[str, Sequence[str]]) -> RoleOf:
-    """Return the roles that a user has chosen, layers of other names having theirs.
+def by_names(layer: str) -> None:
+    """Choose nothing."""
+
+
+def chosen_roles(layers: Mapping[str, Sequence[str]]) -> Chosen:
+    """Return the roles that a user has chosen.
 
     Parameters
     ----------
@@ -93,11 +100,7 @@ def chosen_roles(layers: Mapping[str, Sequence[str]]) -> RoleOf:
         known("key of layers", key, CHOICES)
     patterns = [(one.lower(), CHOICES[key]) for key, names in layers.items() for one in texts(f"layers.{key}", names)]
 
-    def role_of(layer: str) -> tuple[str, str] | None:
-        found = next((role for pattern, role in patterns if fnmatchcase(layer.lower(), pattern)), None)
-        return role_of_layer(layer) if found is None else (found, "")
-
-    return role_of
+    return lambda layer: next((role for pattern, role in patterns if fnmatchcase(layer.lower(), pattern)), None)
 
 
 def role_of_layer(layer: str) -> tuple[str, str] | None:

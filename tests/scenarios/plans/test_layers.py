@@ -1,10 +1,11 @@
 """Drawings whose layers have other names, or show walls alone; walls that are multilines and wide polylines."""
 
 import pytest
-from shapely.geometry import LineString
+from plan_files import feature, geojson
+from shapely.geometry import LineString, box
 
 from crowd_env import make_scenario
-from crowd_env.scenarios.plans.reading import read_plan
+from crowd_env.scenarios.plans.reading import drawn_layers, read_plan
 
 ezdxf = pytest.importorskip("ezdxf")
 
@@ -42,6 +43,64 @@ def test_walls_alone_are_rooms(tmp_path):
     assert any("floor is what the walls enclose, 1 area" in note for note in plan.notes)
     place = make_scenario(tmp_path / "office.dxf", layers=OFFICE, people=5)
     assert place.exits == ("exit-0",) and place.geometry.exit_widths["exit-0"] == pytest.approx(1.2)
+
+
+def test_doors_open_walls_that_have_no_gap(tmp_path):
+    def draw(space):
+        for x0, x1 in ((0, 5), (5.2, 10)):
+            space.add_lwpolyline([(x0, 0), (x1, 0), (x1, 6), (x0, 6)], close=True, **on("rooms"))
+        space.add_line((5.1, 2.5), (5.1, 3.4), **on("doors"))
+        space.add_line((10, 2), (10, 3), **on("ways out"))
+
+    layers = {"walkable": ["rooms"], "doors": ["doors"], "exits": ["ways*"]}
+    plan = read_plan(drawn(tmp_path / "rooms.dxf", draw), layers=layers)
+    assert plan.walkable.area == pytest.approx(30.0 + 28.8 + 0.2 * 0.9, abs=1e-4) and list(plan.exits) == ["exit-0"]
+
+
+def test_a_layer_may_be_left_out_whatever_its_name_means(tmp_path):
+    def draw(space):
+        space.add_lwpolyline([(0, 0), (10, 0), (10, 6), (0, 6)], close=True, **on("jps-walkablearea"))
+        space.add_lwpolyline([(2, 2), (4, 2), (4, 4), (2, 4)], close=True, **on("jps-obstacles"))
+
+    path = drawn(tmp_path / "hall.dxf", draw)
+    assert read_plan(path).walkable.area == pytest.approx(56.0)
+    assert read_plan(path, layers={"left_out": ["JPS-Obs*"]}).walkable.area == pytest.approx(60.0)
+
+
+def test_words_of_features_are_layers(tmp_path):
+    features = [
+        feature(box(0, 0, 10, 6), usage="hall"),
+        feature(box(4, 2, 6, 4), usage="shaft"),
+        feature(box(6, 5, 7, 6)),
+    ]
+    gate = feature(LineString([(0, 2), (0, 3)]), usage="gate")
+    path = geojson(tmp_path / "hall.geojson", *features, gate)
+    plan = read_plan(path, layers={"obstacles": ["usage=shaft", "no word"], "exits": ["usage=g*"]})
+    assert plan.walkable.area == pytest.approx(55.0) and list(plan.exits) == ["exit-0"]
+    layers = drawn_layers(path, layers={"obstacles": ["usage=shaft"]})
+    assert {name: (one.role, len(one.shapes)) for name, one in layers.items()} == {
+        "usage=hall": ("walkable", 1),
+        "usage=shaft": ("obstacle", 1),
+        "no word": ("", 1),
+        "usage=gate": ("", 1),
+    }
+
+
+def test_layers_are_seen_before_they_make_a_plan(tmp_path):
+    def draw(space):
+        two_rooms(space)
+        space.doc.layers.add("HIDDEN").off()
+        space.add_line((0, 0), (1, 1), **on("HIDDEN"))
+
+    path = drawn(tmp_path / "office.dxf", draw)
+    layers = drawn_layers(path, layers=OFFICE)
+    assert {name: (one.role, len(one.shapes)) for name, one in layers.items()} == {
+        "A-WALL": ("obstacle", 7),
+        "A-FURN-TABLE": ("obstacle", 1),
+        "A-EXIT": ("exit", 1),
+    }
+    assert layers["A-EXIT"].shapes[0].equals(LineString([(10.3, 2.0), (10.3, 3.2)]))
+    assert drawn_layers(path, meters=0.01)["A-EXIT"].shapes[0].length == pytest.approx(0.012)
 
 
 def test_walls_may_be_single_lines(tmp_path):
@@ -84,7 +143,7 @@ def test_multilines_and_wide_polylines_are_walls_as_thick_as_they_are_drawn(tmp_
     [
         (None, "none of its visible layers .* --layers walkable=NAME.*its layers: 0, A-WALL, A-FURN-TABLE, A-EXIT, A-TEXT"),
         ({"obstacles": ["A-WALL"]}, "walls on A-WALL enclose no room; exits close openings that lead out"),
-        ({"wals": ["A-WALL"]}, "unknown key of layers 'wals'; known: walkable, obstacles, exits, starts, regions"),
+        ({"wals": ["A-WALL"]}, "unknown key of layers 'wals'; known: walkable, obstacles, exits, doors, starts"),
         ({"walkable": "A-WALL"}, "layers.walkable is 'A-WALL'"),
     ],
 )  # fmt: skip
@@ -97,5 +156,5 @@ def test_layers_that_do_not_do_are_named(tmp_path, layers, words):
 def test_a_file_without_layers_has_none_to_choose_from(tmp_path):
     path = tmp_path / "room.wkt"
     path.write_text("POLYGON ((0 0, 6 0, 6 5, 0 5, 0 0))")
-    with pytest.raises(ValueError, match="it has no layers to choose from; a DXF drawing has"):
+    with pytest.raises(ValueError, match="it has no layers to choose from; DXF drawings and GeoJSON have"):
         read_plan(path, layers={"walkable": ["a"]})
