@@ -1,6 +1,7 @@
 """The command ``crowd-env plan``: how a place was understood, as a picture and in figures."""
 
 import json
+import os
 import warnings
 from pathlib import Path
 from typing import Annotated
@@ -15,13 +16,15 @@ from crowd_env.cli.place import CrowdOptions, people_options, plan_options, sett
 from crowd_env.core.behaviors import BEHAVIORS
 from crowd_env.core.behaviors.outline import Outline, room_of
 from crowd_env.core.checks import Plain, at
-from crowd_env.core.console import friendly_errors, noted, progress_bar, say
+from crowd_env.core.console import check_place as check_place_of
+from crowd_env.core.console import friendly_errors, noted, notes, progress_bar, say
 from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios import kind_of_place
-from crowd_env.scenarios.floor_plan import people_on
-from crowd_env.scenarios.plans.reading import read_plan
-from crowd_env.scenarios.project import project_of
+from crowd_env.scenarios.file import read_content
+from crowd_env.scenarios.floor_plan import PEOPLE, people_on
+from crowd_env.scenarios.plans.reading import read_plan, split_level
+from crowd_env.scenarios.project import Project, project_of
 
 app = options.new_app()
 
@@ -29,6 +32,10 @@ _PLACES = f"{options.PLACES} Several make a sheet."
 _LAYERS = (
     "Layers of a DXF drawing, by role, in place of their own names: walkable, obstacles, exits, starts or regions, such "
     'as "obstacles=A-WALL*,A-COLS"; may be repeated.'
+)
+_EDIT = (
+    "Edit a floor plan or a scenario file on a page in the browser: exits, doors, areas, people, runs; --save names the file "
+    "that is written, default that of the scenario, or .toml beside the drawing. Ctrl+C ends it."
 )
 _SAVE = "File, .toml, for what was understood of a floor plan: edit it, then run it."
 
@@ -44,6 +51,7 @@ def plan(
     set: options.Changes = None,
     out: Annotated[Path | None, options.plain("Image to write, .png.", "plan.png")] = None,
     save: Annotated[Path | None, options.plain(_SAVE)] = None,
+    edit: Annotated[bool, options.plain(_EDIT, names=("--edit",))] = False,
     seed: Annotated[int, options.plain("Where people stand.", min=0)] = 0,
     as_json: options.AsJson = False,
 ) -> None:
@@ -57,10 +65,22 @@ def plan(
     crowd-env plan my_room.wkt --exit 5,2,5,3 --people 40
 
     crowd-env plan office.dxf --layers obstacles=A-WALL --layers exits=A-EXIT --save office.toml
+
+    crowd-env plan office.dxf --edit
     """
     wanted = Path("plan.png") if out is None else out
     picture: Path | None = wanted
     with friendly_errors():
+        if edit:
+            if len(place) > 1:
+                raise ValueError(f"--edit is for one place, but {len(place)} are given")
+            if out is not None and out.suffix != ".html":
+                raise ValueError(f"--out {out}: with --edit it must be a page, .html, that stands alone")
+            options_of = CrowdOptions(
+                scenario=place[0], exit=exit, unit=unit, layers=layers, people=people, starts=starts, set=set
+            )
+            _edit(options_of, save, out)
+            return
         try:
             check_picture("--out", wanted, (".png",), makes_folder=True)
         except ModuleNotFoundError as error:
@@ -82,7 +102,7 @@ def plan(
                     )
                     checks.append(_check(asked, seed))
                     if save is not None:
-                        write_text(save, _project(asked, save))
+                        write_text(save, _project(asked, save).text)
                 told.append(said)
                 progress(1)
             if picture is not None:
@@ -103,6 +123,62 @@ def plan(
         say(f"project: {save}; crowd-env run {save} runs it")
 
 
+def _edit(asked: CrowdOptions, save: Path | None, out: Path | None) -> None:
+    """Serve the page of a project until the command is ended, or write it."""
+    from crowd_env.cli.editing import Editor, Server, page_alone
+
+    project, path = _opened(asked, save)
+    if out is not None:
+        write_text(out, page_alone(project.content, path))
+        say(f"page: {out}; it hands back a project to be put beside the drawing")
+        return
+    check_place_of(f"--save {path}" if save else str(path), path)
+    server = Server(Editor(project, path))
+    typer.echo(f"editing {path}: {server.url}")
+    say("Ctrl+C ends it")
+    if notes.is_terminal:
+        typer.launch(server.url)
+    try:
+        server.serve_forever()
+    except KeyboardInterrupt:
+        say(f"{path} is as it was saved last" if path.exists() else "nothing was saved")
+    finally:
+        server.editor.stop()
+        server.server_close()
+
+
+def _opened(asked: CrowdOptions, save: Path | None) -> tuple[Project, Path]:
+    """Return the project of a place as it is edited first, and where it is saved."""
+    kind = kind_of_place(asked.scenario)
+    if kind == "file":
+        path = Path(asked.scenario)
+        content = read_content(path)
+        if save is not None and save.absolute().parent != path.absolute().parent:
+            raise ValueError(f"--save {save}: a project names files beside it; save it in {path.parent}")
+        return Project(content), save or path
+    if kind != "plan":
+        raise ValueError(f"{asked.scenario} ships with crowd_env; --edit is for floor plans and scenario files")
+    drawing, level = split_level(asked.scenario)
+    path = save or drawing.with_name(f"{drawing.stem}{'' if level is None else f'-{level}'}.toml")
+    if path.is_file():
+        content = read_content(path)
+        file = content.get("geometry", {}).get("file")
+        if file is None or (path.parent / file).absolute() != drawing.absolute():
+            raise ValueError(f"{path} is another project than that of {drawing}; name another file by --save")
+        say(f"going on with {path}")
+        return Project(content), path
+    try:
+        return _project(asked, path), path
+    except ValueError as error:
+        if not drawing.is_file():
+            raise
+        say(f"note: {error}", "yellow")  # the page shows the layers of the drawing
+    of_drawing = {key: value for key, value in plan_options(asked).items() if key != "exits"}
+    file = Path(os.path.relpath(drawing.absolute(), path.absolute().parent)).as_posix()
+    geometry = {"file": file, **({} if level is None else {"level": level}), **of_drawing}
+    return Project({"geometry": geometry, "population": {"people": asked.people or PEOPLE}}), path
+
+
 def _check(asked: CrowdOptions, seed: int) -> PlanCheck:
     """Return a place as it was understood; a floor plan may lack exits."""
     if kind_of_place(asked.scenario) == "plan":
@@ -119,8 +195,8 @@ def _check(asked: CrowdOptions, seed: int) -> PlanCheck:
     return check_place(setting_of(asked).place, seed)
 
 
-def _project(asked: CrowdOptions, path: Path) -> str:
-    """Return a scenario file of a floor plan, with all that the command was given."""
+def _project(asked: CrowdOptions, path: Path) -> Project:
+    """Return a project of a floor plan, with all that the command was given."""
     if kind_of_place(asked.scenario) != "plan":
         raise ValueError(f"{asked.scenario} is no floor plan in a file; --save writes a project of one")
     if asked.starts is not None:
@@ -134,4 +210,4 @@ def _project(asked: CrowdOptions, path: Path) -> str:
         fields = dict(people_options(asked, changes))
         crowd = people_on(plan, fields.pop("people", None))
         of_all = {name: plain(law) for name, law in fields.items()}
-        return project_of(path, plan, crowd, own_exits=own_exits, drawing=drawing, of_all=of_all, others=others).text
+        return project_of(path, plan, crowd, own_exits=own_exits, drawing=drawing, of_all=of_all, others=others)

@@ -23,6 +23,7 @@ from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.cohorts import Cohorts, People
 from crowd_env.scenarios.floor_plan import area_on, people_on, scenario_on, with_own
+from crowd_env.scenarios.plans.floor_plan import FloorPlan
 from crowd_env.scenarios.plans.reading import read_plan
 from crowd_env.scenarios.population import Population, population_of
 from crowd_env.scenarios.scenario import Scenario
@@ -36,6 +37,7 @@ KEYS = ("$schema", *(field.name for field in fields(Scenario)), "cohorts")
 OLDER = {"": {"groups": "cohorts"}, "population": {"companions": "group_size"}, "pulls": {"companions": "groups"}}
 
 _OF_DRAWING = ("level", "layers", "unit")  # keys of `Plan` that tell how to read its file
+_OWN = ("walkable", "exits", "regions")  # keys that add to a drawing
 
 Line: TypeAlias = list[tuple[float, float]]
 
@@ -105,11 +107,21 @@ def read_scenario(path: Path) -> Scenario:
 
 
 def _read_scenario(path: Path) -> Scenario:
-    content = _read(path)
+    return scenario_of(read_content(path), path)
+
+
+def scenario_of(content: Plain, path: Path) -> Scenario:
+    """Return the scenario of the content of a file at ``path``, checked as `read_scenario` does.
+
+    Raises
+    ------
+    ValueError
+        If something in it is wrong or unknown.
+    """
     with at(str(path)):
         content = _today("", content)
         check_keys(str(path), content, KEYS)
-        given = from_table("geometry", Plan, table("geometry", _needed(content, "geometry"), "keys and values"))
+        given = _plan(content)
         apart = ("$schema", "geometry", "population", "cohorts")
         own = {key: value for key, value in content.items() if key not in apart}
         if isinstance(pulls := own.get("pulls"), Mapping):
@@ -118,9 +130,7 @@ def _read_scenario(path: Path) -> Scenario:
         shapes = _shapes(given)
         if given.file:
             with at("geometry"):
-                drawn = {key: getattr(given, key) for key in _OF_DRAWING}
-                plan = read_plan(path.parent / path_of("file", given.file), **drawn)
-                plan = with_own(plan, **{key: shapes.pop(key) for key in ("walkable", "exits", "regions")})
+                plan = with_own(drawing_of(content, path), **{key: shapes.pop(key) for key in _OWN})
             crowd = _people(content, path.parent, partial(area_on, plan), partial(people_on, plan))
             scenario = scenario_on(plan, crowd, beside=shapes, **own)
         else:
@@ -135,7 +145,49 @@ def _read_scenario(path: Path) -> Scenario:
         return scenario
 
 
-def _read(path: Path) -> Plain:
+def drawing_of(content: Plain, path: Path) -> FloorPlan:
+    """Return the drawing that the content of a file at ``path`` names, without what stands beside it.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be read or used as a plan.
+    """
+    given = _plan(content)
+    drawn = {key: getattr(given, key) for key in _OF_DRAWING}
+    return read_plan(path.parent / path_of("file", given.file), **drawn)
+
+
+def floor_of(content: Plain, path: Path) -> Geometry:
+    """Return the place of the content of a file at ``path`` without exits, doors and people: for one that is not whole yet.
+
+    Raises
+    ------
+    ValueError
+        If the floor is wrong, or what lies on it.
+    """
+    given = _plan(content)
+    shapes = _shapes(given)
+    if given.file:
+        plan = with_own(drawing_of(content, path), shapes["walkable"], None, shapes["regions"])
+        shapes |= {"walkable": plan.walkable, "regions": plan.regions}
+    else:
+        _needed(shapes, "walkable")
+    return Geometry.from_polygon(**{key: value for key, value in shapes.items() if key not in ("exits", "doors")})
+
+
+def _plan(content: Plain) -> Plan:
+    return from_table("geometry", Plan, table("geometry", _needed(content, "geometry"), "keys and values"))
+
+
+def read_content(path: Path) -> Plain:
+    """Return what a scenario file holds; nothing in it is checked.
+
+    Raises
+    ------
+    ValueError
+        If it is no TOML or JSON of keys and values.
+    """
     kind = "JSON" if path.suffix.lower() == ".json" else "TOML"
     text = read_text(path, "the scenario", f"a scenario in this file must be {kind}", ("JSON", "GeoJSON"))
     with at(str(path)):
@@ -249,8 +301,12 @@ def _population(given: Plain, key: str, folder: Path, area_of: Callable[[str | N
 
 
 def _require_ways(scenario: Scenario) -> None:
-    """Raise ValueError if a route leads nowhere, or people do not fit; recorded starts have to suit the largest bodies."""
-    scenario.route_set().when(frozenset(scenario.closed_doors))
+    """Raise ValueError if a route leads nowhere, or people do not fit; recorded starts have to suit the largest bodies.
+
+    People wait at doors that open later: these count as open.
+    """
+    later = {event.door for event in scenario.door_events if event.opens}
+    scenario.route_set().when(frozenset(scenario.closed_doors) - later)
     room = scenario.room
     for part in scenario.population.parts:
         if part.starts is not None:

@@ -5,6 +5,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import shapely
@@ -23,8 +24,8 @@ class Project(NamedTuple):
     """A scenario file: what it holds, and what stands beside it."""
 
     content: Plain
-    comments: Plain  # name of a key, such as geometry.exits.north -> text
-    head: tuple[str, ...]  # lines
+    comments: Plain = MappingProxyType({})  # name of a key, such as geometry.exits.north -> text
+    head: tuple[str, ...] = ()  # lines
 
     @property
     def text(self) -> str:
@@ -49,9 +50,12 @@ def project_of(
     file = Path(os.path.relpath(plan.path.absolute(), path.absolute().parent)).as_posix()
     exits = {name: corners(shape) if own_exits else name for name, shape in plan.exits.items()}
     shapes = {"exits": exits or None, "regions": {name: name for name in plan.regions} or None}
-    geometry = {"file": file, "level": plan.level, **drawing, **shapes}
+    geometry = _given({"file": file, "level": plan.level, **drawing, **shapes})
     parts = people.parts
-    own = [{"people": one.people, "start_region": one.start_region, "exits": one.exits or None} for one in parts]
+    own = [
+        _given({"people": one.people, "start_region": one.start_region, "exits": list(one.exits) or None})
+        for one in parts
+    ]
     crowd: Plain = {"population": {**own[0], **of_all}} if len(parts) == 1 else {"population": of_all, "cohorts": own}
     comments = {"population": "what all cohorts share"} if len(parts) > 1 else {}
     comments |= {f"geometry.exits.{name}": _about(shape) for name, shape in plan.exits.items()}
@@ -59,6 +63,10 @@ def project_of(
     said = f"{plan.title} as it was understood; crowd-env plan {path.name} draws it, docs/scenarios.md lists all keys"
     none = () if plan.exits else ("no exits yet: under [geometry.exits], name = line on the edge, [[2, 8], [3, 8]]",)
     return Project({**others, "geometry": geometry, **crowd}, comments, (said, *plan.notes, *none))
+
+
+def _given(table: Plain) -> Plain:
+    return {key: value for key, value in table.items() if value is not None}
 
 
 def project_text(content: Plain, comments: Plain | None = None, head: tuple[str, ...] = ()) -> str:
@@ -71,12 +79,12 @@ def project_text(content: Plain, comments: Plain | None = None, head: tuple[str,
     head : lines of comment before all.
     """
     lines = [f"# {line}" for line in head]
-    return "\n".join([*lines, *_tables("", content, {} if comments is None else comments)]) + "\n"
+    return "\n".join([*lines, *_tables("", content, {} if comments is None else comments)]).lstrip() + "\n"
 
 
 def _tables(path: str, table: Plain, comments: Plain) -> Iterator[str]:
     """Yield the lines of a table, the tables in it last."""
-    given = {key: value for key, value in table.items() if value is not None}
+    given = _given(table)
     inner = {key: value for key, value in given.items() if _stands_apart(path, key, value)}
     for key, value in given.items():
         if key not in inner:

@@ -3,6 +3,7 @@
 import json
 import re
 import tomllib
+import warnings
 from dataclasses import fields, replace
 from functools import partial
 
@@ -30,6 +31,7 @@ from crowd_env import (
 )
 from crowd_env.cli.main import app
 from crowd_env.core.checks import POSITIVE, number
+from crowd_env.envs.rollout import run_episodes
 from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
@@ -628,3 +630,18 @@ def test_the_documents_name_every_key_of_a_table(key, table):
         name for name, one in json_schema()["definitions"][table]["properties"].items() if "deprecated" not in one
     }
     assert properties <= named, f"{key}: the documents do not name {sorted(properties - named)}"
+
+
+def test_people_wait_behind_doors_that_open_later(tmp_path):
+    file = tmp_path / "gate.toml"
+    file.write_text(
+        'closed_doors = ["east"]\n[geometry]\nwalkable = { box = [0, 0, 10, 6] }\ndoors = { east = "east" }\n'
+        "[geometry.exits]\neast = [[10, 2], [10, 3.2]]\n[population]\npeople = 3\n"
+    )
+    with pytest.raises(ValueError, match="all exits that the way may lead to are closed: east"):
+        make_scenario(file)
+    file.write_text('door_events = [{ door = "east", at = 4, opens = true }]\n' + file.read_text())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        (episode,) = run_episodes(make_scenario(file), 1)
+    assert episode.metrics.mean_exit_time > 4.0 and episode.metrics.evacuation_time < 20.0

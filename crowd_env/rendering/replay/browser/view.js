@@ -77,8 +77,8 @@ class View {
   }
 }
 
-// Drag pans, wheel and pinch zoom, a double click shows all, a click without a drag chooses.
-function listenToView(canvas, view, { changed, clicked }) {
+// Drag pans, wheel and pinch zoom, a double click shows all unless it means something else, a click without a drag chooses.
+function listenToView(canvas, view, { changed, clicked, twice }) {
   const pointers = new Map();
   let moved = 0;
   let lastClick = { time: -1e9, x: 0, y: 0 };
@@ -129,9 +129,10 @@ function listenToView(canvas, view, { changed, clicked }) {
     canvas.classList.remove("dragged");
     if (event.type !== "pointerup" || pointers.size || moved >= 5) return;
     const { x, y } = place(event);
-    const twice = event.timeStamp - lastClick.time < 350 && Math.hypot(x - lastClick.x, y - lastClick.y) < 24;
-    lastClick = { time: twice ? -1e9 : event.timeStamp, x, y };
-    if (twice) {
+    const again = event.timeStamp - lastClick.time < 350 && Math.hypot(x - lastClick.x, y - lastClick.y) < 24;
+    lastClick = { time: again ? -1e9 : event.timeStamp, x, y };
+    if (again && twice) twice(x, y);
+    else if (again) {
       view.fit();
       changed();
     } else clicked(x, y);

@@ -1,0 +1,345 @@
+"""A plan as it is edited in the browser: what the page shows of a project, saved, and run."""
+
+import itertools
+import json
+import os
+import secrets
+import subprocess
+import sys
+import threading
+import warnings
+from collections.abc import Iterable, Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from crowd_env.analysis.figures import cells
+from crowd_env.analysis.plan_check import PlanCheck, check_place, check_plan
+from crowd_env.analysis.results.folder import KEPT
+from crowd_env.core.checks import Plain, Range, table, whole
+from crowd_env.core.files.atomic import legible, write_text
+from crowd_env.core.files.json_file import read_json
+from crowd_env.geometry.parsing import flat_parts
+from crowd_env.rendering.editor import editor_page
+from crowd_env.rendering.plan import holes_of, shells_of
+from crowd_env.scenarios.file import drawing_of, floor_of, scenario_of
+from crowd_env.scenarios.plans.floor_plan import FloorPlan
+from crowd_env.scenarios.plans.reading import drawn_layers
+from crowd_env.scenarios.population import Population
+from crowd_env.scenarios.project import Project, project_text
+
+_FINE = 3  # decimals of meters on the page
+_MOST_POINTS = 400_000  # of layers on the page
+_PEOPLE = 2000  # that are drawn
+_RUNS = Range(1, 1000)
+_LARGEST = 20_000_000  # bytes of a project
+
+
+def look(content: Plain, path: Path, *, layers: bool = False, seed: int = 0) -> Plain:
+    """Return what is understood of a project at ``path``, and what is wrong with it: nothing is raised for that.
+
+    Parameters
+    ----------
+    content : of the scenario file.
+    layers : whether to give what its drawing draws, layer by layer.
+    """
+    content = {key: value for key, value in content.items() if value is not None}
+    found: dict[str, Any] = {"error": None, "text": project_text(content)}
+    geometry = content.get("geometry")
+    given: Plain = geometry if isinstance(geometry, Mapping) else {}
+    file = given.get("file") if isinstance(given.get("file"), str) else None
+    drawing: FloorPlan | None = None
+    check: PlanCheck | None = None
+    broken = (ValueError, ModuleNotFoundError, shapely.errors.ShapelyError)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", UserWarning)
+        try:
+            if file:
+                drawing = drawing_of(content, path)
+                found |= {"drawn": _drawn(drawing)}
+            if drawing is not None and not (given.get("exits") or drawing.exits):
+                raise ValueError("there is no exit yet: draw one on the edge of the floor")
+            check = check_place(scenario_of(content, path), seed)
+        except broken as error:
+            found |= {"error": _plainly(error, path, file)}
+            try:
+                check = check_plan(path.stem, floor_of(content, path), Population(people=1), seed=seed)
+            except broken as other:
+                found |= {"error": _plainly(other, path, file)}
+    found |= {"notes": list(dict.fromkeys(_plainly(one.message, path, file) for one in said))}
+    if check is not None:
+        found |= _shown(check, whole=found["error"] is None)
+    if layers and file is not None:
+        how = {key: given[key] for key in ("unit", "level", "layers") if given.get(key)}
+        found |= {"layers": _layers(path.parent / file, None if drawing is None else drawing.meters, how)}
+    return found
+
+
+def page_alone(content: Plain, path: Path) -> str:
+    """Return the page of a project that needs no server, and hands the project back."""
+    return editor_page(content, path, served=False, shown=look(content, path, layers=True))
+
+
+def _plainly(error: object, path: Path, drawing: str | None) -> str:
+    """Return a message without the paths of the project and of its drawing, which are known."""
+    text = str(error)
+    for name in (path, path.parent / (drawing or "")):
+        text = text.replace(f"{name}: ", "")
+    return legible(text)
+
+
+def _drawn(drawing: FloorPlan) -> Plain:
+    """Return the named shapes of a drawing, and where people start there."""
+    shapes = {"exits": drawing.exits, "regions": drawing.regions}
+    named = {key: {name: _lines_of(shape) for name, shape in group.items()} for key, group in shapes.items()}
+    return {**named, "starts": dict(drawing.starts), "title": drawing.title, "meters": drawing.meters}
+
+
+def _shown(check: PlanCheck, whole: bool) -> Plain:
+    """Return the place for the page; ``whole`` = with exits and people."""
+    geometry = check.geometry
+    walls = {name: geometry.walls[geometry.door_of_wall == k] for k, name in enumerate(geometry.doors)}
+    exits = {name: geometry.exits[[one == name for one in geometry.exit_names]] for name in check.widths}
+    narrow = [one.gap for one in check.passages.values() if one is not None and not one.is_exit]
+    people = np.column_stack([check.position, check.radius, check.cohort])[: _PEOPLE if whole else 0]
+    return {
+        "bounds": list(check.bounds),
+        "area": geometry.area,
+        "floor": {"shells": _rounded(shells_of(geometry.walkable)), "holes": _rounded(holes_of(geometry.walkable))},
+        "exits": {name: {"width": check.widths[name], "lines": _rounded(lines)} for name, lines in exits.items()},
+        "regions": {name: _lines_of(shape) for name, shape in geometry.regions.items()},
+        "doors": {name: _rounded(lines) for name, lines in walls.items()},
+        "thin_walls": _rounded(geometry.walls[geometry.two_sided & (geometry.door_of_wall < 0)]),
+        "narrow": [{"width": gap.width, "line": _rounded([gap.line])[0]} for gap in narrow],
+        "lost": [_lines_of(part) for part, _ in check.unreached],
+        "people": people.round(_FINE).tolist(),
+        "capacity": check.capacity,
+        "count": check.people.people if whole else 0,
+        "remarks": list(check.remarks) if whole else [],
+    }
+
+
+def _layers(drawing: Path, meters: float | None, how: Plain) -> list[Plain]:
+    """Return name, role, number of shapes and lines of each layer; none where the file has no layers, or cannot be read."""
+    try:
+        drawn = drawn_layers(drawing, meters=meters, **how)
+    except (ValueError, ModuleNotFoundError):
+        return []
+    found: list[Plain] = []
+    room = _MOST_POINTS
+    for name, layer in drawn.items():
+        lines = [_lines_of(shape) for shape in layer.shapes]
+        room -= sum(len(line) for shape in lines for line in shape)
+        found.append(
+            {
+                "name": name,
+                "role": layer.role,
+                "count": len(layer.shapes),
+                "shapes": lines if room > 0 else [],
+            }
+        )
+    return found
+
+
+def _lines_of(shape: BaseGeometry) -> list[Any]:
+    """Return the lines and borders of a shape, each as points; a point is a line of one."""
+    flat: list[BaseGeometry] = []
+    for part in flat_parts(shape):
+        flat.extend(shapely.get_rings(part) if part.geom_type == "Polygon" else [part])
+    return _rounded(map(shapely.get_coordinates, flat))
+
+
+def _rounded(lines: Iterable[Any]) -> list[Any]:
+    return [np.asarray(line)[:, :2].round(_FINE).tolist() for line in lines]
+
+
+class Editor:
+    """A project that is edited: where it lies, and the run that was started from its page.
+
+    Parameters
+    ----------
+    project : as it is at first; a comment stays beside what stays as it is.
+    path : where it is saved.
+    """
+
+    def __init__(self, project: Project, path: Path) -> None:
+        self.project, self.path = project, path
+        self._kept = False  # whether what was there before is
+        self._run: _Run | None = None
+
+    def answer(self, asked: str, given: Plain) -> Plain:
+        """Return what the page asks for: check, save, run or progress.
+
+        Raises
+        ------
+        ValueError
+            If the file cannot be written, or nothing of that name can be asked for.
+        """
+        content = table("content", given.get("content", {}), "keys and values")
+        match asked:
+            case "check":
+                return look(content, self.path, layers=given.get("layers") is True)
+            case "save":
+                return self._save(content)
+            case "run":
+                saved = self._save(content)
+                if self._run is not None:
+                    self._run.stop()
+                self._run = _Run(self.path, content, whole("runs", given.get("runs", 10), _RUNS))
+                return saved
+            case "progress":
+                return {"state": "none"} if self._run is None else self._run.progress()
+        raise ValueError(f"the page cannot ask for {asked!r}")
+
+    def page_of_run(self, name: str) -> bytes | None:
+        """Return the replay or the report of the run that has ended."""
+        page = None if self._run is None else self._run.folder / name
+        return page.read_bytes() if page is not None and page.is_file() else None
+
+    def stop(self) -> None:
+        """End the run that is under way."""
+        if self._run is not None:
+            self._run.stop()
+
+    def _save(self, content: Plain) -> Plain:
+        if self.path.is_file() and not self._kept:  # with comments that the page does not know
+            self.path.with_name(f"{self.path.name}~").write_bytes(self.path.read_bytes())
+        self._kept = True
+        before, comments, head = self.project
+        same = {name: text for name, text in comments.items() if _at(before, name) == _at(content, name)}
+        json_file = self.path.suffix.lower() == ".json"
+        write_text(self.path, json.dumps(content, indent=2) if json_file else project_text(content, same, head))
+        return {"saved": str(self.path)}
+
+
+def _at(content: Any, name: str) -> Any:
+    """Return what has the name of a key, such as geometry.exits.north, in the content of a file."""
+    for key in name.split(".", 2):
+        content = content.get(key) if isinstance(content, Mapping) else None
+    return content
+
+
+PAGES = ("replay.html", "report.html")
+
+
+class _Run:
+    """Runs of a project, its replay and its report, by the commands that anyone can type."""
+
+    def __init__(self, path: Path, content: Plain, runs: int) -> None:
+        names = (f"{path.stem}-runs-{k}" for k in itertools.count(1))
+        self.folder = next(one for name in names if not (one := path.parent / name).exists())
+        self.runs, self._path, self._content = runs, path, content
+        self._state, self._said = "running", ""
+        self._process: subprocess.Popen[str] | None = None
+        threading.Thread(target=self._go, daemon=True).start()
+
+    def _go(self) -> None:
+        out = str(self.folder)
+        commands = [
+            ["run", str(self._path), "--runs", str(self.runs), "--out", out, "--json"],
+            ["replay", out, "-o", str(self.folder / PAGES[0])],
+            ["report", out, "-o", str(self.folder / PAGES[1])],
+        ]
+        for command in commands:
+            whole = [sys.executable, "-m", "crowd_env", *command]
+            environment = {**os.environ, "COLUMNS": "500"}
+            streams: Any = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+            self._process = subprocess.Popen(whole, env=environment, **streams)
+            _, said = self._process.communicate()
+            if self._process.returncode:
+                self._state, self._said = (
+                    "failed",
+                    legible(said.strip().splitlines()[-1] if said.strip() else "stopped"),
+                )
+                return
+        self._state = "done"
+
+    def progress(self) -> Plain:
+        """Return how far it is; at the end the table of the answer."""
+        kept = self.folder / KEPT
+        done = sum(one.stem.isdecimal() for one in kept.iterdir()) if kept.is_dir() else 0
+        shown: dict[str, Any] = {"state": self._state, "done": done, "runs": self.runs, "said": self._said}
+        if self._state != "done":
+            return shown
+        place = scenario_of(self._content, self._path)
+        rows = cells(place, read_json(self.folder / "summary.json"))
+        return {**shown, "rows": list(rows.items()), "folder": str(self.folder)}
+
+    def stop(self) -> None:
+        """End it."""
+        if self._process is not None and self._process.poll() is None:
+            self._process.terminate()
+
+
+class Server(ThreadingHTTPServer):
+    """Serves one page on the loopback address, to whom has its token.
+
+    Attributes
+    ----------
+    url : of the page.
+    """
+
+    daemon_threads = True
+
+    def __init__(self, editor: Editor, port: int = 0) -> None:
+        super().__init__(("127.0.0.1", port), _Handler)
+        self.editor, self.token = editor, secrets.token_urlsafe(16)
+        self.host = f"127.0.0.1:{self.server_port}"
+        self.url = f"http://{self.host}/{self.token}/"
+        self.turn = threading.Lock()  # one answer at a time: notes and warnings belong to a process
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Server
+    protocol_version = "HTTP/1.1"
+
+    def do_GET(self) -> None:
+        name = self._asked()
+        if name == "":
+            with self.server.turn:
+                page = editor_page(self.server.editor.project.content, self.server.editor.path, served=True)
+            self._give(page.encode(), "text/html; charset=utf-8")
+        elif name in PAGES and (found := self.server.editor.page_of_run(name)) is not None:
+            self._give(found, "text/html; charset=utf-8")
+        else:
+            self._refuse(HTTPStatus.NOT_FOUND)
+
+    def do_POST(self) -> None:
+        name = self._asked()
+        length = self.headers.get("Content-Length", "")
+        typed = self.headers.get("Content-Type", "").partition(";")[0] == "application/json"
+        if name is None or not typed or not length.isdecimal() or int(length) > _LARGEST:
+            self._refuse(HTTPStatus.BAD_REQUEST)
+            return
+        try:
+            given = table("what the page sends", json.loads(self.rfile.read(int(length))), "keys and values")
+            with self.server.turn:
+                answer = self.server.editor.answer(name, given)
+        except (ValueError, OSError, RecursionError) as error:
+            answer = {"failed": legible(str(error))}
+        self._give(json.dumps(answer).encode(), "application/json")
+
+    def _asked(self) -> str | None:
+        """Return what is asked for, if the token and the name of the host are right: other pages know neither."""
+        _, token, *rest = [*self.path.split("/"), "", ""][:4]
+        own = secrets.compare_digest(token.encode(), self.server.token.encode())
+        return rest[0] if own and self.headers.get("Host") == self.server.host and not rest[1] else None
+
+    def _give(self, content: bytes, kind: str) -> None:
+        self.send_response(HTTPStatus.OK)
+        for header in (("Content-Type", kind), ("Content-Length", str(len(content))), ("Cache-Control", "no-store")):
+            self.send_header(*header)
+        self.end_headers()
+        self.wfile.write(content)
+
+    def _refuse(self, status: HTTPStatus) -> None:
+        self.close_connection = True
+        self.send_error(status)
+
+    def log_message(self, format: str, *arguments: Any) -> None:
+        """Keep the terminal free."""
