@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -52,8 +53,8 @@ class PlanCheck:
         (polygon, m^2) of the parts from which the smallest body reaches no exit; empty if there is no exit.
     free_area
         m^2, where the center of the smallest body may be.
-    capacity
-        How many of the largest bodies stand where people start, on a regular lattice: what `run` has room for.
+    room
+        Radius of the discs as which people are placed, in radii of their bodies.
     start_area
         m^2, of the regions in which people start; of all if they start anywhere.
     remarks
@@ -72,9 +73,15 @@ class PlanCheck:
     passages: dict[str, Passage | None]
     unreached: tuple[tuple[Any, float], ...]
     free_area: float
-    capacity: int
+    room: float
     start_area: float
     remarks: tuple[str, ...]
+
+    @cached_property
+    def capacity(self) -> int:
+        """How many of the largest bodies stand where people start, on a regular lattice: what `run` has room for."""
+        regions = dict.fromkeys(part.start_region for part in self.people.parts if part.starts is None) or (None,)
+        return sum(len(lattice(self.geometry, self.room * self.people.radius.high, region)) for region in regions)
 
     @property
     def body(self) -> tuple[float, float]:
@@ -134,7 +141,7 @@ def check_plan(
         passages=passages,
         unreached=tuple((part, float(part.area)) for part in lost),
         free_area=float(terrain.free(least).sum()) * terrain.spacing**2,
-        capacity=sum(len(lattice(geometry, room * people.radius.high, region)) for region in regions or (None,)),
+        room=room,
         start_area=start_area,
         remarks=tuple(remarks),
     )

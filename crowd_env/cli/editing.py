@@ -9,6 +9,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -29,7 +30,7 @@ from crowd_env.rendering.editor import editor_page
 from crowd_env.rendering.plan import holes_of, shells_of
 from crowd_env.scenarios.file import drawing_of, floor_of, scenario_of
 from crowd_env.scenarios.plans.floor_plan import FloorPlan
-from crowd_env.scenarios.plans.reading import drawn_layers
+from crowd_env.scenarios.plans.reading import drawn_layers, levels_in
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.project import Project, project_text
 
@@ -76,7 +77,9 @@ def look(content: Plain, path: Path, *, layers: bool = False, seed: int = 0) -> 
         found |= _shown(check, whole=found["error"] is None)
     if layers and file is not None:
         how = {key: given[key] for key in ("unit", "level", "layers") if given.get(key)}
-        found |= {"layers": _layers(path.parent / file, None if drawing is None else drawing.meters, how)}
+        with suppress(*broken):
+            found |= {"levels": levels_in(path.parent / file)}
+            found |= {"layers": _layers(path.parent / file, None if drawing is None else drawing.meters, how)}
     return found
 
 
@@ -125,14 +128,10 @@ def _shown(check: PlanCheck, whole: bool) -> Plain:
 
 
 def _layers(drawing: Path, meters: float | None, how: Plain) -> list[Plain]:
-    """Return name, role, number of shapes and lines of each layer; none where the file has no layers, or cannot be read."""
-    try:
-        drawn = drawn_layers(drawing, meters=meters, **how)
-    except (ValueError, ModuleNotFoundError):
-        return []
+    """Return name, role, number of shapes and lines of each layer."""
     found: list[Plain] = []
     room = _MOST_POINTS
-    for name, layer in drawn.items():
+    for name, layer in drawn_layers(drawing, meters=meters, **how).items():
         lines = [_lines_of(shape) for shape in layer.shapes]
         room -= sum(len(line) for shape in lines for line in shape)
         found.append(

@@ -142,6 +142,18 @@ def read_plan(
         raise ValueError(f"{path}: its shapes cannot be cut and united: {error}") from None
 
 
+def levels_in(path: str | Path) -> list[str]:
+    """Return the names of the levels of a file; none if it names none.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read.
+    """
+    path, _ = split_level(path)
+    return list(_read(path, None, None, draw=True).levels)
+
+
 def drawn_layers(
     path: str | Path,
     *,

@@ -14,6 +14,8 @@ from typing import Any
 import pytest
 from late import late
 from office_drawing import AREA, draw_office
+from plan_files import feature, geojson
+from shapely.geometry import box
 
 from crowd_env.cli.editing import Editor, Server, look, page_alone
 from crowd_env.scenarios.project import Project
@@ -223,6 +225,22 @@ def test_a_layer_is_chosen_on_the_plan(browser: Any, server: Server) -> None:
     tab.page.locator("#selected button", has_text="left out").click()
     tab.settle()
     assert tab.content()["geometry"]["layers"] == {"left_out": ["A-FURN"]}
+    tab.close()
+
+
+def test_a_level_is_chosen(browser: Any, server: Server) -> None:
+    rooms = [feature(box(0, 0, 8 + 4 * k, 6), indoor="room", level=str(k)) for k in range(2)]
+    geojson(server.editor.path.with_name("house.geojson"), *rooms)
+    server.editor.project = Project({"geometry": {"file": "house.geojson"}})
+    tab = Tab(browser, server.url)
+    assert "it has 2 levels" in tab.page.locator("#problems").inner_text()
+    tab.page.get_by_label("Level").select_option("1")
+    tab.settle()
+    assert tab.get("editor.project.shown.area") == 72.0 and tab.content()["geometry"]["level"] == "1"
+    tab.page.get_by_label("Unit").select_option("ft")
+    tab.settle()
+    assert tab.get("editor.project.shown.area") == pytest.approx(72.0 * 0.3048**2)
+    assert tab.get("editor.view.bounds[2]") == pytest.approx(12 * 0.3048, abs=1e-3)
     tab.close()
 
 

@@ -56,7 +56,7 @@ class Editor {
     if (number !== this.asked) return;
     if (shown.failed) return this.say(shown.failed);
     if (read !== this.read) this.read = read;
-    else shown.layers = this.project.shown.layers;
+    else for (const key of ["layers", "levels"]) shown[key] = this.project.shown[key];
     this.take(shown);
     this.say(this.project.changed ? "not saved" : "");
   }
@@ -66,6 +66,7 @@ class Editor {
     for (const key of ["floor", "bounds", "drawn"]) shown[key] ??= old[key];
     this.project.shown = shown;
     const bounds = boundsOf(shown);
+    if ((shown.levels || []).length > 1 && !this.project.geometry.level) byId("layers-of").open = true;
     if (bounds && !this.known) {
       this.view.bounds = bounds;
       this.view.fit();

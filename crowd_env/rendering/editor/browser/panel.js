@@ -224,10 +224,17 @@ function showPeople(editor) {
 
 function showLayers(editor) {
   const { project } = editor;
-  const layers = project.shown.layers || [];
-  byId("layers-of").hidden = !layers.length;
+  const { layers = [], levels = [] } = project.shown;
+  const { file, level, unit } = project.geometry;
+  byId("layers-of").hidden = !file;
   const roles = Object.entries(ROLE_WORDS);
-  byId("layers").replaceChildren(...layers.map((layer) => element("div", { className: "row" }, [
+  const set = (key) => (value) => {
+    editor.known = false; // it lies elsewhere
+    editor.change((content) => (content.geometry[key] = value || undefined));
+  };
+  const how = [field("Unit", choice([["", "as it is read"], ...["m", "cm", "mm", "ft", "in"].map((one) => [one, one])], unit || "", set("unit")))];
+  if (levels.length) how.unshift(field("Level", choice([["", "-"], ...levels.map((one) => [one, one])], String(level ?? ""), set("level"))));
+  byId("layers").replaceChildren(...how, ...layers.map((layer) => element("div", { className: "row" }, [
     element("span", { className: "mark", style: `background: var(--${COLOR_OF_ROLE[layer.role] || "faint"})` }),
     button(layer.name, () => editor.select({ kind: "layer", name: layer.name }), { className: "name", title: layer.name }),
     element("span", { className: "what", textContent: `${layer.count}` }),
