@@ -18,6 +18,7 @@ from crowd_env.scenarios.plans.floor_plan import Drawing, Layer, listed
 from crowd_env.scenarios.plans.lines import GAP, enclosed, open_line
 from crowd_env.scenarios.plans.roles import LAYERS, Chosen, by_names, role_of_layer
 from crowd_env.scenarios.plans.rooms import rooms_between
+from crowd_env.scenarios.plans.swings import openings
 from crowd_env.scenarios.plans.units import judge_unit
 
 if TYPE_CHECKING:
@@ -284,7 +285,7 @@ def _add_layer(drawing: Drawing, drawn: _Layer, meters: float) -> None:
     wide = [(_straight(curve.curve, meters), curve.width) for curve in curves if isinstance(curve, _Wide)]
     lines = [_straight(curve, meters) for curve in curves if not isinstance(curve, list | _Wide)]
     if role in ("exit", "door"):  # as long as its line
-        lines, wide = lines + [line for line, _ in wide], []
+        lines, wide = openings([*lines, *(line for line, _ in wide)]), []
     every = (*lines, *(line for line, _ in wide), *(ring for rings in hatches for ring in rings))
     if not all(np.isfinite(line).all() for line in every):
         raise ValueError(f"layer {layer} has a coordinate that is not finite")

@@ -2,10 +2,13 @@
 
 import pytest
 from plan_files import feature, geojson
+from shapely import affinity
 from shapely.geometry import LineString, box
 
 from crowd_env import make_scenario
+from crowd_env.scenarios.plans.dxf import read_dxf
 from crowd_env.scenarios.plans.reading import drawn_layers, read_plan
+from crowd_env.scenarios.plans.roles import chosen_roles
 
 ezdxf = pytest.importorskip("ezdxf")
 
@@ -55,6 +58,47 @@ def test_doors_open_walls_that_have_no_gap(tmp_path):
     layers = {"walkable": ["rooms"], "doors": ["doors"], "exits": ["ways*"]}
     plan = read_plan(drawn(tmp_path / "rooms.dxf", draw), layers=layers)
     assert plan.walkable.area == pytest.approx(30.0 + 28.8 + 0.2 * 0.9, abs=1e-4) and list(plan.exits) == ["exit-0"]
+
+
+@pytest.mark.parametrize("rotation", [0, 90, 217])
+@pytest.mark.parametrize("mirrored", [1, -1])
+@pytest.mark.parametrize("leaf", ["line", "box"])
+def test_a_door_with_its_swing_is_the_opening_that_it_shuts(tmp_path, rotation, mirrored, leaf):
+    def draw(space):
+        block = space.doc.blocks.new("DOOR")
+        block.add_arc((0, 0), 0.9, 0, 90)
+        if leaf == "line":
+            block.add_line((0, 0), (0, 0.9))
+        else:
+            block.add_lwpolyline([(0, 0), (0.04, 0), (0.04, 0.9), (0, 0.9)], close=True)
+        block.add_line((-0.05, -0.05), (-0.05, 0.05))  # of the frame, left alone
+        how = {"xscale": mirrored, "rotation": rotation}
+        space.add_blockref("DOOR", (3, 2), **on("doors", **how))
+
+    def floor(space):
+        space.add_lwpolyline([(0, 0), (10, 0), (10, 6), (0, 6)], close=True, **on("jps-walkablearea"))
+        draw(space)
+
+    path = drawn(tmp_path / "door.dxf", floor)
+    drawing = read_dxf(path, None, chosen_roles({"doors": ["doors"]}))
+    shut = affinity.rotate(
+        affinity.scale(LineString([(0, 0), (0.9, 0)]), mirrored, 1, origin=(0, 0)), rotation, origin=(0, 0)
+    )
+    (opening,) = (one.shape for one in drawing.doors if one.shape.length > 0.2)
+    assert opening.hausdorff_distance(affinity.translate(shut, 3, 2)) < 0.01
+
+
+def test_swings_lead_out_of_rooms_between_walls(tmp_path):
+    def draw(space):
+        for x0, y0, x1, y1 in [(0, 0, 8, 0.2), (0, 5, 8, 5.2), (0, 0.2, 0.2, 5), (7.8, 0.2, 8, 2), (7.8, 2.9, 8, 5)]:
+            space.add_lwpolyline([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], close=True, **on("WALL"))
+        space.add_arc((7.9, 2), 0.9, 90, 180, **on("DOOR"))
+        space.add_line((7.9, 2), (7.0, 2), **on("DOOR"))
+
+    path = drawn(tmp_path / "room.dxf", draw)
+    place = make_scenario(path, layers={"obstacles": ["WALL"], "exits": ["DOOR"]}, people=5)
+    assert place.geometry.exit_widths["exit-0"] == pytest.approx(0.9, abs=0.01)
+    assert place.geometry.area == pytest.approx(7.6 * 4.8 + 0.1 * 0.9, abs=0.01)
 
 
 def test_a_layer_may_be_left_out_whatever_its_name_means(tmp_path):
