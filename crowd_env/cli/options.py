@@ -72,6 +72,8 @@ _UNIT = (
     "Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm, mm, ft or in; default m, unless that "
     "cannot be and the file says another."
 )
+_SECTIONS = "Line at which people are counted, x1,y1,x2,y2 or NAME=x1,y1,x2,y2; may be repeated."
+Sections = Annotated[list[str] | None, of_place(_SECTIONS, names=("--section",))]
 Unit = Annotated[str | None, of_place(_UNIT)]
 _PEOPLE = f"Number of people; default the scenario's, or {PEOPLE} on a floor plan."
 PeopleCount = Annotated[int | None, of_people(_PEOPLE, names=("--people",), min=1)]

@@ -25,6 +25,7 @@ from crowd_env.scenarios.plans.reading import read_plan, split_level
 from crowd_env.scenarios.plans.units import unit_in_meters
 from crowd_env.scenarios.population import DRAWN, TABLE_4
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.sections import Section, parse_section
 from crowd_env.scenarios.starts import read_starts
 from crowd_env.scenarios.titles import with_manner
 
@@ -48,6 +49,7 @@ class CrowdOptions:
     exit : exits of a floor plan, in the forms of `crowd_env.geometry.parsing.parse_exit`.
     unit : of a floor plan, of ``exit`` and of ``starts``.
     layers : of a DXF drawing, each ROLE=NAME,NAME.
+    section : lines at which people are counted, each x1,y1,x2,y2 or NAME=x1,y1,x2,y2.
     people : number of pedestrians.
     starts : CSV file of starting positions.
     walking : manner of walking, or a table of its parameters as JSON; competitive pedestrians on a floor plan are those of
@@ -63,6 +65,7 @@ class CrowdOptions:
     exit: Sequence[str] | None = None
     unit: str | None = None
     layers: Sequence[str] | None = None
+    section: Sequence[str] | None = None
     people: int | None = None
     starts: str | Path | None = None
     walking: str | None = None
@@ -176,8 +179,24 @@ def read_place(options: CrowdOptions) -> Scenario:
     else:
         population = make_scenario(options.scenario).population.changed(**people) if people else None
         place = make_scenario(options.scenario, **timing, **({"population": population} if population else {}))
-    place = replace(place, balance=changes.get("balance", place.balance))
+    place = replace(
+        place,
+        balance=changes.get("balance", place.balance),
+        sections=place.sections + sections_of(options),
+    )
     return with_manner(place, walking_of(options.walking), changes.get("outline"))
+
+
+def sections_of(options: CrowdOptions) -> tuple[Section, ...]:
+    """Return the lines of --section.
+
+    Raises
+    ------
+    ValueError
+        If one is not understood.
+    """
+    texts, unit = options.section or (), unit_in_meters(options.unit)
+    return tuple(parse_section(text, k, unit) for k, text in enumerate(texts, 1))
 
 
 def walking_of(text: str | None) -> Manner | None:

@@ -19,6 +19,10 @@ def answer(runs: Sequence[Runs]) -> Plain:
         "said": [{"name": one.name if len(runs) > 1 else "", "text": _sentence(one)} for one in runs],
         "doubts": [(f"{one.name}: " if len(runs) > 1 else "") + said for one in runs if (said := doubts(one.figures))],
         "rows": table(_ROWS, runs),
+        "sections": [
+            {"name": one.name if len(runs) > 1 else "", "rows": rows} for one in runs if (rows := _sections(one))
+        ],
+        "sections_head": _SECTIONS_HEAD,
         "exits": [{"name": one.name if len(runs) > 1 else "", "rows": _exits(one)} for one in runs],
         "exits_head": (
             "exit",
@@ -122,6 +126,31 @@ def _exits(one: Runs) -> list[tuple[str, ...]]:
         line = [[float(getattr(seen, key)[k]) for seen in one.crowding] for key in ("queue", "wait")]
         queue = (number(named(np.array(values))["mean"], digits=1) for values in line)
         rows.append((name, f"{widths[name]:.2f}", f"{found['people'] / runs:.1f}", *times, *flows, *queue))
+    return rows
+
+
+_SECTIONS_HEAD = (
+    "section",
+    "length\n[m]",
+    "direction",
+    "people",
+    "first\n[s]",
+    "last\n[s]",
+    "flow\n[1/(s m)]",
+    "peak\n[1/(s m)]",
+)
+
+
+def _sections(one: Runs) -> list[tuple[str, ...]]:
+    """Return a row for each section and direction that people took; people and times are means over runs."""
+    rows = []
+    for name, found in one.figures["sections"].items():
+        for way, taken in found["towards"].items():
+            if taken["people"]:
+                times = (number(taken[key]["mean"], digits=1) for key in ("first", "last"))
+                flows = (number(taken[key]["mean"]) for key in ("flow_per_meter", "peak_flow_per_meter"))
+                people = f"{taken['people'] / found['runs']:.1f}"
+                rows.append((name, f"{found['length']:.2f}", way, people, *times, *flows))
     return rows
 
 
