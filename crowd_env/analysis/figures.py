@@ -154,7 +154,7 @@ def exit_names(scenario: Scenario, exit_index: Ints) -> np.ndarray:
 
 
 def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> Plain:
-    """Return figures of each exit, ready for JSON.
+    """Return figures of each exit, the busiest first, ready for JSON.
 
     ``people`` took it in all runs, ``share`` is of the people out in a run, ``first`` and ``last`` are when it was first
     and last used [s].  ``flow_per_meter`` is its flow over its `entered_lengths` [1/(s m)], ``peak_flow_per_meter`` its
@@ -176,7 +176,7 @@ def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> Plain:
         }
         figures = {name: named(np.array(values)) for name, values in of_each.items()}
         found[name] = {"people": int(count.sum()), "share": named(of_run), **figures}
-    return found
+    return dict(sorted(found.items(), key=lambda one: -one[1]["people"]))
 
 
 def entered_lengths(geometry: Geometry, exit_index: Ints) -> dict[str, float]:
@@ -317,7 +317,7 @@ def cell(text: str, row: Plain) -> str:
 def cells(place: Scenario, figures: Plain) -> dict[str, str]:
     """Return the rows of the table of a `report`: label -> cell."""
     x0, y0, x1, y1 = place.geometry.bounds
-    widths = [f"{name} {width:.2f} m" for name, width in place.geometry.exit_lengths.items()]
+    widths = [f"{name} {place.geometry.exit_lengths[name]:.2f} m" for name in figures["exits"]]
     rows = {
         "plan": f"{place.geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m",
         "exits": listed(widths),
@@ -334,9 +334,8 @@ def cells(place: Scenario, figures: Plain) -> dict[str, str]:
     parts = [f"{name} {flow}" if len(flows) > 1 else flow for name, flow in flows.items()]
     rows["flow per meter of exit"] = f"{listed(parts)} 1/(s m); {recorded_flow(figures)[1]}"
     if len(figures["exits"]) > 1:
-        shares = [(name, taken["share"]["mean"]) for name, taken in figures["exits"].items()]
-        shares.sort(key=lambda one: -(one[1] or 0.0))
-        parts = [f"{name} {'-' if mean is None else f'{100.0 * mean:.0f} %'}" for name, mean in shares]
+        shares = {name: taken["share"]["mean"] for name, taken in figures["exits"].items()}
+        parts = [f"{name} {'-' if mean is None else f'{100.0 * mean:.0f} %'}" for name, mean in shares.items()]
         rows["shares of the exits"] = listed(parts)
     if figures.get("sections"):
         said = [f"{name}, {found['length']:.2f} m: {_flows(found)}" for name, found in figures["sections"].items()]

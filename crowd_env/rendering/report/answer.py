@@ -117,10 +117,11 @@ _ROWS: dict[str, Callable[[Runs], str]] = {
 
 
 def _exits(one: Runs) -> list[tuple[str, ...]]:
-    """Return a row for each exit; people and times are means over runs."""
+    """Return a row for each exit, the busiest first; people and times are means over runs."""
     widths, runs = one.scenario.geometry.exit_lengths, one.figures["runs"]
     rows = []
-    for k, (name, found) in enumerate(one.figures["exits"].items()):
+    for name, found in one.figures["exits"].items():
+        k = one.scenario.exits.index(name)
         times = (number(found[key]["mean"], digits=1) for key in ("first", "last"))
         flows = (number(found[key]["mean"]) for key in ("flow_per_meter", "peak_flow_per_meter"))
         line = [[float(getattr(seen, key)[k]) for seen in one.crowding] for key in ("queue", "wait")]

@@ -104,7 +104,10 @@ def test_the_answer_is_what_the_exit_times_say(folders: Path, page: Path) -> Non
             (row,) = (row for row in answer([one])["rows"] if label in row[0] and "slowest" not in row[0])
             assert float(row[1].split()[0]) == pytest.approx(times[:, k].mean(), abs=0.005)
         (exits,) = answer([one])["exits"]
-        assert sum(float(row[2]) for row in exits["rows"]) == pytest.approx(8, abs=0.1)
+        people = [float(row[2]) for row in exits["rows"]]
+        assert sum(people) == pytest.approx(8, abs=0.1) and people == sorted(people, reverse=True)
+        waits = {name: np.nanmean([seen.wait[k] for seen in one.crowding]) for k, name in enumerate(one.scenario.exits)}
+        assert all(row[8] == "-" or float(row[8]) == pytest.approx(waits[row[0]], abs=0.06) for row in exits["rows"])
         first, last = (np.array([float(row[k]) for row in exits["rows"] if row[k] != "-"]) for k in (3, 4))
         assert (first >= times[:, 0].min() - 0.05).all() and (last <= times[:, -1].max() + 0.05).all()
         assert f"8 people are out after {times[:, -1].mean():.1f} s (mean of 3 runs" in Parsed(page).text
