@@ -162,7 +162,7 @@ def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> Plain:
     """
     taken = [exit_names(scenario, episode.exit_index) for episode in episodes]
     out = np.array([(names != "").sum() for names in taken])
-    found = {}
+    found: dict[str, Any] = {}
     for name, width in entered_lengths(scenario.geometry, np.concatenate([one.exit_index for one in episodes])).items():
         count = np.array([(names == name).sum() for names in taken])
         of_run = np.divide(count, out, out=np.full(len(out), np.nan), where=out > 0)

@@ -84,8 +84,9 @@ _WALKING = (
 )
 WalkingName = Annotated[str | None, of_people(_WALKING, names=("--walking",), among=MANNERS)]
 _CHANGES = (
-    "Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...) or the "
-    "routing (signs); may be repeated. speed=1.5 is the same for all, speed=1.2,2 is drawn from a range."
+    "Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...), the "
+    "routing (signs), a shipped place (door_width, ...) or a file (cohorts.0.people, ...); may be repeated. "
+    "speed=1.5 is the same for all, speed=1.2,2 is drawn from a range."
 )
 Changes = Annotated[list[str] | None, of_people(_CHANGES, names=("--set",), metavar="NAME=VALUE")]
 ONE_SCHEME = f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."

@@ -89,8 +89,10 @@ class Plan:
     """m, radius of all corners that jut into the walkable area; 0 = sharp."""
 
 
-def read_scenario(path: Path) -> Scenario:
+def read_scenario(path: Path, changes: Plain | None = None) -> Scenario:
     """Return the scenario in a file, checked: every route leads out, and the people fit.
+
+    ``changes`` are values of keys in the file: "cohorts.0.people", or by the name of a cohort.
 
     Raises
     ------
@@ -98,14 +100,16 @@ def read_scenario(path: Path) -> Scenario:
         If the file cannot be read, or its content is wrong or unknown.
     """
     try:
-        return _read_scenario(path)
+        return _read_scenario(path, changes or {})
     except RecursionError:
         raise ValueError(f"{path}: nested too deeply") from None
 
 
-def _read_scenario(path: Path) -> Scenario:
+def _read_scenario(path: Path, changes: Plain) -> Scenario:
     content = _read(path)
     with at(str(path)):
+        for key, value in changes.items():
+            _change(content, key, value)
         content = _today("", content)
         check_keys(str(path), content, KEYS)
         given = from_table("geometry", Plan, table("geometry", _needed(content, "geometry"), "keys and values"))
@@ -140,6 +144,26 @@ def _read(path: Path) -> Plain:
     with at(str(path)):
         content = json.loads(text) if kind == "JSON" else tomllib.loads(text)
     return table(f"{path}: the scenario", content, "keys and values")
+
+
+def _change(content: Any, key: str, value: Any) -> None:
+    """Set the value of a dotted key; an entry of a list goes by its name or its number."""
+    *tables, last = key.split(".")
+    for name in tables:
+        content = content[_entry(content, name, key)]
+    content[_entry(content, last, key, is_last=True)] = value
+
+
+def _entry(content: Any, name: str, key: str, is_last: bool = False) -> str | int:
+    if isinstance(content, Mapping) and (is_last or name in content):
+        return name
+    if isinstance(content, list):
+        names = [one.get("name") if isinstance(one, Mapping) else None for one in content]
+        if name in names:
+            return names.index(name)
+        if name.isdecimal() and int(name) < len(content):
+            return int(name)
+    raise ValueError(f"key {key!r} cannot be set: there is no {name!r}")
 
 
 def _today(name: str, content: Plain) -> Plain:
