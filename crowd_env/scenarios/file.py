@@ -25,6 +25,7 @@ from crowd_env.scenarios.cohorts import Cohorts, People
 from crowd_env.scenarios.floor_plan import area_on, people_on, scenario_on, with_own
 from crowd_env.scenarios.plans.reading import read_plan
 from crowd_env.scenarios.population import Population, population_of
+from crowd_env.scenarios.profiles import with_profile
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.shapes import circle, rectangle
 from crowd_env.scenarios.starts import check_starts, read_starts
@@ -236,7 +237,7 @@ def _people(
             return _population(shared, "population", folder, area_of)
         with at("population"):
             from_table("population", Population, {"people": 1, **_today("population", shared)})
-            return usual(**_today("population", shared))
+            return usual(**with_profile(_today("population", shared)))
     for key in ("people", "starts", "name"):
         if key in shared:
             raise ValueError(f"population: {key!r} is a matter of each cohort; write it there")
@@ -246,7 +247,7 @@ def _people(
         own = table(f"cohorts[{k}]", cohort, "keys and values")
         elsewhere = {"start_region"} if "starts" in own and "start_region" not in own else ()
         of_all = {name: value for name, value in shared.items() if name not in elsewhere}
-        parts.append(_population({**of_all, **own}, f"cohorts[{k}]", folder, area_of))
+        parts.append(_population({**of_all, **with_profile(own)}, f"cohorts[{k}]", folder, area_of))
     with at("cohorts"):
         return Cohorts(tuple(parts))
 
