@@ -86,7 +86,7 @@ _OF_A_COHORT: dict[str, Callable[[Plain], str]] = {
     "radius of the body": lambda part: _spread(part["radius"], "m"),
     "mass": lambda part: _spread(part["mass"], "kg"),
     "desired speed": lambda part: _spread(part["desired_speed"], "m/s"),
-    "response time": lambda part: _spread(part["response_time"], "s"),
+    "pre-movement time (response time)": lambda part: _spread(part["response_time"], "s"),
     "start": _starts,
     "way": _goals,
     "walk together": lambda part: f"{_spread(part['group_size'], 'people')}" if part.get("group_size") else "no",
