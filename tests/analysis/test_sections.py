@@ -9,7 +9,7 @@ from commands import call, figures
 from late import late
 from shapely.geometry import box
 
-from crowd_env import Geometry, Scenario
+from crowd_env import Geometry, Scenario, make_scenario
 from crowd_env.analysis.figures import cells, doubts
 from crowd_env.analysis.plan_check import check_place
 from crowd_env.analysis.sections import CrossingRecorder, crossings, flows_at, for_good, places_of
@@ -124,7 +124,7 @@ def test_the_command_counts_at_lines_of_its_own(tmp_path):
 
 
 def test_a_fast_door_inside_is_doubted():
-    place = neck(people=4)
+    place = make_scenario("room-v0", people=12)
     found = {"to +x": {"people": 40, "flow_per_meter": {"mean": 2.4}, "peak_flow_per_meter": {"mean": 2.6}}}
     sections = {"gate": {"length": 1.2, "runs": 2, "towards": found}}
     told = {"exits": {}, "unfinished": 0, "manner": "calm", "sections": sections}
