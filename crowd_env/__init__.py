@@ -40,6 +40,7 @@ from crowd_env.scenarios import SCENARIOS, make_scenario
 from crowd_env.scenarios.cohorts import Cohorts
 from crowd_env.scenarios.population import TABLE_4, LogNormal, Normal, Population, Uniform
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
+from crowd_env.scenarios.sections import Section
 from crowd_env.scenarios.starts import read_starts
 
 # What one controller decides for all: name -> how Gymnasium makes the environment.
@@ -100,6 +101,7 @@ __all__ = [
     "Route",
     "Routing",
     "Scenario",
+    "Section",
     "Simulation",
     "SocialForce",
     "SpeedZone",

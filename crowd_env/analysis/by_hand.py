@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.analysis.plan_check import check_place, spot
+from crowd_env.analysis.plan_check import PlanCheck, check_place, spot
 from crowd_env.core.files.json_file import json_number
 from crowd_env.geometry.parts import cut_off_by
 from crowd_env.scenarios.distributions import Uniform
@@ -22,14 +22,16 @@ BOUNDARY = 0.15  # m  on each side of a door
 SPEED = 1.19  # m/s  0.85 k
 
 
-def by_hand(place: Scenario) -> dict[str, Any]:
+def by_hand(place: Scenario, check: PlanCheck | None = None) -> dict[str, Any]:
     """Return what an evacuation takes by hand, in ``words`` and ready for JSON: times in s, widths in m.
+
+    ``check`` is that of the place, if it is known.
 
     ``response`` is the median and the latest, ``walk`` that of the first and of the last.  The queue is the longest of that at
     all exits together and of each at a passage that people have to pass, ``at`` which it is; it and ``time`` are None if that
     is no wider than its boundary layers.
     """
-    people, check, field = place.population, check_place(place), place.field()
+    people, check, field = place.population, check or check_place(place), place.field()
     steady = people.changed(desired_speed=Uniform(SPEED, SPEED), response_time=Uniform(0.0, 0.0))
     last, _ = replace(place, population=steady).longest_walk()
     ways = field.travel_time_for(check.position, 0.0) - field.behind

@@ -31,10 +31,10 @@ PEAK = 10.0  # s  over which the largest flow of an exit is a mean
 # third, that of a crowd with children (docs/reproduce.md), only the crowds of the papers come.
 WALKING_FLOW, HIGHEST_FLOW, _OF_PAPERS = 1.9, 2.8, 3.3
 _WALKING = 0.25  # s  people with a longer time gap walk; with a shorter one they press
-_HANDFUL = 10  # people; the flow of fewer is chance: three side by side are 20 a second
+HANDFUL = 10  # people; the flow of fewer is chance: three side by side are 20 a second
 _ENTERED = 0.05  # of the people of an exit; a side that fewer took is none that it is entered by
 _SIDE = 0.5  # cosine: lines of an area that turn by less are one side
-_EXITS_SHOWN, _RUNS_SHOWN = 4, 10
+_EXITS_SHOWN, _RUNS_SHOWN, _SECTIONS_SHOWN = 4, 10, 8
 _FASTER = 2.0 / 3.0  # of the time by hand: a crowd that needs less is doubtful
 
 
@@ -154,7 +154,7 @@ def exit_names(scenario: Scenario, exit_index: Ints) -> np.ndarray:
 
 
 def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> Plain:
-    """Return figures of each exit, ready for JSON.
+    """Return figures of each exit, the busiest first, ready for JSON.
 
     ``people`` took it in all runs, ``share`` is of the people out in a run, ``first`` and ``last`` are when it was first
     and last used [s].  ``flow_per_meter`` is its flow over its `entered_lengths` [1/(s m)], ``peak_flow_per_meter`` its
@@ -162,12 +162,12 @@ def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> Plain:
     """
     taken = [exit_names(scenario, episode.exit_index) for episode in episodes]
     out = np.array([(names != "").sum() for names in taken])
-    found = {}
+    found: dict[str, Any] = {}
     for name, width in entered_lengths(scenario.geometry, np.concatenate([one.exit_index for one in episodes])).items():
         count = np.array([(names == name).sum() for names in taken])
         of_run = np.divide(count, out, out=np.full(len(out), np.nan), where=out > 0)
         times = [np.sort(one.exit_time[names == name]) for one, names in zip(episodes, taken, strict=True)]
-        flows = [one if len(one) >= _HANDFUL else one[:0] for one in times]
+        flows = [one if len(one) >= HANDFUL else one[:0] for one in times]
         of_each = {
             "first": [float(one[0]) if len(one) else np.nan for one in times],
             "last": [float(one[-1]) if len(one) else np.nan for one in times],
@@ -176,7 +176,7 @@ def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> Plain:
         }
         figures = {name: named(np.array(values)) for name, values in of_each.items()}
         found[name] = {"people": int(count.sum()), "share": named(of_run), **figures}
-    return found
+    return dict(sorted(found.items(), key=lambda one: -one[1]["people"]))
 
 
 def entered_lengths(geometry: Geometry, exit_index: Ints) -> dict[str, float]:
@@ -193,7 +193,7 @@ def entered_lengths(geometry: Geometry, exit_index: Ints) -> dict[str, float]:
     names, lengths = np.array(geometry.exit_names), dict.fromkeys(geometry.exit_names, 0.0)
     for name, rows in geometry.openings(_SIDE):
         of_all = people[names == name].sum()
-        if of_all < _HANDFUL or people[rows].sum() >= _ENTERED * of_all:
+        if of_all < HANDFUL or people[rows].sum() >= _ENTERED * of_all:
             lengths[name] += float(length[rows].sum())
     return lengths
 
@@ -317,7 +317,7 @@ def cell(text: str, row: Plain) -> str:
 def cells(place: Scenario, figures: Plain) -> dict[str, str]:
     """Return the rows of the table of a `report`: label -> cell."""
     x0, y0, x1, y1 = place.geometry.bounds
-    widths = [f"{name} {width:.2f} m" for name, width in place.geometry.exit_lengths.items()]
+    widths = [f"{name} {place.geometry.exit_lengths[name]:.2f} m" for name in figures["exits"]]
     rows = {
         "plan": f"{place.geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m",
         "exits": listed(widths),
@@ -334,10 +334,12 @@ def cells(place: Scenario, figures: Plain) -> dict[str, str]:
     parts = [f"{name} {flow}" if len(flows) > 1 else flow for name, flow in flows.items()]
     rows["flow per meter of exit"] = f"{listed(parts)} 1/(s m); {recorded_flow(figures)[1]}"
     if len(figures["exits"]) > 1:
-        shares = [(name, taken["share"]["mean"]) for name, taken in figures["exits"].items()]
-        shares.sort(key=lambda one: -(one[1] or 0.0))
-        parts = [f"{name} {'-' if mean is None else f'{100.0 * mean:.0f} %'}" for name, mean in shares]
+        shares = {name: taken["share"]["mean"] for name, taken in figures["exits"].items()}
+        parts = [f"{name} {'-' if mean is None else f'{100.0 * mean:.0f} %'}" for name, mean in shares.items()]
         rows["shares of the exits"] = listed(parts)
+    if figures.get("sections"):
+        said = [f"{name}, {found['length']:.2f} m: {_flows(found)}" for name, found in figures["sections"].items()]
+        rows["flow inside"] = listed(said, _SECTIONS_SHOWN, "\n")
     left = counted(figures["unfinished"], "person", "people"), counted(figures["unfinished_runs"], "run", "runs")
     rows["unfinished"] = f"{left[0]} in {left[1]}"
     if figures["unfinished_runs"]:
@@ -357,6 +359,17 @@ def cells(place: Scenario, figures: Plain) -> dict[str, str]:
     }
 
 
+def _flows(section: Plain) -> str:
+    """Return how many people cross a section each way, the flow and the largest flow."""
+    said = []
+    for way, found in section["towards"].items():
+        flow, peak = (number(found[figure]["mean"]) for figure in ("flow_per_meter", "peak_flow_per_meter"))
+        if found["people"]:
+            people = f"{found['people'] / section['runs']:.1f}".removesuffix(".0") + f" people {way}"
+            said.append(people if flow == "-" else f"{people}, {flow} 1/(s m), peak {peak}")
+    return "; ".join(said) or "nobody"
+
+
 def recorded_flow(figures: Plain) -> tuple[float, str]:
     """Return what experiments with people of this manner found at doors [1/(s m)], as a number and in words."""
     manner = Headway.of(figures.get("manner"))
@@ -367,10 +380,15 @@ def recorded_flow(figures: Plain) -> tuple[float, str]:
 
 def doubts(figures: Plain) -> str:
     """Return in one sentence what makes the figures of a `report` doubtful; "" if nothing does."""
-    fast = {name: taken["flow_per_meter"]["mean"] or 0.0 for name, taken in figures["exits"].items()}
+    fast = {f"exit {name}": taken["flow_per_meter"]["mean"] or 0.0 for name, taken in figures["exits"].items()}
+    inside = {
+        name: max(taken["flow_per_meter"]["mean"] or 0.0 for taken in found["towards"].values())
+        for name, found in figures.get("sections", {}).items()
+    }
+    fast |= dict(sorted(inside.items(), key=lambda one: -one[1])[:1])
     highest, recorded = recorded_flow(figures)
     said = [
-        f"{flow:.1f} people per second and meter pass exit {name}; {recorded}"
+        f"{flow:.1f} people per second and meter pass {name}; {recorded}"
         for name, flow in fast.items()
         if round(flow, 1) > highest
     ]

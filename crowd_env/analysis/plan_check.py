@@ -18,6 +18,7 @@ from crowd_env.geometry.placement import lattice
 from crowd_env.routing.fields.grid import nearest_nodes
 from crowd_env.scenarios.cohorts import People
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.sections import Section
 
 # Beyond these a plan is rarely what it is meant to be.
 _WIDE_EXIT, _LARGE, _SMALL = 20.0, 300.0, 2.0  # m
@@ -59,6 +60,8 @@ class PlanCheck:
         m^2, of the regions in which people start; of all if they start anywhere.
     remarks
         A sentence each on what is not plausible.
+    sections
+        Lines at which people are counted, beside doors and passages.
     """
 
     name: str
@@ -76,6 +79,7 @@ class PlanCheck:
     room: float
     start_area: float
     remarks: tuple[str, ...]
+    sections: tuple[Section, ...]
 
     @cached_property
     def capacity(self) -> int:
@@ -98,7 +102,14 @@ class PlanCheck:
 
 
 def check_plan(
-    name: str, geometry: Geometry, people: People, *, title: str = "", room: float = 1.0, seed: int = 0
+    name: str,
+    geometry: Geometry,
+    people: People,
+    *,
+    title: str = "",
+    room: float = 1.0,
+    seed: int = 0,
+    sections: tuple[Section, ...] = (),
 ) -> PlanCheck:
     """Return what is understood of a place, with or without exits.
 
@@ -144,6 +155,7 @@ def check_plan(
         room=room,
         start_area=start_area,
         remarks=tuple(remarks),
+        sections=sections,
     )
 
 
@@ -231,6 +243,7 @@ def check_place(scenario: Scenario, seed: int = 0) -> PlanCheck:
         title=scenario.title,
         room=scenario.room,
         seed=seed,
+        sections=scenario.sections,
     )
 
 
@@ -254,6 +267,7 @@ def plain_check(check: PlanCheck) -> Plain:
         "exits": [plain_exit(*exit) for exit in check.widths.items()],
         "regions": {name: geometry.area_of(name) for name in geometry.regions},
         "doors": list(geometry.doors),
+        "sections": {one.name: one.length_on(geometry) for one in check.sections},
         "not_reached": [{"area": area, "at": _inside(part)} for part, area in check.unreached],
         "people": check.people.people,
         "body_diameter": list(check.body),
@@ -276,6 +290,7 @@ def cells(check: PlanCheck) -> dict[str, str]:
         "narrowest passage": _rows([_passage(check, name) for name in check.passages]),
         "regions": _rows([f"{name} {geometry.area_of(name):.1f} m2" for name in geometry.regions]),
         "doors": _rows(list(geometry.doors)),
+        "sections": _rows([f"{one.name} {one.length_on(geometry):.2f} m" for one in check.sections]),
         "no exit reaches": _rows(lost),
         "people": f"{counted(check.people.people, 'person', 'people')}, bodies {body_width(check)} wide",
         "room for": f"about {check.capacity} people on the {check.start_area:.1f} m2 where they start",

@@ -15,13 +15,14 @@ from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.envs.tasks.task import TASKS
 from crowd_env.physics import SCHEMES, make_scheme
 from crowd_env.scenarios import SCENARIOS, make_scenario
+from crowd_env.scenarios.profiles import PROFILES, speed_words
 
 app = new_app()
 
 
 @app.command("list")
 def list_names(as_json: AsJson = False) -> None:
-    """List the scenarios, tasks, contact schemes and policies."""
+    """List the scenarios, tasks, contact schemes, occupant profiles and policies."""
     from crowd_env.agents import POLICIES, PRETRAINED
 
     places = {name: make_scenario(name) for name in SCENARIOS}
@@ -29,6 +30,9 @@ def list_names(as_json: AsJson = False) -> None:
         "scenarios": {name: f"{place.title} ({place.reference})" for name, place in places.items()},
         "tasks": {task.id: task.about for task in TASKS.values()},
         "contact schemes": {name: f"{one.info.title} ({one.info.reference})" for name, one in SCHEMES.items()},
+        "occupant profiles": {
+            name: f"{one.people}, {speed_words(one.speed)} m/s ({one.source})" for name, one in PROFILES.items()
+        },
         "policies": {**dict.fromkeys(POLICIES, "rule"), **dict.fromkeys(PRETRAINED, "trained network")},
     }
     if as_json:

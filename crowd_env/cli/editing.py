@@ -276,7 +276,7 @@ class _Run:
 
 
 class Server(ThreadingHTTPServer):
-    """Serves one page on the loopback address, to whom has its token.
+    """Serves one page on the loopback address, under a token that no other page knows.
 
     Attributes
     ----------

@@ -17,6 +17,7 @@ COMMANDS: Mapping[str, str] = MappingProxyType(
     {
         "run": "run",
         "list": "about",
+        "sweep": "sweep",
         "plan": "plan",
         "film": "recorded",
         "replay": "recorded",

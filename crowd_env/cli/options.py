@@ -72,6 +72,8 @@ _UNIT = (
     "Unit of the coordinates of a floor plan, of --exit and of --starts: m, cm, mm, ft or in; default m, unless that "
     "cannot be and the file says another."
 )
+_SECTIONS = "Line at which people are counted, x1,y1,x2,y2 or NAME=x1,y1,x2,y2; may be repeated."
+Sections = Annotated[list[str] | None, of_place(_SECTIONS, names=("--section",))]
 Unit = Annotated[str | None, of_place(_UNIT)]
 _PEOPLE = f"Number of people; default the scenario's, or {PEOPLE} on a floor plan."
 PeopleCount = Annotated[int | None, of_people(_PEOPLE, names=("--people",), min=1)]
@@ -82,8 +84,9 @@ _WALKING = (
 )
 WalkingName = Annotated[str | None, of_people(_WALKING, names=("--walking",), among=MANNERS)]
 _CHANGES = (
-    "Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...) or the "
-    "routing (signs); may be repeated. speed=1.5 is the same for all, speed=1.2,2 is drawn from a range."
+    "Change a number of the crowd (speed, radius, outline, ...), the physics (dt, social, tolerance, ...), the "
+    "routing (signs), a shipped place (door_width, ...) or a file (cohorts.0.people, ...); may be repeated. "
+    "speed=1.5 is the same for all, speed=1.2,2 is drawn from a range."
 )
 Changes = Annotated[list[str] | None, of_people(_CHANGES, names=("--set",), metavar="NAME=VALUE")]
 ONE_SCHEME = f"Contact scheme: {', '.join(SCHEMES)}; or your own, my_law.py:MyLaw."

@@ -18,13 +18,15 @@ from crowd_env.envs.settings import Routing
 from crowd_env.envs.tasks.task import named_task
 from crowd_env.physics import make_scheme
 from crowd_env.physics.settings import Physics
-from crowd_env.scenarios import PLACES_OF_TASKS, SCENARIOS, kind_of_place, make_scenario
+from crowd_env.scenarios import PLACES_OF_TASKS, SCENARIOS, kind_of_place, make_scenario, options_of
 from crowd_env.scenarios.distributions import LAWS, Distribution, Uniform
+from crowd_env.scenarios.file import read_scenario
 from crowd_env.scenarios.floor_plan import people_on, scenario_on
 from crowd_env.scenarios.plans.reading import read_plan, split_level
 from crowd_env.scenarios.plans.units import unit_in_meters
 from crowd_env.scenarios.population import DRAWN, TABLE_4
-from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.scenario import COMMON, Scenario, changed_place
+from crowd_env.scenarios.sections import Section, parse_section
 from crowd_env.scenarios.starts import read_starts
 from crowd_env.scenarios.titles import with_manner
 
@@ -48,6 +50,7 @@ class CrowdOptions:
     exit : exits of a floor plan, in the forms of `crowd_env.geometry.parsing.parse_exit`.
     unit : of a floor plan, of ``exit`` and of ``starts``.
     layers : of a DXF drawing, each ROLE=NAME,NAME.
+    section : lines at which people are counted, each x1,y1,x2,y2 or NAME=x1,y1,x2,y2.
     people : number of pedestrians.
     starts : CSV file of starting positions.
     walking : manner of walking, or a table of its parameters as JSON; competitive pedestrians on a floor plan are those of
@@ -63,6 +66,7 @@ class CrowdOptions:
     exit: Sequence[str] | None = None
     unit: str | None = None
     layers: Sequence[str] | None = None
+    section: Sequence[str] | None = None
     people: int | None = None
     starts: str | Path | None = None
     walking: str | None = None
@@ -132,11 +136,14 @@ def setting_of(options: CrowdOptions) -> Setting:
         f"the scheme {options.scheme}": ("dt", "max_drive", *(one.name for one in fields(law) if one.init)),
         "the routing": ("signs",),
     }
+    if kind_of_place(options.scenario) == "name":
+        owners[f"the place {options.scenario}"] = (*_own_options(options.scenario),)
+    in_file = kind_of_place(options.scenario) == "file"
     for name in changes:
-        if not any(name in names for names in owners.values()):
+        if not (in_file and "." in name) and not any(name in names for names in owners.values()):
             there = "; ".join(f"{who} has {', '.join(names)}" for who, names in owners.items())
             raise ValueError(f"--set {name}: nothing has this name; {there}")
-    _, of_law, _ = owners.values()
+    _, of_law, *_ = owners.values()
     numbers = {name: value_of(changes[name]) for name in of_law if name in changes and name != "social"}
     law = make_scheme(law, changes.get("social"))
     step, drive = numbers.pop("dt", None), numbers.pop("max_drive", None)
@@ -174,10 +181,42 @@ def read_place(options: CrowdOptions) -> Scenario:
         usual = TABLE_4 if options.walking == "competitive" else {}
         place = scenario_on(plan, people_on(plan, **{**usual, **people}), **timing)
     else:
-        population = make_scenario(options.scenario).population.changed(**people) if people else None
-        place = make_scenario(options.scenario, **timing, **({"population": population} if population else {}))
-    place = replace(place, balance=changes.get("balance", place.balance))
+        population = _made(options, changes).population.changed(**people) if people else None
+        place = _made(options, changes, **timing, **({"population": population} if population else {}))
+    place = replace(
+        place,
+        balance=changes.get("balance", place.balance),
+        sections=place.sections + sections_of(options),
+    )
     return with_manner(place, walking_of(options.walking), changes.get("outline"))
+
+
+def _own_options(name: str) -> list[str]:
+    """Return the numbers of a shipped place that are its alone, such as the width of its door."""
+    return [key for key in options_of(name) if key not in COMMON]
+
+
+def _made(options: CrowdOptions, changes: Mapping[str, str], **given: Any) -> Scenario:
+    """Return a place that is no floor plan, with what changes say of its options, or of keys of its file."""
+    if kind_of_place(options.scenario) == "file":
+        own = {name: value_of(text) for name, text in changes.items() if "." in name}
+        return changed_place(read_scenario(Path(options.scenario), own), given)
+    own = {}
+    if options.scenario in SCENARIOS:
+        own = {name: value_of(changes[name]) for name in _own_options(options.scenario) if name in changes}
+    return make_scenario(options.scenario, **own, **given)
+
+
+def sections_of(options: CrowdOptions) -> tuple[Section, ...]:
+    """Return the lines of --section.
+
+    Raises
+    ------
+    ValueError
+        If one is not understood.
+    """
+    texts, unit = options.section or (), unit_in_meters(options.unit)
+    return tuple(parse_section(text, k, unit) for k, text in enumerate(texts, 1))
 
 
 def walking_of(text: str | None) -> Manner | None:

@@ -12,7 +12,15 @@ from crowd_env.analysis.plan_check import PlanCheck, cells, check_place, check_p
 from crowd_env.analysis.results.plain import plain
 from crowd_env.cli import options
 from crowd_env.cli.console import check_picture, show_table
-from crowd_env.cli.place import CrowdOptions, people_options, plan_options, setting_of, split_changes, value_of
+from crowd_env.cli.place import (
+    CrowdOptions,
+    people_options,
+    plan_options,
+    sections_of,
+    setting_of,
+    split_changes,
+    value_of,
+)
 from crowd_env.core.behaviors import BEHAVIORS
 from crowd_env.core.behaviors.outline import Outline, room_of
 from crowd_env.core.checks import Plain, at
@@ -45,6 +53,7 @@ def plan(
     place: Annotated[list[str], typer.Argument(autocompletion=options.complete_scenario, help=_PLACES)],
     exit: options.Exits = None,
     unit: options.Unit = None,
+    section: options.Sections = None,
     layers: Annotated[list[str] | None, options.of_place(_LAYERS)] = None,
     people: options.PeopleCount = None,
     starts: options.Starts = None,
@@ -98,7 +107,14 @@ def plan(
             for name in place:
                 with noted() as said:
                     asked = CrowdOptions(
-                        scenario=name, exit=exit, unit=unit, layers=layers, people=people, starts=starts, set=set
+                        scenario=name,
+                        exit=exit,
+                        unit=unit,
+                        section=section,
+                        layers=layers,
+                        people=people,
+                        starts=starts,
+                        set=set,
                     )
                     checks.append(_check(asked, seed))
                     if save is not None:
@@ -191,7 +207,8 @@ def _check(asked: CrowdOptions, seed: int) -> PlanCheck:
             crowd = people_on(drawn, **people_options(asked, changes))
             with at(str(drawn.path)):
                 geometry = Geometry.from_polygon(drawn.walkable, regions=drawn.regions)
-            return check_plan(drawn.name, geometry, crowd, title=drawn.title, room=room, seed=seed)
+            sections = sections_of(asked)
+            return check_plan(drawn.name, geometry, crowd, title=drawn.title, room=room, seed=seed, sections=sections)
     return check_place(setting_of(asked).place, seed)
 
 
@@ -207,6 +224,8 @@ def _project(asked: CrowdOptions, path: Path) -> Project:
         plan = read_plan(asked.scenario, **drawing)
         own_exits, changes = bool(drawing.pop("exits", None)), split_changes(asked.set)
         others: Plain = {name: value_of(changes.pop(name)) for name in BEHAVIORS if name in changes}
+        if sections := sections_of(asked):
+            others = {**others, "sections": [plain(one) for one in sections]}
         fields = dict(people_options(asked, changes))
         crowd = people_on(plan, fields.pop("people", None))
         of_all = {name: plain(law) for name, law in fields.items()}

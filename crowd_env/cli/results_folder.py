@@ -10,6 +10,7 @@ import typer
 
 from crowd_env.analysis.results.config import FREE, require_data, run_config
 from crowd_env.analysis.results.folder import CROWDING, KEPT, ResultsFolder
+from crowd_env.analysis.sections import Place
 from crowd_env.cli.place import CrowdOptions, Setting, named_now
 from crowd_env.core.checks import Plain, check_keys, counted
 from crowd_env.core.console import check_folder, friendly_errors, say
@@ -133,7 +134,9 @@ def keep_in(folder: ResultsFolder) -> Callable[[Sequence[Episode]], None]:
     return keep
 
 
-def write_results(folder: ResultsFolder, title: str, figures: Plain, episodes: Sequence[Episode]) -> None:
+def write_results(
+    folder: ResultsFolder, title: str, figures: Plain, episodes: Sequence[Episode], places: Sequence[Place]
+) -> None:
     """Write everything there is of the runs, and say where it is.
 
     Raises
@@ -141,7 +144,7 @@ def write_results(folder: ResultsFolder, title: str, figures: Plain, episodes: S
     OSError
         If something cannot be written.
     """
-    paths = folder.finish(episodes, figures)
+    paths = folder.finish(episodes, figures, places)
     try:
         from crowd_env.rendering import egress_curves, save_figure
 

@@ -16,7 +16,9 @@ from rich.text import Text
 
 from crowd_env.analysis.by_hand import by_hand
 from crowd_env.analysis.figures import FEWEST, cells, doubts, report, runs_enough
+from crowd_env.analysis.plan_check import check_place
 from crowd_env.analysis.results.crowding import CrowdingRecorder
+from crowd_env.analysis.sections import CrossingRecorder, flows_at, places_of
 from crowd_env.cli import options
 from crowd_env.cli.console import show_table
 from crowd_env.cli.place import CrowdOptions, Setting, setting_of, usual_scheme
@@ -54,6 +56,7 @@ def run(
     scenario: options.PlaceName = "room-v0",
     exit: options.Exits = None,
     unit: options.Unit = None,
+    section: options.Sections = None,
     people: options.PeopleCount = None,
     starts: options.Starts = None,
     walking: options.WalkingName = None,
@@ -77,6 +80,7 @@ def run(
         scenario=scenario,
         exit=exit,
         unit=unit,
+        section=section,
         people=people,
         starts=starts,
         walking=walking,
@@ -104,9 +108,11 @@ def run(
             say(f"note: from {where} it takes up to {walk:.0f} s to walk out; the time limit is {place.time_limit:g} s")
         here = config_of(asked, setting, runs=runs, until=until, seed=seed, like=config) | {"notes": notes}
         folder, kept = (None, []) if out is None else open_folder(context, out, here, place)
-        recorder = None
+        check = check_place(place)
+        places = places_of(check)
+        seen: dict[str, Recorder] = {"sections": CrossingRecorder(places)}
         if out is not None:
-            seen: dict[str, Recorder] = {"crowding": CrowdingRecorder(place.geometry)}
+            seen["crowding"] = CrowdingRecorder(place.geometry)
             if recorded:
                 from crowd_env.recording import RunRecorder
                 from crowd_env.recording.formats import RECORDINGS
@@ -116,7 +122,6 @@ def run(
                 seen["recording"] = RunRecorder(path, runs=recorded, contacts=contacts, seed=seed, facts=facts)
                 there = {one.run for one in kept if (out / RECORDINGS / f"run-{one.run}.sqlite").exists()}
                 recorded = recorded - there
-            recorder = Recorders(**seen)
         begin = time.monotonic()
         done = evacuate(
             setting,
@@ -124,13 +129,13 @@ def run(
             until=share,
             seed=seed,
             workers=workers,
-            recorder=recorder,
+            recorder=Recorders(**seen),
             recorded=recorded,
             kept=kept,
             keep=None if folder is None else keep_in(folder),
         )
         figures = report(place, physics.law, done.episodes, dt=physics.dt, strategy=ways.strategy)
-        figures["by_hand"] = by_hand(place)
+        figures |= {"by_hand": by_hand(place, check), "sections": flows_at(places, done.episodes)}
         if led is not None:
             figures["policy"] = led.name
         if share is not None:
@@ -158,7 +163,7 @@ def run(
         if folder is not None:
             if done.enough is not None:
                 folder.end_at(done.enough)
-            write_results(folder, run_title(place, physics.law.info.name), figures, done.episodes)
+            write_results(folder, run_title(place, physics.law.info.name), figures, done.episodes, places)
         for record_of in recordings.values():
             if not isinstance(record_of, OSError):
                 say(f"recording: {record_of}")
@@ -258,6 +263,7 @@ def evacuate(
     with progress_bar(f"{run_title(place, physics.law.info.name)}, runs", len(todo)) as progress:
 
         def take(episodes: Sequence[Episode]) -> None:
+            episodes = [one._replace(crossings=(one.record or {}).get("sections")) for one in episodes]
             records.update({episode.run: episode.record for episode in episodes if episode.run in recorded})
             found.update({episode.run: episode._replace(record=None) for episode in episodes})
             progress(len(episodes))

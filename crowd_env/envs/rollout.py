@@ -36,6 +36,7 @@ class Episode(NamedTuple):
     time_limit: float  # s
     end: float  # s    when it ended: everyone out, or the first decision at or after the time limit, or the exits blocked
     record: Any = None  # what the recorder of the rollout kept of it
+    crossings: Floats | None = None  # (C, 4) of sections, see `crowd_env.analysis.sections`; None = not counted
 
 
 class Driver:

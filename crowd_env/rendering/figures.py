@@ -87,6 +87,28 @@ def share_figure(shares: Mapping[str, Plain], exits: Sequence[str]) -> Figure:
     return without_formulas(figure)
 
 
+def effect_figure(rows: Sequence[Plain], *, title: str = "") -> Figure:
+    """Return by how much each value of an input moves T95, a bar for each with its 95 % interval.
+
+    Parameters
+    ----------
+    rows : from top to bottom, of `crowd_env.analysis.sweep.figures_of`.
+    """
+    figure = new_figure((_SIZE[0], 1.1 + 0.34 * len(rows)), dpi=_DPI)
+    axes = quiet_axes(figure.add_subplot(), "change of T95 [s]", "")
+    name_panel(axes, title, fontsize=11.5, fontweight="bold", pad=10)
+    found = np.array([(one["mean"], *one["ci95"]) for row in rows if (one := row["t95_difference"])], dtype=np.float64)
+    at = np.arange(len(rows))
+    colors = [series(0) if value < 0.0 else series(1) for value in found[:, 0]]
+    axes.barh(at, np.nan_to_num(found[:, 0]), 0.7, color=colors, alpha=0.75)
+    around = np.abs(np.nan_to_num(found[:, 1:] - found[:, :1]))
+    axes.errorbar(found[:, 0], at, xerr=around.T, fmt="none", ecolor=hex_of(INK), elinewidth=1.1, capsize=2.5)
+    axes.axvline(0.0, color=hex_of(QUIET), linewidth=1.0)
+    axes.set_yticks(at, labels=[f"{row['name']} = {row['value']}" for row in rows])
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    return without_formulas(figure)
+
+
 def learning_curve(
     steps: ArrayLike,
     series: Mapping[str, ArrayLike],

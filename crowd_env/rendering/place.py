@@ -17,6 +17,7 @@ from crowd_env.scenarios.plans.floor_plan import listed
 
 DOOR: Color = (196, 120, 32)
 NARROW: Color = (200, 30, 45)
+SECTION: Color = (98, 60, 160)
 EDGE: Color = (240, 238, 233)  # where the center of no body can be
 _COHORTS = (0, 1, 2, 4)  # of SERIES
 # Of regions without a start; the others have the color of the cohort that starts there.
@@ -74,6 +75,13 @@ def draw_place(axes: Axes, check: PlanCheck, *, widths: bool, edge: bool = True,
         names = textwrap.fill(f"doors: {', '.join(geometry.doors)}", _WIDEST)
         others.append(mark(names, color=hex_of(DOOR), linewidth=2.4))
     draw_lines(axes, geometry.exits, EXIT, 4.5, 5, capstyle="butt")
+    for one in check.sections:
+        points = np.array(one.line)
+        axes.plot(*points.T, color=hex_of(SECTION), linewidth=1.6, dashes=(5, 2), zorder=7)
+        _label(axes, one.name, 0.7 * points[0] + 0.3 * points[1], (0, 0), SECTION, size)
+    if check.sections:
+        names = textwrap.fill(f"people are counted: {', '.join(one.name for one in check.sections)}", _WIDEST)
+        others.append(mark(names, color=hex_of(SECTION), linewidth=1.6, dashes=(5, 2)))
     exits = _name_exits(axes, check, widths, size)
     people = _draw_people(axes, check)
     return Layers(exits, regions, people, others)

@@ -26,6 +26,7 @@ from crowd_env.scenarios.floor_plan import area_on, people_on, scenario_on, with
 from crowd_env.scenarios.plans.floor_plan import FloorPlan
 from crowd_env.scenarios.plans.reading import read_plan
 from crowd_env.scenarios.population import Population, population_of
+from crowd_env.scenarios.profiles import with_profile
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.shapes import circle, rectangle
 from crowd_env.scenarios.starts import check_starts, read_starts
@@ -92,8 +93,10 @@ class Plan:
     """m, radius of all corners that jut into the walkable area; 0 = sharp."""
 
 
-def read_scenario(path: Path) -> Scenario:
+def read_scenario(path: Path, changes: Plain | None = None) -> Scenario:
     """Return the scenario in a file, checked: every route leads out, and the people fit.
+
+    ``changes`` are values of keys in the file: "cohorts.0.people", or by the name of a cohort.
 
     Raises
     ------
@@ -101,13 +104,17 @@ def read_scenario(path: Path) -> Scenario:
         If the file cannot be read, or its content is wrong or unknown.
     """
     try:
-        return _read_scenario(path)
+        return _read_scenario(path, changes or {})
     except RecursionError:
         raise ValueError(f"{path}: nested too deeply") from None
 
 
-def _read_scenario(path: Path) -> Scenario:
-    return scenario_of(read_content(path), path)
+def _read_scenario(path: Path, changes: Plain) -> Scenario:
+    content = read_content(path)
+    with at(str(path)):
+        for key, value in changes.items():
+            _change(content, key, value)
+    return scenario_of(content, path)
 
 
 def scenario_of(content: Plain, path: Path) -> Scenario:
@@ -195,6 +202,26 @@ def read_content(path: Path) -> Plain:
     return table(f"{path}: the scenario", content, "keys and values")
 
 
+def _change(content: Any, key: str, value: Any) -> None:
+    """Set the value of a dotted key; an entry of a list goes by its name or its number."""
+    *tables, last = key.split(".")
+    for name in tables:
+        content = content[_entry(content, name, key)]
+    content[_entry(content, last, key, is_last=True)] = value
+
+
+def _entry(content: Any, name: str, key: str, is_last: bool = False) -> str | int:
+    if isinstance(content, Mapping) and (is_last or name in content):
+        return name
+    if isinstance(content, list):
+        names = [one.get("name") if isinstance(one, Mapping) else None for one in content]
+        if name in names:
+            return names.index(name)
+        if name.isdecimal() and int(name) < len(content):
+            return int(name)
+    raise ValueError(f"key {key!r} cannot be set: there is no {name!r}")
+
+
 def _today(name: str, content: Plain) -> Plain:
     """Return a table of a file with the keys of today in place of older ones."""
     older = OLDER[name]
@@ -265,7 +292,7 @@ def _people(
             return _population(shared, "population", folder, area_of)
         with at("population"):
             from_table("population", Population, {"people": 1, **_today("population", shared)})
-            return usual(**_today("population", shared))
+            return usual(**with_profile(_today("population", shared)))
     for key in ("people", "starts", "name"):
         if key in shared:
             raise ValueError(f"population: {key!r} is a matter of each cohort; write it there")
@@ -275,7 +302,7 @@ def _people(
         own = table(f"cohorts[{k}]", cohort, "keys and values")
         elsewhere = {"start_region"} if "starts" in own and "start_region" not in own else ()
         of_all = {name: value for name, value in shared.items() if name not in elsewhere}
-        parts.append(_population({**of_all, **own}, f"cohorts[{k}]", folder, area_of))
+        parts.append(_population({**of_all, **with_profile(own)}, f"cohorts[{k}]", folder, area_of))
     with at("cohorts"):
         return Cohorts(tuple(parts))
 

@@ -19,11 +19,13 @@ from crowd_env.core.checks import (
     known,
     plain_name,
 )
+from crowd_env.core.files.fingerprint import UNSAID
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import ROUNDED
 from crowd_env.geometry.placement import CLOSEST_PACKING, sample_positions
 from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
 from crowd_env.scenarios.groups import draw_groups
+from crowd_env.scenarios.profiles import PROFILES, with_profile
 from crowd_env.scenarios.starts import as_positions, check_starts
 
 __all__ = ["TABLE_4", "Distribution", "LogNormal", "Normal", "Population", "Uniform"]
@@ -94,9 +96,13 @@ class Population:
     """names of the exits that people know, of which they take the best; all exits by default."""
     name: str = ""
     """name of these people in messages and pictures."""
+    profile: str = field(default="", metadata={UNSAID: ""})
+    """name of the profile that gives the ``desired_speed`` of a table without one."""
 
     def __post_init__(self) -> None:
         check_fields("population", self)
+        if self.profile:
+            known("profile", self.profile, PROFILES)
         object.__setattr__(self, "name", self.name and plain_name("population: name", self.name))
         for name, allowed in BOUNDS.items():
             if getattr(self, name) is None and name not in DRAWN:
@@ -196,7 +202,7 @@ def population_of(where: str, table: Plain) -> Population:
     if table.get("starts") is not None:
         starts = as_positions(table["starts"])
         table = {"people": len(starts), **table, "starts": starts}
-    return from_table(where, Population, table)
+    return from_table(where, Population, with_profile(table))
 
 
 def require_names(kind: str, names: Iterable[str | None], allowed: Iterable[str]) -> None:

@@ -26,6 +26,7 @@ from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios.cohorts import Cohorts, People, as_people
 from crowd_env.scenarios.groups import same_route
 from crowd_env.scenarios.population import Population, require_names, require_room
+from crowd_env.scenarios.sections import Section, require_sections
 
 Kind = TypeVar("Kind", bound=Behavior)
 
@@ -109,6 +110,8 @@ class Scenario:
     """events that open and close doors."""
     one_way: tuple[OneWay, ...] = ()
     """doors that people mean to pass one way only."""
+    sections: tuple[Section, ...] = field(default=(), metadata={UNSAID: ()})
+    """lines at which people are counted, beside doors and the narrowest passages."""
     comfort: Comfort = field(default_factory=Comfort)
     """costs that the most comfortable route keeps low."""
     manner: Manner | None = "hurried"
@@ -142,6 +145,7 @@ class Scenario:
                     f"scenario {self.name!r}: attraction at ({one.x:g}, {one.y:g}) is outside the walkable area"
                 )
         require_room(self.geometry, self.population.parts, self.room)
+        require_sections(self.sections, self.geometry)
         self.strategy_of_run()
 
     def behavior(self, kind: type[Kind], given: Any = None) -> Kind | None:
@@ -233,7 +237,11 @@ class Scenario:
         crowd = Cohorts(tuple(moved)) if len(moved) > 1 else moved[0]
         points = turn(np.array([(one.x, one.y) for one in self.pulls.attractions]).reshape(-1, 2))
         return replace(
-            self, geometry=self.geometry.turned(angle, mirrored), population=crowd, pulls=self.pulls.moved(points)
+            self,
+            geometry=self.geometry.turned(angle, mirrored),
+            population=crowd,
+            pulls=self.pulls.moved(points),
+            sections=tuple(one.moved(turn(np.array(one.line))) for one in self.sections),
         )
 
     def route_set(self, strategy: str = "shortest", *, rules: bool = True, ways: bool = False) -> RouteSet:

@@ -517,6 +517,7 @@ TABLES = {
     "Population": (of_population, ("group_size",)),
     "Pulls": (None, ()),
     "Route": (None, ()),
+    "Section": (None, ()),
     "SpeedZone": (partial(SpeedZone, "a"), ()),
     "Uniform": (partial(Uniform, **{"low": 0.0, "high": 1.0}), ("low", "high")),
 }

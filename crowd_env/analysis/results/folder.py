@@ -13,6 +13,7 @@ import numpy as np
 from crowd_env.analysis.figures import exit_names, time_of_share
 from crowd_env.analysis.results.config import FREE
 from crowd_env.analysis.results.crowding import Crowding, CrowdingRecorder, crowding_of
+from crowd_env.analysis.sections import Place, rows_of
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import Plain
 from crowd_env.core.files.csv_table import write_csv
@@ -86,8 +87,10 @@ class ResultsFolder(Store):
                 self.keep(f"{CROWDING}/{episode.seed}", episode.record["crowding"]._asdict())
             self.keep(f"{KEPT}/{episode.seed}", encode(episode))
 
-    def finish(self, episodes: Sequence[Episode], summary: Plain) -> list[Path]:
+    def finish(self, episodes: Sequence[Episode], summary: Plain, places: Sequence[Place] = ()) -> list[Path]:
         """Write tables, the curve N(t) and the ``summary``; return the paths.
+
+        Crossings are of ``places``.
 
         Raises
         ------
@@ -99,6 +102,9 @@ class ResultsFolder(Store):
         write_json(self.about, self.identity)  # with the number of runs, and the command, of now
         write_json(self.folder / SUMMARY, summary)
         paths = [*write_tables(self.folder, self._scenario, episodes), write_curve(self.folder, episodes)]
+        if places:
+            crossed = (row for one in episodes for row in rows_of(places, one))
+            paths.append(write_csv(self.folder / SECTIONS, _SECTION_COLUMNS, crossed))
         return [*paths, self.folder / SUMMARY, self.about]
 
 
@@ -106,7 +112,8 @@ def encode(episode: Episode) -> Plain:
     """Return a run, ready for JSON to the last bit, without what a recorder kept of it."""
     numbers = {name: [json_number(one) for one in getattr(episode, name).tolist()] for name in _ARRAYS}
     metrics = {name: json_number(one) for name, one in episode.metrics._asdict().items()}
-    return {**{name: getattr(episode, name) for name in _NUMBERS}, "metrics": metrics, **numbers}
+    crossed = {} if episode.crossings is None else {"crossings": episode.crossings.tolist()}
+    return {**{name: getattr(episode, name) for name in _NUMBERS}, "metrics": metrics, **numbers, **crossed}
 
 
 def decode(run: int, content: Plain | None) -> Episode | None:
@@ -117,7 +124,8 @@ def decode(run: int, content: Plain | None) -> Episode | None:
         told: dict[str, Any] = {name: np.array(content[name], dtype=_ARRAYS[name]) for name in _ARRAYS}
         told |= {name: content[name] for name in _NUMBERS}
         metrics: Any = {name: float("nan") if one is None else one for name, one in content["metrics"].items()}
-        found = Episode(run, metrics=EpisodeMetrics(**metrics), **told)
+        crossed = np.array(content["crossings"], dtype=np.float64).reshape(-1, 4) if "crossings" in content else None
+        found = Episode(run, metrics=EpisodeMetrics(**metrics), crossings=crossed, **told)
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
         return None
     numbers = (found.seed, found.end, found.time_limit, *found.metrics)
@@ -126,13 +134,14 @@ def decode(run: int, content: Plain | None) -> Episode | None:
     return found if whole else None
 
 
-RUNS, EXITS, CURVE = "runs.csv", "exits.csv", "nt.csv"
+RUNS, EXITS, CURVE, SECTIONS = "runs.csv", "exits.csv", "nt.csv", "sections.csv"
 
 # What the folder comes to hold, and what says that it is one of ``crowd-env evaluate``.
-_OWNED = (RUNS, EXITS, CURVE, SUMMARY, KEPT, CROWDING, "nt.png", "recordings", "evaluation.json")
+_OWNED = (RUNS, EXITS, CURVE, SECTIONS, SUMMARY, KEPT, CROWDING, "nt.png", "recordings", "evaluation.json")
 
 # Columns of runs.csv with their units, after run and seed; figures of `EpisodeMetrics` have its names.
 _RUN_COLUMNS = ("run", "seed", "people", "end", "time_limit", "t95", *EpisodeMetrics._fields)
+_SECTION_COLUMNS = ("run", "section", "towards", "time", "person")
 _EXIT_COLUMNS = ("run", "time", "exit", "out", "person", "radius", "desired_speed", "cohort", "until")
 
 

@@ -19,6 +19,10 @@ def answer(runs: Sequence[Runs]) -> Plain:
         "said": [{"name": one.name if len(runs) > 1 else "", "text": _sentence(one)} for one in runs],
         "doubts": [(f"{one.name}: " if len(runs) > 1 else "") + said for one in runs if (said := doubts(one.figures))],
         "rows": table(_ROWS, runs),
+        "sections": [
+            {"name": one.name if len(runs) > 1 else "", "rows": rows} for one in runs if (rows := _sections(one))
+        ],
+        "sections_head": _SECTIONS_HEAD,
         "exits": [{"name": one.name if len(runs) > 1 else "", "rows": _exits(one)} for one in runs],
         "exits_head": (
             "exit",
@@ -99,10 +103,17 @@ def _convergence(one: Runs) -> str:
     return f"{text}\n± {100.0 * _AIM:.0f} % needs about {ended * (share / _AIM) ** 2:.0f} runs"
 
 
+def _premovement(response: Sequence[float]) -> str:
+    typical, latest = response
+    return f"{typical:.0f} s, {latest:.0f} s" if latest else "0 s: all walk at once"
+
+
 _ROWS: dict[str, Callable[[Runs], str]] = {
+    "pre-movement time, median and latest": lambda one: _premovement(one.figures["by_hand"]["response"]),
     "half of the people out (T50)": time_words("t50"),
     "95 % of the people out (T95)": time_words("t95"),
     "last person out": _evacuation_time,
+    "by hand (SFPE)": lambda one: one.figures["by_hand"]["words"],
     "last person out, quickest and slowest run": _range,
     "convergence over runs (95 % interval)": _convergence,
     "runs": lambda one: str(one.figures["runs"]),
@@ -113,15 +124,41 @@ _ROWS: dict[str, Callable[[Runs], str]] = {
 
 
 def _exits(one: Runs) -> list[tuple[str, ...]]:
-    """Return a row for each exit; people and times are means over runs."""
+    """Return a row for each exit, the busiest first; people and times are means over runs."""
     widths, runs = one.scenario.geometry.exit_lengths, one.figures["runs"]
     rows = []
-    for k, (name, found) in enumerate(one.figures["exits"].items()):
+    for name, found in one.figures["exits"].items():
+        k = one.scenario.exits.index(name)
         times = (number(found[key]["mean"], digits=1) for key in ("first", "last"))
         flows = (number(found[key]["mean"]) for key in ("flow_per_meter", "peak_flow_per_meter"))
         line = [[float(getattr(seen, key)[k]) for seen in one.crowding] for key in ("queue", "wait")]
         queue = (number(named(np.array(values))["mean"], digits=1) for values in line)
         rows.append((name, f"{widths[name]:.2f}", f"{found['people'] / runs:.1f}", *times, *flows, *queue))
+    return rows
+
+
+_SECTIONS_HEAD = (
+    "section",
+    "length\n[m]",
+    "direction",
+    "people",
+    "first\n[s]",
+    "last\n[s]",
+    "flow\n[1/(s m)]",
+    "peak\n[1/(s m)]",
+)
+
+
+def _sections(one: Runs) -> list[tuple[str, ...]]:
+    """Return a row for each section and direction that people took; people and times are means over runs."""
+    rows = []
+    for name, found in one.figures["sections"].items():
+        for way, taken in found["towards"].items():
+            if taken["people"]:
+                times = (number(taken[key]["mean"], digits=1) for key in ("first", "last"))
+                flows = (number(taken[key]["mean"]) for key in ("flow_per_meter", "peak_flow_per_meter"))
+                people = f"{taken['people'] / found['runs']:.1f}"
+                rows.append((name, f"{found['length']:.2f}", way, people, *times, *flows))
     return rows
 
 

@@ -19,6 +19,7 @@ from crowd_env.envs.settings import physics_step
 from crowd_env.physics import SCHEMES
 from crowd_env.physics.settings import Physics
 from crowd_env.rendering.report.runs import Runs, described, table
+from crowd_env.scenarios.profiles import PROFILES
 
 
 def assumptions(runs: Sequence[Runs]) -> Plain:
@@ -79,10 +80,13 @@ def _goals(part: Plain) -> str:
 
 _OF_A_COHORT: dict[str, Callable[[Plain], str]] = {
     "number": lambda part: str(part.get("people", part.get("count"))),
+    "profile": lambda part: (
+        f"{part['profile']} ({PROFILES[part['profile']].source})" if part.get("profile") else "none"
+    ),
     "radius of the body": lambda part: _spread(part["radius"], "m"),
     "mass": lambda part: _spread(part["mass"], "kg"),
     "desired speed": lambda part: _spread(part["desired_speed"], "m/s"),
-    "response time": lambda part: _spread(part["response_time"], "s"),
+    "pre-movement time (response time)": lambda part: _spread(part["response_time"], "s"),
     "start": _starts,
     "way": _goals,
     "walk together": lambda part: f"{_spread(part['group_size'], 'people')}" if part.get("group_size") else "no",

@@ -1,7 +1,7 @@
 """What a report shows: the plan as it was understood, what came out, and what the first folder's figures differ from."""
 
 from collections.abc import Callable, Sequence
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from math import inf, isfinite
 from typing import Any
 
@@ -49,14 +49,14 @@ def figures(runs: Sequence[Runs], measured: Sequence[Measured]) -> Plain:
             (k + 1, _spot(dense, "people/m²"), _spot(hard, "kN/m", 1e-3), _spot(load, "kN/m", 1e-3))
             for k, (dense, hard, load) in enumerate(places)
         ]
-        service = ("share of time", *(f"{100.0 * share:.0f} %" for share in one.service.values()))
+        service = ("share of person-time", *(f"{100.0 * share:.0f} %" for share in one.service.values()))
         found["maps"].append(
             {
                 "name": one.name,
                 "runs": one.runs,
                 "png": encoded(picture),
                 "rows": rows,
-                "service": [service, _AREAS],
+                "service": [_AREAS, service],
                 "service_head": ("level", *one.service),
                 "zones": [_zone(zone) for zone in one.zones],
             }
@@ -64,7 +64,13 @@ def figures(runs: Sequence[Runs], measured: Sequence[Measured]) -> Plain:
     return found
 
 
-_AREAS = ("m² a person", *(f"< {1.0 / most:.2f}" if most else "> 2.32" for most in SERVICE.values()))
+_EDGES = [f"{1.0 / most:.2f}" for most in SERVICE.values() if most]
+_AREAS = (
+    "floor area\n[m² a person]",
+    f"{_EDGES[0]} or more",
+    *(f"{low} to {high}" for high, low in pairwise(_EDGES)),
+    f"below {_EDGES[-1]}",
+)
 _PRESSED: dict[str, Callable[[Measured], str]] = {
     f"time that people spent beyond {INJURY:g} N/m, means of 1 s, added up": lambda one: f"{one.squeezed:.1f} s a run",
     "moments of 0.1 s left out, since the solver did not finish a step": lambda one: str(one.left_out),

@@ -6,9 +6,11 @@ from typing import Any, NamedTuple, TypeVar
 
 from crowd_env.analysis.by_hand import by_hand
 from crowd_env.analysis.figures import listed, report
+from crowd_env.analysis.plan_check import check_place
 from crowd_env.analysis.results.config import read_config
 from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
+from crowd_env.analysis.sections import flows_at, places_of
 from crowd_env.core.behaviors import IN_WORDS
 from crowd_env.core.checks import Plain
 from crowd_env.core.files.atomic import legible
@@ -113,7 +115,8 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
     if not episodes:
         raise ValueError(f"{folder / KEPT} holds no finished run; the command that began it goes on with it")
     figures = report(scenario, scheme, episodes, dt=config["dt"], strategy=config["strategy"])
-    figures["by_hand"] = by_hand(scenario)
+    check = check_place(scenario)
+    figures |= {"by_hand": by_hand(scenario, check), "sections": flows_at(places_of(check), episodes)}
     return Runs("", folder, config, scenario, scheme, episodes, figures, kept.crowding(episodes))
 
 

@@ -164,7 +164,7 @@ def drawn_layers(
 ) -> dict[str, Layer]:
     """Return what a file draws in each of its layers [m], even where it makes no plan yet.
 
-    The parameters are those of `read_plan`, and ``meters``, for how long a plan of this file takes a unit.
+    Parameters are as for `read_plan`; ``meters`` is how long a plan of this file takes a unit.
 
     Raises
     ------

@@ -284,8 +284,11 @@ def test_the_busiest_exits_come_first_where_not_all_are_named():
     row = {name: place.geometry.exit_names.index(name) for name in walls}
     took = np.repeat([row[name] for name in "abcdefg"], [1, 2, 3, 4, 5, 6, 7])
     figures = report(place, "dem", [run_by(place, took)])
-    shares = cells(place, figures)["shares of the exits"]
-    assert shares == "g 25 %, f 21 %, e 18 %, d 14 %, and 3 more"
+    told = cells(place, figures)
+    assert told["shares of the exits"] == "g 25 %, f 21 %, e 18 %, d 14 %, and 3 more"
+    assert told["exits"] == "g 1.00 m, f 1.00 m, e 1.00 m, d 1.00 m, and 3 more" and list(figures["exits"]) == [
+        *"gfedcba"
+    ]
 
 
 def run_by(place, exit_index):

@@ -44,5 +44,15 @@ def test_the_page_fits_a_phone_and_asks_for_nothing(tmp_path: Path) -> None:
             shown.goto(page.as_uri())
             assert shown.evaluate("document.documentElement.scrollWidth") == width
             assert shown.evaluate("[...document.images].every(image => image.naturalWidth > 0)")
+        printed = chromium.new_page()
+        printed.goto(page.as_uri())
+        printed.emulate_media(media="print")
+        printed.set_viewport_size({"width": 680, "height": 1000})  # A4 within its margins, 180 mm x 265 mm
+        answer, sign = (printed.locator(name).bounding_box() for name in (".answer", ".sign"))
+        assert sign is not None and answer is not None and sign["y"] + sign["height"] < 1000.0  # on the first page
+        letters = printed.evaluate(
+            "getComputedStyle(document.querySelectorAll('.annex ~ section > h2')[1], '::before').content"
+        )
+        assert "annex" in letters  # sections of the annex have letters
         chromium.close()
     assert set(asked) <= {"file", "data"}

@@ -64,11 +64,12 @@ def test_the_page_needs_nothing_else_and_shows_every_section(page: Path) -> None
     assert found.sources and all(source.startswith("data:image/png;base64,") for source in found.sources)
     for heading in (
         "The answer",
+        "RSET",
+        "Annex",
         "The plan",
         "Egress",
         "Exits over time",
         "crowded",
-        "Annex",
         "Population",
         "Assumptions",
         "Limits",
@@ -78,6 +79,8 @@ def test_the_page_needs_nothing_else_and_shows_every_section(page: Path) -> None
         found.text = found.text[found.text.index(heading) :]  # in this order: the answer first
     found = Parsed(page)
     assert "Do not size a building with it." in found.text
+    for row in ("pre-movement time, median and latest", "by hand (SFPE)", "pre-movement time (response time)"):
+        assert row in found.text
     assert "crowd-env run --config" in found.text
 
 
@@ -104,7 +107,11 @@ def test_the_answer_is_what_the_exit_times_say(folders: Path, page: Path) -> Non
             (row,) = (row for row in answer([one])["rows"] if label in row[0] and "slowest" not in row[0])
             assert float(row[1].split()[0]) == pytest.approx(times[:, k].mean(), abs=0.005)
         (exits,) = answer([one])["exits"]
-        assert sum(float(row[2]) for row in exits["rows"]) == pytest.approx(8, abs=0.1)
+        people = [float(row[2]) for row in exits["rows"]]
+        assert sum(people) == pytest.approx(8, abs=0.1) and people == sorted(people, reverse=True)
+        for row in exits["rows"]:
+            wait = np.array([seen.wait[one.scenario.exits.index(row[0])] for seen in one.crowding])
+            assert row[8] == "-" or float(row[8]) == pytest.approx(wait[wait >= 0.0].mean(), abs=0.06)
         first, last = (np.array([float(row[k]) for row in exits["rows"] if row[k] != "-"]) for k in (3, 4))
         assert (first >= times[:, 0].min() - 0.05).all() and (last <= times[:, -1].max() + 0.05).all()
         assert f"8 people are out after {times[:, -1].mean():.1f} s (mean of 3 runs" in Parsed(page).text

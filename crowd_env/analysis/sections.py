@@ -1,0 +1,190 @@
+"""Flow at named places inside: at doors, at the narrowest passages, and at the lines of a scenario.
+
+People are counted by their centers: a straight way between two decisions crosses a line.  A direction is named by the axes
+of the plan, such as "to +x" or "to -x+y", so that nobody has to know from which end a line was drawn.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from crowd_env.analysis.figures import HANDFUL, named, peak_flow
+from crowd_env.analysis.passages import distances
+from crowd_env.analysis.plan_check import PlanCheck, spot
+from crowd_env.core.arrays.state import Bools, Floats, Ints, segment_lengths
+from crowd_env.core.checks import Plain
+from crowd_env.envs.crowd import CrowdEnv, Step
+from crowd_env.envs.metrics import flow_slope
+from crowd_env.envs.rollout import Episode
+
+_TO_AND_FRO = 2.0  # s; a crossing that is taken back within this time is none
+_SAME_PLACE = 0.3  # m; a passage whose middle is so near to a door is that door
+_SIDEWAYS = 0.38  # sine of 22.5 degrees; less of an axis does not name a direction
+
+
+class Place(NamedTuple):
+    """Where people are counted."""
+
+    name: str
+    lines: Floats  # (K, 2, 2) m, from one end to the other
+    length: float  # m of floor
+
+    @property
+    def directions(self) -> tuple[str, str]:
+        """Names of the directions to the left and to the right of the way along the lines."""
+        x, y = self.lines[-1, 1] - self.lines[0, 0]
+        left = np.array([-y, x]) / max(float(np.hypot(x, y)), 1e-9)
+        return _words(left), _words(-left)
+
+
+def _words(way: Floats) -> str:
+    return "to " + "".join(
+        f"{part:+.0f}"[0] + axis for part, axis in zip(way, "xy", strict=True) if abs(part) > _SIDEWAYS
+    )
+
+
+def places_of(check: PlanCheck) -> list[Place]:
+    """Return where people are counted: the doors inside, the narrowest passages on the way out, the sections of the scenario.
+
+    An exit counts its people itself.
+    """
+    geometry = check.geometry
+    found: dict[str, Place] = {}
+    for k, (name, closes) in enumerate(zip(geometry.doors, geometry.exits_of_door, strict=True)):
+        if closes is None:
+            leaves = geometry.walls[geometry.door_of_wall == k]
+            found[name] = Place(name, leaves, float(segment_lengths(leaves).sum()))
+    for passage in check.passages.values():
+        if passage is None or passage.is_exit:
+            continue
+        lines = passage.gap.line[None]
+        known = np.concatenate([np.empty((0, 2, 2)), *(one.lines for one in found.values())])
+        if distances(lines.mean(axis=1), known)[0] > _SAME_PLACE:
+            name = f"passage at {spot(passage.gap)}"
+            found[name] = Place(name, lines, passage.gap.width)
+    own = {one.name: Place(one.name, np.array([one.line]), one.length_on(geometry)) for one in check.sections}
+    return list((found | own).values())
+
+
+class CrossingRecorder:
+    """Keeps the crossings of places by people: a `crowd_env.envs.rollout.Recorder`.
+
+    Of each evacuation it keeps (C, 4): time [s], person, place, and 1 for a way to the left of the line or -1.
+    """
+
+    def __init__(self, places: Sequence[Place]) -> None:
+        self._lines = np.concatenate([np.empty((0, 2, 2)), *(one.lines for one in places)])
+        self._place = np.repeat(np.arange(len(places)), [len(one.lines) for one in places])
+
+    def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
+        """Forget the batch before, and look at the first moment of this one."""
+        state = env.simulation.state
+        self._position, self._time = state.position.copy(), state.time.copy()
+        self._crossed: list[Floats] = []
+
+    def add(self, env: CrowdEnv, step: Step) -> None:
+        """Look where people were and where they are."""
+        state = env.simulation.state
+        moved = np.flatnonzero(
+            (env.active | step.terminated | step.truncated) & (state.position != self._position).any(1)
+        )
+        before, after = self._position[moved], state.position[moved]
+        person, line, part, sign = crossings(before, after, self._lines)
+        since, until = (time[env.env_of_person[moved[person]]] for time in (self._time, state.time))
+        columns = since + part * (until - since), moved[person], self._place[line], sign
+        self._crossed.append(np.column_stack(columns))
+        self._position[:], self._time[:] = state.position, state.time
+
+    def record(self, env: CrowdEnv, e: int) -> Floats:
+        """Return the crossings of the evacuation in environment ``e``, which has just ended."""
+        people = env.people(e)
+        every = np.concatenate([np.empty((0, 4)), *self._crossed])
+        own = every[(every[:, 1] >= people.start) & (every[:, 1] < people.stop)]
+        return np.asarray(own - [0.0, people.start, 0.0, 0.0])
+
+
+def crossings(before: Floats, after: Floats, lines: Floats) -> tuple[Ints, Ints, Floats, Ints]:
+    """Return the crossings of lines by people: rows of both (C,), after which part of the way, and 1 = to the left or -1.
+
+    A point on a line lies to its right, and one end of a line belongs to it: lines in a row count everybody once.
+
+    Parameters
+    ----------
+    before, after : (P, 2) m.
+    lines : (K, 2, 2) m.
+    """
+    start, along = lines[:, 0], lines[:, 1] - lines[:, 0]
+
+    def left_of(points: Floats) -> Floats:
+        x, y = np.moveaxis(points[:, None] - start, -1, 0)
+        return along[:, 0] * y - along[:, 1] * x
+
+    first, last = left_of(before), left_of(after)
+    person, line = np.nonzero((first > 0.0) != (last > 0.0))
+    first, last = first[person, line], last[person, line]
+    part = first / (first - last)
+    meets = before[person] + part[:, None] * (after - before)[person] - start[line]
+    share = (meets * along[line]).sum(axis=1) / (along[line] ** 2).sum(axis=1)
+    hits = (share >= 0.0) & (share < 1.0)
+    sign = np.where(last > 0.0, 1, -1)
+    return person[hits], line[hits], part[hits], sign[hits]
+
+
+def for_good(crossed: Floats) -> Floats:
+    """Return the crossings (C, 4) that are not taken back within 2 s, in the order of time: people in a queue step to and fro.
+
+    A pedestrian that crosses several times, less than that apart, counts once at the last, or not at all.
+    """
+    time, person, place, _ = crossed.T
+    crossed = crossed[np.lexsort([time, person, place])]
+    time, person, place, sign = crossed.T
+    fresh = np.ones(len(crossed), dtype=bool)
+    fresh[1:] = (np.diff(place) != 0.0) | (np.diff(person) != 0.0) | (np.diff(time) > _TO_AND_FRO)
+    spell = np.cumsum(fresh) - 1
+    net = np.bincount(spell, weights=sign)
+    last = np.flatnonzero(np.append(fresh[1:], True))[: len(net)]
+    kept = crossed[last][net != 0.0]
+    kept[:, 3] = np.sign(net[net != 0.0])
+    return kept[np.argsort(kept[:, 0], kind="stable")]
+
+
+def flows_at(places: Sequence[Place], episodes: Sequence[Episode]) -> Plain:
+    """Return figures of each place, ready for JSON; of the runs in which people were counted.
+
+    For each direction ``people`` is over all runs, ``first`` and ``last`` are times [s], ``flow_per_meter`` and
+    ``peak_flow_per_meter`` [1/(s m)] as of an exit: the slope of the number against time, and the most in 10 s.
+    """
+    every = [for_good(one.crossings) for one in episodes if one.crossings is not None]
+    return {one.name: _flow_at(one, k, every) for k, one in enumerate(places)}
+
+
+def _flow_at(place: Place, k: int, every: Sequence[Floats]) -> Plain:
+    towards: dict[str, Any] = {}
+    for name, sign in zip(place.directions, (1.0, -1.0), strict=True):
+        times = [one[_of(one, k, sign), 0] for one in every]
+        flows = [one if len(one) >= HANDFUL else one[:0] for one in times]
+        of_each = {
+            "first": [one[0] if len(one) else np.nan for one in times],
+            "last": [one[-1] if len(one) else np.nan for one in times],
+            "flow_per_meter": [flow_slope(one) / place.length for one in flows],
+            "peak_flow_per_meter": [peak_flow(one) / place.length for one in flows],
+        }
+        found = {figure: named(np.array(values)) for figure, values in of_each.items()}
+        towards[name] = {"people": sum(map(len, times)), **found}
+    busiest = dict(sorted(towards.items(), key=lambda one: -one[1]["people"]))
+    return {"length": place.length, "line": place.lines.tolist(), "runs": len(every), "towards": busiest}
+
+
+def _of(crossed: Floats, k: int, sign: float) -> Bools:
+    return np.asarray((crossed[:, 2] == k) & (crossed[:, 3] == sign))
+
+
+def rows_of(places: Sequence[Place], episode: Episode) -> list[tuple[object, ...]]:
+    """Return a row for each crossing of a run: run, place, direction, time [s] and person."""
+    crossed = np.empty((0, 4)) if episode.crossings is None else for_good(episode.crossings)
+    directions = [one.directions for one in places]
+    return [
+        (episode.run, places[int(place)].name, directions[int(place)][sign < 0], f"{time:.3f}", int(person))
+        for time, person, place, sign in crossed.tolist()
+    ]
