@@ -6,7 +6,7 @@ from crowd_env.core.behaviors.headway import MANNERS
 from crowd_env.core.checks import Plain
 from crowd_env.rendering.pages import filled
 from crowd_env.rendering.replay.page import style_variables
-from crowd_env.scenarios.plans.roles import CHOICES
+from crowd_env.scenarios.profiles import PROFILES
 
 
 def editor_page(content: Plain, path: Path, *, served: bool, shown: Plain | None = None) -> str:
@@ -29,7 +29,7 @@ def editor_page(content: Plain, path: Path, *, served: bool, shown: Plain | None
         "file": path.name,
         "served": served,
         "shown": shown,
-        "roles": list(CHOICES),
+        "profiles": [[name, f"{name}: {one.people}"] for name, one in PROFILES.items()],
         "walking": list(MANNERS),
     }
     return filled("crowd_env.rendering.editor", "browser", about=about, title=path.name, style=style_variables())

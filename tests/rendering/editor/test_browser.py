@@ -126,10 +126,18 @@ def test_from_a_drawing_without_exits_to_a_report(browser: Any, server: Server, 
     assert abs(x0 - 0.5) < 0.4 and abs(y1 - 5.5) < 0.4  # corners are snapped to, which is coarse on a small screen
     assert len(people) == 9 and all(x0 <= x <= x1 and y0 <= y <= y1 for x, y, *_ in people)
 
+    tab.page.locator("#tools button", has_text="Count").click()
+    tab.click((5.1, 2.5), (5.1, 3.4))
+    assert tab.content()["sections"][0]["name"] == "line-1" and tab.get("editor.project.shown.error") is None
+    tab.page.locator("#elements button", has_text="start-1").click()
+    tab.page.get_by_label("Profile").select_option("imo-male-30-to-50")
+    tab.settle()
+
     tab.page.locator("#runs").fill("2")
     tab.page.locator("#run").click()
     tab.page.wait_for_selector("#answer iframe", timeout=180_000)
-    assert "evacuation time" in tab.page.locator("#answer table").inner_text()
+    answer = tab.page.locator("#answer table").inner_text()
+    assert "evacuation time" in answer and "line-1" in answer
     frame = tab.page.frame_locator("#answer iframe")
     frame.locator("body.ready").wait_for(timeout=30_000)
     tab.page.locator("#answer button", has_text="Report").click()
@@ -138,7 +146,7 @@ def test_from_a_drawing_without_exits_to_a_report(browser: Any, server: Server, 
     assert tab.page.locator("#canvas").is_visible()
     content = tomllib.loads(server.editor.path.read_text())
     assert content["geometry"]["exits"] == {"way out": [[10.3, 2], [10.3, 3.2]]}
-    assert content["population"] == {"people": 9, "start_region": "start-1"}
+    assert content["population"] == {"people": 9, "start_region": "start-1", "profile": "imo-male-30-to-50"}
     assert all(url.startswith((server.url, "data:", "blob:")) for url in tab.requests)
     assert tab.get("document.documentElement.scrollWidth") <= size[0]
     tab.close()

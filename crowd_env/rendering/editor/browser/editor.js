@@ -7,9 +7,12 @@ const TOOLS = [
   ["start", "People", "P", "Click two opposite corners, or each corner and the first one again: people start there."],
   ["stairs", "Stairs", "S", "Click the corners of an area where people are slower."],
   ["region", "Area", "A", "Click the corners of an area that has a name."],
+  ["section", "Count", "C", "Click both ends of a line: people who cross it are counted."],
   ["wall", "Wall", "W", "Click the points of a wall; Enter ends it."],
   ["block", "Obstacle", "O", "Click the corners of what people cannot walk on."],
 ];
+
+const TWO_POINTS = ["exit", "door", "section"];
 
 class Editor {
   constructor(about) {
@@ -159,7 +162,7 @@ class Editor {
     if (this.draft.length && near(this.draft.at(-1))) return this.finish();
     if (!line && this.draft.length > 2 && near(this.draft[0])) return this.finish();
     this.draft.push([px, py]);
-    if ((this.tool === "exit" || this.tool === "door") && this.draft.length === 2) return this.finish();
+    if (TWO_POINTS.includes(this.tool) && this.draft.length === 2) return this.finish();
     this.draw();
   }
 
@@ -326,7 +329,7 @@ class Editor {
     if (letter === " " && this.pointer) return done(), this.point(this.pointer.x, this.pointer.y, false);
     if (letter === "Enter") {
       done();
-      if (this.draft.length > 1 && !["exit", "door"].includes(this.tool)) return this.finish();
+      if (this.draft.length > 1 && !TWO_POINTS.includes(this.tool)) return this.finish();
       if (this.pointer) this.point(this.pointer.x, this.pointer.y, false);
     }
   }

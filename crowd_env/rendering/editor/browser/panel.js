@@ -183,7 +183,12 @@ function fieldsOfPeople(editor, one) {
     if (value !== undefined) delete one.people;
     else one.people ||= 20;
   }), { min: 0.01 })));
-  rows.push(...rangeFields(editor, "Walking speed, m/s", one, "desired_speed", ["1.2", "1.4"]));
+  rows.push(field("Profile", choice([["", "by speed"], ...editor.about.profiles], one.profile || "", by((value) => {
+    one.profile = value || undefined;
+    if (value) delete one.desired_speed;
+    else delete one.profile;
+  }))));
+  if (!one.profile) rows.push(...rangeFields(editor, "Walking speed, m/s", one, "desired_speed", ["1.2", "1.4"]));
   rows.push(...rangeFields(editor, "Pre-movement time, s", one, "response_time", ["0", "0"]));
   const exits = Object.keys(editor.project.table("exits"));
   if (exits.length > 1) rows.push(field("Exits", choice([["", "any"], ...exits.map((name) => [name, `${name} alone`])],

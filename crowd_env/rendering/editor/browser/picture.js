@@ -1,7 +1,7 @@
 // What lies on the canvas: the floor as it was understood, the layers of the drawing, and what is being drawn.
 
 const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-const COLOR_OF = { exit: "exit", door: "door", start: "start", stairs: "region", region: "region", wall: "ink", block: "quiet" };
+const COLOR_OF = { exit: "exit", door: "door", section: "accent", start: "start", stairs: "region", region: "region", wall: "ink", block: "quiet" };
 const COLOR_OF_ROLE = {
   walkable: "accent", obstacle: "ink", room: "accent", stairs: "region", exit: "exit", door: "door", start: "start", region: "region",
 };
@@ -69,7 +69,7 @@ function drawElements(context, view, editor, color) {
       context.globalAlpha = 1;
     }
     const wide = { exit: 4, door: 3, wall: 2 }[one.kind] || 1.5;
-    drawLines(context, view, lines, paint, chosen ? wide + 2 : wide, one.kind === "door" ? [6, 4] : []);
+    drawLines(context, view, lines, paint, chosen ? wide + 2 : wide, one.kind === "door" || one.kind === "section" ? [6, 4] : []);
     if (typeof one.name === "string") {
       const [x, y] = AREAS.includes(one.kind) ? centerOf(lines[0]) : middleOf(lines[0]);
       write(context, one.name, view.px(x), view.py(y) - (one.kind === "exit" ? 10 : 0), paint, color("background"));

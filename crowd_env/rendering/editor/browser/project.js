@@ -1,6 +1,5 @@
 // The project: the content of a scenario file, what is changed in it, and the way back.
 
-const LINES = ["exit", "door", "section", "wall"];
 // Kind of element -> where it stands in the project, its name for people, and what its shape is.
 const KINDS = {
   exit: { group: "exits", word: "exit" },
@@ -8,6 +7,7 @@ const KINDS = {
   start: { group: "regions", word: "start area" },
   stairs: { group: "regions", word: "stairs" },
   region: { group: "regions", word: "area" },
+  section: { group: "sections", word: "line to count at" },
   wall: { list: "thin_walls", word: "wall" },
   block: { list: "obstacles", word: "obstacle" },
 };
@@ -61,7 +61,7 @@ class Project {
   // Name -> shape as the file has it; without a table of exits or regions it has those of its drawing.
   table(group) {
     const drawn = (this.shown.drawn || {})[group] || {};
-    const own = this.geometry[group];
+    const own = tableOf(this.content, group);
     const names = (table) => Object.fromEntries(Object.keys(table).map((name) => [name, name]));
     if (group === "exits") return own || names(drawn);
     const taken = new Set(Object.values(own || {}).filter((shape) => typeof shape === "string"));
@@ -85,7 +85,8 @@ class Project {
   // All elements: kind and name, or place in a list.
   elements() {
     const found = Object.keys(this.table("exits")).map((name) => ({ kind: "exit", name }));
-    found.push(...Object.keys(this.table("doors")).map((name) => ({ kind: "door", name })));
+    for (const kind of ["door", "section"])
+      found.push(...Object.keys(this.table(KINDS[kind].group)).map((name) => ({ kind, name })));
     for (const name of Object.keys(this.table("regions"))) found.push({ kind: this.kindOfRegion(name), name });
     for (const kind of ["wall", "block"]) {
       const list = this.geometry[KINDS[kind].list];
@@ -106,8 +107,8 @@ class Project {
   }
 
   newName(kind) {
-    const word = { start: "start", stairs: "stairs", region: "area", exit: "exit", door: "door" }[kind];
-    const taken = new Set(["exits", "doors", "regions"].flatMap((group) => Object.keys(this.table(group))));
+    const word = { start: "start", stairs: "stairs", region: "area", exit: "exit", door: "door", section: "line" }[kind];
+    const taken = new Set(["exits", "doors", "regions", "sections"].flatMap((group) => Object.keys(this.table(group))));
     for (let number = 1; ; number += 1) if (!taken.has(`${word}-${number}`)) return `${word}-${number}`;
   }
 
@@ -118,7 +119,7 @@ class Project {
     const name = list ? (this.geometry[list] || []).length : this.newName(kind);
     this.change((content) => {
       if (list) (content.geometry[list] ||= []).push(shape);
-      else content.geometry[group] = { ...(group === "exits" ? this.table("exits") : content.geometry[group]), [name]: shape };
+      else put(content, group, { ...this.own(group), [name]: shape });
       if (kind === "start") putPeople(content, name);
       if (kind === "stairs") (content.zones ||= []).push({ region: name, factor: 0.6 });
     });
@@ -129,7 +130,7 @@ class Project {
     const { group, list } = KINDS[kind];
     this.change((content) => {
       if (list) content.geometry[list].splice(name, 1);
-      else content.geometry[group] = without(group === "exits" ? this.table("exits") : content.geometry[group] || {}, name);
+      else put(content, group, without(this.own(group), name));
       if (group === "regions") {
         content.zones = (content.zones || []).filter((one) => one.region !== name);
         const stay = (content.cohorts || []).filter((one) => one.start_region !== name);
@@ -152,13 +153,13 @@ class Project {
 
   rename({ kind, name }, to) {
     const { group } = KINDS[kind];
-    const table = group === "exits" ? this.table("exits") : { ...this.table(group) };
+    const table = this.table(group);
     if (!to || to === name || to in table) return false;
     const swap = (one) => (one === name ? to : one);
     return this.change((content) => {
-      const own = group === "exits" ? table : content.geometry[group] || {};
+      const own = this.own(group);
       const all = name in own ? own : { ...own, [name]: name };
-      content.geometry[group] = Object.fromEntries(Object.entries(all).map(([key, shape]) => [swap(key), shape]));
+      put(content, group, Object.fromEntries(Object.entries(all).map(([key, shape]) => [swap(key), shape])));
       if (group === "regions") {
         for (const one of content.zones || []) one.region = swap(one.region);
         for (const one of peopleOf(content)) if (one.start_region) one.start_region = swap(one.start_region);
@@ -180,8 +181,13 @@ class Project {
     const { group, list } = KINDS[kind];
     return this.change((content) => {
       if (list) content.geometry[list][name] = shape;
-      else content.geometry[group] = { ...(group === "exits" ? this.table("exits") : content.geometry[group]), [name]: shape };
+      else put(content, group, { ...this.own(group), [name]: shape });
     });
+  }
+
+  // The table of a group as the file will have it: once one exit is changed, all exits stand there.
+  own(group) {
+    return group === "exits" ? this.table("exits") : tableOf(this.content, group) || {};
   }
 
   // The points of an element that can be dragged: those of one line.
@@ -207,6 +213,17 @@ class Project {
       content.geometry.layers = Object.fromEntries(Object.entries(layers).filter(([, names]) => names.length));
     });
   }
+}
+
+// Sections are a list in the file; here they are a table like all others.
+function tableOf(content, group) {
+  if (group !== "sections") return content.geometry[group];
+  return Object.fromEntries((content.sections || []).map(({ name, line }) => [name, line]));
+}
+
+function put(content, group, table) {
+  if (group === "sections") content.sections = Object.entries(table).map(([name, line]) => ({ name, line }));
+  else content.geometry[group] = table;
 }
 
 const cm = (number) => Math.round(number * 1000) / 1000;
