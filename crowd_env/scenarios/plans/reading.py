@@ -19,6 +19,7 @@ from crowd_env.geometry.parsing import parse_exit, read_area
 from crowd_env.scenarios.plans.dxf import draw_dxf, read_dxf
 from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, Layer, listed
 from crowd_env.scenarios.plans.geojson import is_geojson, level_name, read_geojson
+from crowd_env.scenarios.plans.jupedsim import is_project, read_geometry_xml, read_project
 from crowd_env.scenarios.plans.roles import Chosen, by_names, chosen_roles
 from crowd_env.scenarios.plans.shared_edges import open_doors, walls_between
 from crowd_env.scenarios.plans.tidying import apart, regions_in, simplified, tidied, without_obstacles
@@ -31,22 +32,24 @@ Reader = Callable[..., Drawing]
 
 
 def read_json_plan(path: Path, meters: float | None = None, chosen: Chosen = by_names) -> Drawing:
-    """Read a plan of GeoJSON or Vadere."""
+    """Read a plan of GeoJSON, Vadere or JuPedSim."""
     text = read_text(path, "the floor plan", "a floor plan in this file must be JSON", ("JSON", "GeoJSON"))
     try:
         with at("it is no whole JSON"):
             content = json.loads(text)
     except RecursionError:
         raise ValueError("nested too deeply") from None
-    if is_vadere(content):
-        if chosen is not by_names:
-            raise ValueError(_NO_LAYERS)
-        return read_vadere(content, meters)
     if is_geojson(content):
         return read_geojson(content, meters, chosen)
+    if chosen is not by_names:
+        raise ValueError(_NO_LAYERS)
+    if is_vadere(content):
+        return read_vadere(content, meters)
+    if is_project(content):
+        return read_project(content, path)
     raise ValueError(
         "it is JSON, but neither GeoJSON, which is a FeatureCollection, a Feature or a geometry, nor a scenario of Vadere, "
-        "which has a 'topography' in 'scenario'"
+        "which has a 'topography' in 'scenario', nor a project of JuPedSim, which has 'exits' and 'distributions'"
     )
 
 
@@ -58,6 +61,7 @@ READERS: dict[str, Reader] = {
     ".sqlite": read_jupedsim_sqlite,
     ".scenario": read_json_plan,
     ".json": read_json_plan,
+    ".xml": read_geometry_xml,
 }
 # Kind of content, in a file of another suffix -> its reader.
 _BY_CONTENT: dict[str | None, Reader] = {
@@ -71,7 +75,7 @@ _CHOOSING = (read_dxf, read_json_plan)
 _NO_LAYERS = "it has no layers to choose from; DXF drawings and GeoJSON have"
 _LARGEST = 60_000_000  # bytes; a plan of a million corners has 40 million of them
 
-PLANS = "WKT (.wkt), GeoJSON, DXF, JuPedSim (.sqlite) or Vadere (.scenario)"
+PLANS = "WKT (.wkt), GeoJSON, DXF, JuPedSim (.sqlite, .json, .xml) or Vadere (.scenario)"
 
 
 def is_plan(path: Path) -> bool:
@@ -105,7 +109,7 @@ def read_plan(
 
     Parameters
     ----------
-    path : .wkt, .geojson, .dxf, .sqlite (JuPedSim), .scenario (Vadere) or .json (Vadere, GeoJSON).
+    path : .wkt, .geojson, .dxf, .sqlite or .xml (JuPedSim), .scenario (Vadere) or .json (Vadere, GeoJSON, JuPedSim).
     exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into; they replace the
         exits of the file.
     unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that is implausible and the file
@@ -255,7 +259,7 @@ def _is_json_plan(path: Path) -> bool:
         content = json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError):
         return False
-    return is_vadere(content) or is_geojson(content)
+    return is_vadere(content) or is_geojson(content) or is_project(content)
 
 
 def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
