@@ -1,6 +1,7 @@
 """The scenarios that ship with crowd_env, by name, and scenarios of files."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal
@@ -39,6 +40,12 @@ NAMES["scenario"] = SCENARIOS
 PLACES_OF_TASKS: dict[str, Callable[[], Scenario]] = {}
 
 
+_OF_PLAN = (
+    *(scenario_from_plan.__kwdefaults__ or ()),
+    *(one.name for one in fields(Scenario) if one.name not in ("geometry", "population", "time_limit")),
+)
+
+
 def make_scenario(scenario: str | Path | Plain | Scenario, **options: Any) -> Scenario:
     """Return a scenario by its name, or from a file, made with ``options``; or the scenario itself, perhaps with other people.
 
@@ -67,7 +74,7 @@ def make_scenario(scenario: str | Path | Plain | Scenario, **options: Any) -> Sc
     if not isinstance(scenario, str | Path):
         refuse("scenario", scenario, "the name of a scenario, its file or a Scenario")
     kind = kind_of_place(scenario)
-    of_kind = {"file": COMMON, "task": COMMON, "plan": scenario_from_plan.__kwdefaults__ or ()}
+    of_kind = {"file": COMMON, "task": COMMON, "plan": _OF_PLAN}
     known = [*(of_kind[kind] if kind in of_kind else options_of(str(scenario)))]
     unknown = [option for option in options if option not in known]
     if unknown:

@@ -13,7 +13,6 @@ from crowd_env.core.checks import Plain, at, counted, known, texts
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import SLIVER, Area, read_area, read_exits
 from crowd_env.geometry.placement import lattice
-from crowd_env.routing.route_set import Target
 from crowd_env.scenarios.cohorts import Cohorts, People, as_people
 from crowd_env.scenarios.plans.floor_plan import FloorPlan, listed
 from crowd_env.scenarios.plans.reading import read_plan
@@ -27,15 +26,18 @@ _CROWDED = 3.0  # people/m^2; more than these may not fit: a file with more mean
 def scenario_from_plan(
     path: str | Path,
     *,
-    exits: Sequence[str] = (),
+    exits: Sequence[str] | Mapping[str, Any] = (),
     unit: str | None = None,
     level: str | float | None = None,
     layers: Mapping[str, Sequence[str]] | None = None,
     people: int | None = None,
     population: People | Plain | Sequence[Any] | None = None,
     time_limit: float | None = None,
-    blocked_after: float = np.inf,
-    target: Target = "path",
+    regions: Mapping[str, Any] | None = None,
+    obstacles: Sequence[Any] = (),
+    thin_walls: Sequence[Any] = (),
+    doors: Mapping[str, Any] | None = None,
+    **fields: Any,
 ) -> Scenario:
     """Return a scenario on a floor plan in a file of any kind that `crowd_env.scenarios.plans` reads.
 
@@ -43,16 +45,17 @@ def scenario_from_plan(
     ----------
     path : the file.
     exits : each "x1,y1,x2,y2" or a LINESTRING on the edge of the plan, or a POLYGON that people walk into; by default the
-        exits of the file.
+        exits of the file.  Or name -> shape in meters or an exit of the file, as in a project.
     unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that is implausible and the file
         names another.
     level : of a file with several, such as GeoJSON; or a part of the path, such as ``house.geojson:1``.
-    layers : role -> names of layers of a DXF drawing; the roles are walkable, obstacles, exits, starts and regions.
+    layers : role -> names of layers, see `crowd_env.scenarios.plans.reading.read_plan`.
     people : number of people; by default 20, or the file's number.
     population : see `Scenario`; by default people of the default kind, in the start areas of the file if it has any.
     time_limit : s; by default long enough to walk out and to queue at the exits, at least 300 s.
-    blocked_after : s.
-    target : see `Scenario`.
+    regions : name -> area [m] beside those of the file, or one of these by another name.
+    obstacles, thin_walls, doors : as `Geometry.from_polygon` takes them.
+    fields : of `Scenario`, such as zones, rules and sections.
 
     Raises
     ------
@@ -66,13 +69,17 @@ def scenario_from_plan(
     UserWarning
         If shapes are dropped or repaired, and if the plan is so large that it may be in another unit.
     """
-    plan = read_plan(path, texts("exits", exits), unit=unit, level=level, layers=layers)
+    named = exits if isinstance(exits, Mapping) else None
+    plan = read_plan(path, () if named else texts("exits", exits), unit=unit, level=level, layers=layers)
+    with at(str(plan.path)):
+        plan = with_own(plan, exits=named, regions=regions)
     crowd = as_people(population)
     if crowd is None:
         crowd = people_on(plan, people)
     elif people is not None:
         crowd = crowd.changed(people=people)
-    return scenario_on(plan, crowd, time_limit=time_limit, blocked_after=blocked_after, target=target)
+    beside = {"obstacles": obstacles, "thin_walls": thin_walls, "doors": doors}
+    return scenario_on(plan, crowd, time_limit=time_limit, beside=beside, **fields)
 
 
 def scenario_on(

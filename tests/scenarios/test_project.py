@@ -7,7 +7,7 @@ import pytest
 from commands import call
 from shapely.geometry import box, mapping
 
-from crowd_env import OUTLINES, CrowdEnv, LogNormal, Outline, make_scenario
+from crowd_env import OUTLINES, CrowdEnv, LogNormal, Outline, Section, SpeedZone, make_scenario
 
 PROJECT = """
 time_limit = 90
@@ -185,3 +185,24 @@ def test_a_drawing_without_exits_is_saved_to_be_given_some(tmp_path):
 def test_what_cannot_be_saved_is_refused(tmp_path, monkeypatch, line, words):
     done = call(f"plan {line} --out {tmp_path / 'plan.png'}")
     assert done.exit_code == 2 and words in " ".join(done.stderr.split())
+
+
+def test_python_says_the_same_of_a_drawing_as_a_project_does(tmp_path):
+    place = make_scenario(
+        drawing(tmp_path),
+        exits={"main": "east", "side": [[0, 3], [0, 5]]},
+        regions={"stage": "corner", "stairs": [[6, 2], [8, 2], [8, 6], [6, 6]]},
+        obstacles=[box(4, 4, 5, 5)],
+        doors={"gate": "side"},
+        population={"people": 5, "start_region": "stage"},
+        zones=[SpeedZone("stairs", speed=0.6)],
+        closed_doors=["gate"],
+        sections=[Section("middle", ((6, 0), (6, 8)))],
+    )
+    assert place.exits == ("main", "side") and set(place.geometry.regions) == {"stage", "stairs"}
+    assert place.geometry.area == pytest.approx(12 * 8 - 1) and place.geometry.doors == ("gate",)
+    assert place.zones[0].speed == 0.6 and place.closed_doors == ("gate",) and place.sections[0].name == "middle"
+    with pytest.raises(ValueError, match=r"hall\.geojson has no option 'zone'; did you mean 'zones'"):
+        make_scenario(drawing(tmp_path), zone=[])
+    with pytest.raises(ValueError, match=r"exits\.main is 'west', which hall\.geojson does not have"):
+        make_scenario(drawing(tmp_path), exits={"main": "west"})
