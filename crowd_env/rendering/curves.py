@@ -50,9 +50,10 @@ class EgressStrip:
         draw = PIL.ImageDraw.Draw(image)
         for k, (recording, title) in enumerate(zip(self.recordings, self.titles, strict=True)):
             color, until = SERIES[k % len(SERIES)], min(time, recording.end, self.end)
-            out = np.sort(recording.exit_time[recording.exit_time <= until])
-            times = np.concatenate([[0.0], np.repeat(out, 2), [until]])
-            count = len(recording.radius) - np.repeat(np.arange(len(out) + 1), 2)
+            moved = np.sort(np.concatenate([recording.exit_time, recording.first_seen]))
+            moved = moved[(moved > 0.0) & (moved <= until)]
+            times = np.concatenate([[0.0], np.repeat(moved, 2), [until]])
+            count = np.repeat(recording.inside(np.concatenate([[0.0], moved])), 2)
             draw.line(
                 [self._at(*corner) for corner in zip(times.tolist(), count.tolist(), strict=True)], color, width=2
             )

@@ -136,6 +136,8 @@ class Scenario:
             require_names("start region", [part.start_region], self.geometry.regions)
             require_names("exit", part.exits, self.exits)
             require_names("route", [part.route], [*(route.name for route in self.routes), *self.exits])
+            if part.arrivals is not None:
+                part.spots(self.geometry, self.room)  # or it says that there is no room
         for one in self.pulls.attractions:
             if not self.geometry.contains(np.array([[one.x, one.y]]))[0]:
                 raise ValueError(
@@ -196,13 +198,13 @@ class Scenario:
         return self.route_set(rules=False).routes[0].field
 
     def longest_walk(self) -> tuple[float, Floats]:
-        """Return the longest free time to walk out [s], and its start (2,) [m].
+        """Return when people who walk freely are out [s], and the start (2,) [m] of the last of them.
 
-        It is the time of the slowest person at the furthest start with the latest response.
+        It is the time of the slowest person at the furthest start with the latest arrival and response.
         """
         field, longest = self.field(), (0.0, np.zeros(2))
         for part in self.population.parts:
-            if part.starts is None:
+            if part.starts is None and part.arrivals is None:
                 rows, cols = np.nonzero(np.isfinite(field.travel_time))
                 at = field.origin + field.spacing * np.column_stack([cols, rows])
                 time = field.travel_time[rows, cols] - field.behind
@@ -210,8 +212,11 @@ class Scenario:
                     inside = self.geometry.contains(at, part.start_region)
                     at, time = at[inside], time[inside]
             else:
-                at, time = part.starts, field.travel_time_for(part.starts, 0.0) - field.behind
+                at = part.spots(self.geometry, self.room)
+                time = field.travel_time_for(at, 0.0) - field.behind
             walk = float(time.max(initial=0.0)) / max(part.desired_speed.low, _SLOW) + part.response_time.high
+            if part.arrivals is not None:
+                walk += part.arrivals.latest(part.people)
             if walk > longest[0] and len(at):
                 longest = walk, at[np.argmax(time)]
         return longest
@@ -227,9 +232,9 @@ class Scenario:
         return replace(self, time_limit=max(_SHORTEST_LIMIT, float(limit)))
 
     def turned(self, angle: float, mirrored: bool = False) -> "Scenario":
-        """Return the place as `crowd_env.geometry.geometry.turning` moves it; recorded starts and attractions are moved too."""
+        """Return the place as `crowd_env.geometry.geometry.turning` moves it, with starts, arrivals and attractions."""
         turn = turning(angle, mirrored)
-        moved = [p if p.starts is None else p.changed(starts=turn(p.starts)) for p in self.population.parts]
+        moved = [part.moved(turn) for part in self.population.parts]
         crowd = Cohorts(tuple(moved)) if len(moved) > 1 else moved[0]
         points = turn(np.array([(one.x, one.y) for one in self.pulls.attractions]).reshape(-1, 2))
         return replace(
@@ -290,6 +295,11 @@ class Scenario:
     def depends_on_place(self, strategy: str) -> bool:
         """Return whether the routes of people depend on their starts."""
         return any(len(self._taken(part, strategy)) > 1 for part in self.population.parts)
+
+    @property
+    def has_arrivals(self) -> bool:
+        """Whether some people come in who are not there at the start."""
+        return any(part.arrivals is not None for part in self.population.parts)
 
     def choose(
         self,

@@ -9,6 +9,7 @@ from crowd_env.core.checks import shown
 from crowd_env.core.kernels.struct_ref import StructRef
 from crowd_env.physics.contacts import Contacts, of_a_contact, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
+from crowd_env.physics.simulation.entrances import EntryState
 from crowd_env.physics.spatial_order import Order
 from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace
 from crowd_env.routing.door_schedule import DoorState
@@ -38,6 +39,7 @@ class Checkpoint(NamedTuple):
     route_set: PlannerState
     order: Order | None  # None = no crowd is large
     escaped: np.ndarray  # (P,)  found outside of the walkable area
+    entries: EntryState
 
 
 def copy_arrays(fields: Any) -> Arrays:

@@ -9,11 +9,12 @@ import numpy as np
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints, check_bodies, check_state, make_state
 from crowd_env.core.behaviors.behavior import record
 from crowd_env.core.behaviors.headway import Headway
-from crowd_env.core.behaviors.outline import Outline
+from crowd_env.core.behaviors.outline import Outline, room_of
 from crowd_env.core.behaviors.pulls import has_groups
 from crowd_env.core.checks import NOT_NEGATIVE, known, whole
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.kernels.struct_ref import struct_ref
+from crowd_env.geometry.entrances import Entries
 from crowd_env.geometry.geometry import Boundary, Geometry, join_boundaries
 from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.geometry.wall_grid import make_wall_grid
@@ -31,9 +32,11 @@ from crowd_env.physics.simulation.checkpoint import (
     save_history,
     write_arrays,
 )
+from crowd_env.physics.simulation.entrances import Entrances
 from crowd_env.physics.simulation.stepper import Stepper
 from crowd_env.physics.social_force import social_forces_of_walls
 from crowd_env.physics.spatial_order import SortedCrowd, between
+from crowd_env.physics.step import pass_time
 from crowd_env.physics.workspace import (
     Batch,
     Command,
@@ -115,6 +118,7 @@ class Simulation:
         plans = [place.plan if isinstance(place, RouteSet) else None for place in self.fields]
         closed, events = ([getattr(plan, name, ()) for plan in plans] for name in ("closed_at_start", "events"))
         self._door_schedule = DoorSchedule(self.geometries, closed, events, which)
+        self.entrances = Entrances(bodies, room_of(self.outline))
         routes = (self.planner.guidance.field_of_route >= 0).sum(axis=1)
         self._routes_of_person = np.repeat(routes, np.diff(bodies.env_start))
         arguments.check_routes(state.route, self._routes_of_person)
@@ -188,7 +192,7 @@ class Simulation:
         n_substeps: int = 1,
         external_force: Floats | None = None,
         gives_way: Bools | None = None,
-        then: Callable[[int, int], object] = lambda first, stop: None,
+        then: Callable[[int, int], object] | None = None,
     ) -> None:
         """Advance every environment by ``n_substeps`` physics steps in one compiled call.
 
@@ -215,22 +219,44 @@ class Simulation:
         self._stepper.begin(asked)
         target = 0
         while target < n_substeps:
+            self._let_in()
             for e, closed in self._door_schedule.update(self.bodies, self.state, self.history.door_open):
                 self.close_doors(e, closed)
             self.planner.update(self.bodies, self.state)
             inside = self.inside
             if self._sorted is not None:
                 self._sorted.update(self.history.contacts, self.workspace.neighbors)
-            tasks = (self._sorted, self.planner, self._door_schedule)
-            waits = [task.steps_until_due(self.state.time, self.dt, inside) for task in tasks if task is not None]
+            busy = inside + self.entrances.coming if self.entrances.are_used else inside
+            tasks = ((self._sorted, busy), (self.planner, inside), (self._door_schedule, busy), (self.entrances, busy))
+            waits = [task.steps_until_due(self.state.time, self.dt, n) for task, n in tasks if task is not None]
             waits += [1] if self.listeners else []
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
-            self._stepper.run_until(target, self.dt, then if target == n_substeps else lambda first, stop: None)
+            self._stepper.run_until(target, self.dt, self._finish(target, then if target == n_substeps else None))
             for listen in self.listeners:
                 listen()
         add_diagnostics(self.diagnostics, self.results.diagnostics)
         state, geometry_of_env = self.state, self.world.geometry_of_env
         mark_outside(self._border, geometry_of_env, self.bodies.env_start, state.active, state.position, self.escaped)
+
+    def _let_in(self, only: int | None = None) -> None:
+        """Let in the people whose time has come, into ``only`` one environment or all."""
+        for e in self.entrances.update(self.state, only):
+            invalidate_lists(self.workspace.neighbors, e)
+            self.history.directions_known[e] = False
+            if self._sorted is not None:
+                self._sorted.gather_bodies(self._people(e))
+
+    def _finish(self, target: int, then: Callable[[int, int], object] | None) -> Callable[[int, int], object]:
+        """Return what is done after step ``target``: the clock of an empty place goes on while people are to come."""
+        waiting, batch = self.entrances.coming > 0 if self.entrances.are_used else None, self.batch
+
+        def finish(first: int, stop: int) -> None:
+            if waiting is not None:
+                pass_time(batch, self.dt, target, first, stop, waiting)
+            if then is not None:
+                then(first, stop)
+
+        return finish
 
     def close_doors(self, e: int, closed: Iterable[str]) -> None:
         """Close these doors of environment ``e`` and open all others; routes follow.
@@ -270,11 +296,13 @@ class Simulation:
         position: Floats,
         velocity: Floats | None = None,
         route: Ints | int = 0,
+        entries: Sequence[Entries | None] | None = None,
     ) -> None:
         """Begin a new episode in environment ``e`` with the same number of people; other environments are not touched.
 
         Several environments at once are quicker: then all people are given in the order of ``e``.  ``route`` is the number of
         the route of each pedestrian; `send` changes it later.  Routes that depend on the crowd are computed at once.
+        ``entries`` are those of each environment of ``e``; by default all people are there at the start.
 
         Raises
         ------
@@ -302,9 +330,13 @@ class Simulation:
         self._set_inertia(people)
         self.state.route[people], self.state.time[chosen], self.escaped[people] = routes, 0.0, False
         begin_history(chosen, people, self.history, self.bodies, routes)
+        for late in (self.history.force, self.history.torque) if entries else ():
+            late[people[: len(late)]] = 0.0  # the first forces are those of people inside alone
         begin_results(chosen, people, self.results, self.diagnostics)
         invalidate_lists(self.workspace.neighbors, chosen)
-        for each in chosen:
+        for each, come in zip(chosen, entries or [None] * len(chosen), strict=True):
+            self.entrances.restart(each, come, self.state)
+            self._let_in(each)
             if self._sorted is not None:
                 self._sorted.restart(each)
             self.planner.restart(each)
@@ -337,6 +369,7 @@ class Simulation:
             self.planner.moment(),
             None if self._sorted is None else self._sorted.order(),
             self.escaped.copy(),
+            self.entrances.moment(),
         )
 
     def restore(self, checkpoint: Checkpoint) -> None:
@@ -360,6 +393,7 @@ class Simulation:
             write_arrays(getattr(self, name), getattr(checkpoint, name))
         self.escaped[:] = checkpoint.escaped
         self._door_schedule.restore(checkpoint.doors)
+        self.entrances.restore(checkpoint.entries)
         self.planner.restore(checkpoint.route_set)
         self._take_fields()
         if self._sorted is not None and checkpoint.order is not None:
