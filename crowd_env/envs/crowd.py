@@ -182,6 +182,7 @@ class CrowdEnv(Restorable):
             each.route_set(strategy, rules=routing.signs, ways=choosing)
             for each, strategy in zip(self.scenarios, self.strategies, strict=True)
         ]
+        self._halts = [any(route.via for route in each.routes) for each in self.scenarios]
         self._usual_route: list[Ints | None] = [None] * len(self.scenarios)  # known where it is that of every episode
         self.simulation = Simulation(
             [each.geometry for each in self.scenarios],
@@ -457,6 +458,13 @@ class CrowdEnv(Restorable):
             self.simulation.send(e, route)
             if not scenario.depends_on_place(strategy):
                 self._usual_route[kinds[k]] = route
+        for e, kind in zip(chosen, kinds, strict=True):
+            names = [route.name for route in self.route_set[kind].routes]
+            taken = (
+                [names[k] for k in self.simulation.state.route[self.people(e)].tolist()] if self._halts[kind] else []
+            )
+            if taken and (stays := self.scenarios[kind].draw_stays(self._generators[e], taken)) is not None:
+                self.simulation.hold(e, *stays)
         begun, transition = np.zeros(self.num_envs, dtype=bool), self._transition
         begun[chosen] = True
         people = begun[self.env_of_person]

@@ -29,8 +29,8 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
     Observation, action and reward of an agent are the rows of `CrowdEnv`.  An action of None, or none at all for an agent,
     makes it scripted: the pedestrian walks along the route at full speed.  Both kinds can share a room.
 
-    A pedestrian that comes in later joins ``agents`` in that step, with its first observation and the reward 0.  While nobody is
-    inside and somebody is to come, time passes within the step: without agents an environment is over.
+    A pedestrian that comes in later joins ``agents`` in that step, with its first observation and the reward 0.  While the
+    place is empty and people are to come, time passes within the step: without agents an environment is over.
 
     A pedestrian that gets out leaves ``agents`` in that step, with a last observation and reward and ``terminated = True``.
     Later actions for that agent are ignored: clients with a fixed group of agents continue to send some.  At
@@ -160,7 +160,10 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
         observation, info = self.env.reset(None if seed is None else [seed])
         if not self.env.active.any():  # an agent acts from its entry on
             step = self._until_somebody_is_inside()
-            observation, info = step.observation, {name: step.info[name] for name in ("action_mask",) if name in step.info}
+            observation, info = (
+                step.observation,
+                {name: step.info[name] for name in ("action_mask",) if name in step.info},
+            )
         if seed is not None:
             self.np_random = np.random.default_rng(seed)
         self._begun = True

@@ -43,7 +43,7 @@ DRAWN = {
     "relaxation_time": POSITIVE,
     "response_time": Range(0.0, 86_400.0),  # s
 }
-BOUNDS = DRAWN | MOTIVATION | {"group_size": COUNT}
+BOUNDS = DRAWN | MOTIVATION | {"group_size": COUNT, "wait": Range(0.0, 86_400.0)}
 
 # People of Pécol et al. 2011, Table 4, uniform within the ranges: `Population(20, **TABLE_4)`.
 TABLE_4: Mapping[str, Any] = {"radius": Uniform(0.2, 0.25), "desired_speed": Uniform(1.2, 2.0)}
@@ -100,6 +100,8 @@ class Population:
     """names of the exits that people know, of which they take the best; all exits by default."""
     name: str = ""
     """name of these people in messages and pictures."""
+    wait: Distribution | None = field(default=None, metadata={UNSAID: None})
+    """s, how long people wait in the region that their route is via; by default they walk on."""
     arrivals: Arrivals | None = field(default=None, metadata={UNSAID: None})
     """when they come in; by default all are there at the start."""
 

@@ -1,6 +1,6 @@
 """A scenario is pure data: a plan, a population, a time limit and where the numbers come from."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, TypeVar
 
@@ -17,10 +17,11 @@ from crowd_env.core.checks import Plain, Positive, Range, check_fields, flag, re
 from crowd_env.core.files.fingerprint import UNSAID
 from crowd_env.geometry.aprons import APRON, APRONS
 from crowd_env.geometry.geometry import Geometry, turning
+from crowd_env.geometry.placement import lattice
 from crowd_env.routing.fields.domain import require_grid
 from crowd_env.routing.fields.field import NavigationField, OneWay
 from crowd_env.routing.route_set import RoutePlan, RouteSet, Target
-from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
+from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Gate, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios.cohorts import Cohorts, People, as_people
@@ -109,6 +110,8 @@ class Scenario:
     """events that open and close doors."""
     one_way: tuple[OneWay, ...] = ()
     """doors that people mean to pass one way only."""
+    gates: tuple[Gate, ...] = field(default=(), metadata={UNSAID: ()})
+    """doors that let people through one by one, such as turnstiles."""
     comfort: Comfort = field(default_factory=Comfort)
     """costs that the most comfortable route keeps low."""
     manner: Manner | None = "hurried"
@@ -136,6 +139,8 @@ class Scenario:
             require_names("start region", [part.start_region], self.geometry.regions)
             require_names("exit", part.exits, self.exits)
             require_names("route", [part.route], [*(route.name for route in self.routes), *self.exits])
+            if part.wait is not None and not any(one.via and one.name == part.route for one in self.routes):
+                raise ValueError("people wait in the region that their route is via: wait needs such a route")
             if part.arrivals is not None:
                 part.spots(self.geometry, self.room)  # or it says that there is no room
         for one in self.pulls.attractions:
@@ -215,6 +220,8 @@ class Scenario:
                 at = part.spots(self.geometry, self.room)
                 time = field.travel_time_for(at, 0.0) - field.behind
             walk = float(time.max(initial=0.0)) / max(part.desired_speed.low, _SLOW) + part.response_time.high
+            walk += max((route.until for route in self.routes), default=0.0)
+            walk += 0.0 if part.wait is None else part.wait.high
             if part.arrivals is not None:
                 walk += part.arrivals.latest(part.people)
             if walk > longest[0] and len(at):
@@ -276,6 +283,7 @@ class Scenario:
             closed_at_start=self.closed_doors,
             events=self.door_events,
             one_way=self.one_way,
+            gates=self.gates,
             walking_speed=0.5 * (self.population.desired_speed.low + self.population.desired_speed.high) or 1.0,
         ).build()
 
@@ -296,10 +304,33 @@ class Scenario:
         """Return whether the routes of people depend on their starts."""
         return any(len(self._taken(part, strategy)) > 1 for part in self.population.parts)
 
+    def draw_stays(self, rng: np.random.Generator, routes: Sequence[str]) -> tuple[Floats, Floats] | None:
+        """Draw how long (N,) [s] and where (N, 2) [m] people wait who take these ``routes`` (N,); None if nobody waits."""
+        waits = any(part.wait is not None for part in self.population.parts)
+        halts = [route for route in self.routes if route.via is not None and (waits or route.until)]
+        if not halts:
+            return None
+        lengths = (
+            np.zeros(p.people) if p.wait is None else p.wait.sample(rng, p.people) for p in self.population.parts
+        )
+        stay, spot, taken = np.concatenate([*lengths]), np.full((len(routes), 2), np.nan), np.array(routes)
+        for route in halts:
+            here = np.flatnonzero(taken == route.name)
+            spots = lattice(self.geometry, self.room * self.population.radius.high, route.via)
+            if len(spots):
+                spot[here] = spots[rng.permutation(len(spots))[np.arange(len(here)) % len(spots)]]
+        return stay, spot
+
     @property
     def has_arrivals(self) -> bool:
         """Whether some people come in who are not there at the start."""
         return any(part.arrivals is not None for part in self.population.parts)
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether a crowd at rest may walk on by itself: people come in, wait, or pass gates."""
+        waits = any(part.wait is not None for part in self.population.parts) or any(one.until for one in self.routes)
+        return self.has_arrivals or waits or bool(self.gates)
 
     def choose(
         self,

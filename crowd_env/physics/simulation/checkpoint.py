@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bodies, CrowdState, Ints
+from crowd_env.core.arrays.state import Bodies, CrowdState, Floats, Ints
 from crowd_env.core.checks import shown
 from crowd_env.core.kernels.struct_ref import StructRef
 from crowd_env.physics.contacts import Contacts, of_a_contact, rows_of
@@ -40,6 +40,7 @@ class Checkpoint(NamedTuple):
     order: Order | None  # None = no crowd is large
     escaped: np.ndarray  # (P,)  found outside of the walkable area
     entries: EntryState
+    gates: tuple[Floats, Floats]  # when each may admit the next (E, G) [s], and is looked at (E,) [s]
 
 
 def copy_arrays(fields: Any) -> Arrays:

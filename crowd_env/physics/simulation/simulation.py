@@ -33,6 +33,7 @@ from crowd_env.physics.simulation.checkpoint import (
     write_arrays,
 )
 from crowd_env.physics.simulation.entrances import Entrances
+from crowd_env.physics.simulation.gates import Gates
 from crowd_env.physics.simulation.stepper import Stepper
 from crowd_env.physics.social_force import social_forces_of_walls
 from crowd_env.physics.spatial_order import SortedCrowd, between
@@ -118,6 +119,9 @@ class Simulation:
         plans = [place.plan if isinstance(place, RouteSet) else None for place in self.fields]
         closed, events = ([getattr(plan, name, ()) for plan in plans] for name in ("closed_at_start", "events"))
         self._door_schedule = DoorSchedule(self.geometries, closed, events, which)
+        gates = [getattr(plan, "gates", ()) for plan in plans]
+        self._gates = Gates(self.geometries, gates, which)
+        self._waits = any(getattr(route, "via", None) for plan in plans for route in getattr(plan, "routes", ()))
         self.entrances = Entrances(bodies, room_of(self.outline))
         routes = (self.planner.guidance.field_of_route >= 0).sum(axis=1)
         self._routes_of_person = np.repeat(routes, np.diff(bodies.env_start))
@@ -146,7 +150,9 @@ class Simulation:
         bodies, guidance, kinds = self.bodies, self.planner.guidance, kinds_of(self.walking)
         params = record(**{name: kind.params_of(self.behaviors[name]) for name, kind in kinds.items()})
         acts = {name: kind.acts(self.behaviors[name], bodies) for name, kind in kinds.items()}
-        self._uses = uses = arrays_of(self.scheme, [kind for name, kind in kinds.items() if acts[name]])
+        uses = arrays_of(self.scheme, [kind for name, kind in kinds.items() if acts[name]])
+        uses |= {name for name, used in (("gates", bool(self._gates)), ("waiting", self._waits)) if used}
+        self._uses = uses
         control = allocate_control(len(bodies.radius), self.driving, not self.allow_unstable)
         headway = self.behaviors[Headway.NAME]
         walls = make_wall_grid(boundary, None if headway is None else headway.sight + 1.0)
@@ -156,6 +162,8 @@ class Simulation:
         acting = {name: (kind, acts[name]) for name, kind in kinds.items()}
         history = allocate_history(bodies, workspace.neighbors, signs, doors, uses, acting)
         history.followed[:] = self.state.route
+        for e in range(len(self.state.time)):
+            history.is_gate[e, self._gates.doors_of(e)] = True
         world = World(boundary, by_reference(self.planner.field), geometry_of_env, guidance, walls)
         results = allocate_results(len(bodies.radius), len(self.state.time))
         return Batch(world, params, record(**acts), bodies, self.state, control, results, history, workspace)
@@ -223,11 +231,13 @@ class Simulation:
             for e, closed in self._door_schedule.update(self.bodies, self.state, self.history.door_open):
                 self.close_doors(e, closed)
             self.planner.update(self.bodies, self.state)
+            self._admit()
             inside = self.inside
             if self._sorted is not None:
                 self._sorted.update(self.history.contacts, self.workspace.neighbors)
             busy = inside + self.entrances.coming if self.entrances.are_used else inside
-            tasks = ((self._sorted, busy), (self.planner, inside), (self._door_schedule, busy), (self.entrances, busy))
+            tasks: list[tuple[Any, Ints]] = [(self._sorted, busy), (self._door_schedule, busy), (self.entrances, busy)]
+            tasks += [(self.planner, inside), (self._gates, inside)]
             waits = [task.steps_until_due(self.state.time, self.dt, n) for task, n in tasks if task is not None]
             waits += [1] if self.listeners else []
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
@@ -245,6 +255,15 @@ class Simulation:
             self.history.directions_known[e] = False
             if self._sorted is not None:
                 self._sorted.gather_bodies(self._people(e))
+
+    def _admit(self) -> None:
+        """Let gates admit people."""
+        if not self._gates:
+            return
+        direction, admitted = self.in_slots(self.history.direction), self.in_slots(self.history.admitted)
+        for e in self._gates.update(self.bodies, self.state, direction, admitted):
+            self.history.admitted[:] = admitted if self._sorted is None else admitted[self._sorted.slot]
+            invalidate_lists(self.workspace.neighbors, e)
 
     def _finish(self, target: int, then: Callable[[int, int], object] | None) -> Callable[[int, int], object]:
         """Return what is done after step ``target``: the clock of an empty place goes on while people are to come."""
@@ -337,6 +356,7 @@ class Simulation:
         for each, come in zip(chosen, entries or [None] * len(chosen), strict=True):
             self.entrances.restart(each, come, self.state)
             self._let_in(each)
+            self._gates.restart(each)
             if self._sorted is not None:
                 self._sorted.restart(each)
             self.planner.restart(each)
@@ -370,6 +390,7 @@ class Simulation:
             None if self._sorted is None else self._sorted.order(),
             self.escaped.copy(),
             self.entrances.moment(),
+            self._gates.moment(),
         )
 
     def restore(self, checkpoint: Checkpoint) -> None:
@@ -394,6 +415,7 @@ class Simulation:
         self.escaped[:] = checkpoint.escaped
         self._door_schedule.restore(checkpoint.doors)
         self.entrances.restore(checkpoint.entries)
+        self._gates.restore(checkpoint.gates)
         self.planner.restore(checkpoint.route_set)
         self._take_fields()
         if self._sorted is not None and checkpoint.order is not None:
@@ -413,6 +435,15 @@ class Simulation:
         self.state.route[people] = wanted
         self.history.followed[people] = wanted
         self.history.directions_known[e] = False
+
+    def hold(self, e: int, stay: Floats, spot: Floats) -> None:
+        """Set how long (N,) [s] and where (N, 2) [m] people of environment ``e`` wait in the region of their route.
+
+        It holds until the environment restarts, and is set before the first step.  Where the spot is nan, people stand where
+        they come into the region.
+        """
+        people = self._people(e)
+        self.history.stay[people], self.history.spot[people] = stay, spot
 
     def set_motivation(
         self, e: int, *, time_gap: Floats | float | None = None, push: Floats | float | None = None
