@@ -46,6 +46,11 @@ class Episode(NamedTuple):
         return everyone if self.entry_time is None else ~np.isinf(self.entry_time)
 
     @property
+    def entries(self) -> Floats | None:
+        """The entry times of the people who `came`; None if all were there at the start."""
+        return None if self.entry_time is None else self.entry_time[self.came]
+
+    @property
     def turned_away(self) -> int:
         """How many people came and could not enter."""
         return 0 if self.entry_time is None else int(np.isnan(self.entry_time).sum())

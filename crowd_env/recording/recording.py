@@ -56,6 +56,11 @@ class Recording(Frames):
         np.minimum.at(first, self.person, self.times[self.frame])
         return np.where(first == self.times[0], -np.inf, first)
 
+    @property
+    def came(self) -> int:
+        """How many people were inside at some time."""
+        return int((self.first_seen < np.inf).sum())
+
     @cached_property
     def left_inside(self) -> int:
         """How many people were inside at the end."""

@@ -36,7 +36,7 @@ class EgressStrip:
         self.recordings, self.titles, self.end = recordings, titles, max(end, 1e-6)
         self.size = 0.78 * text
         self.height = 2 * round(0.5 * float(np.clip(0.16 * width, 110.0, 150.0)) + 0.7 * text)
-        self.most = max(max(len(recording.radius) for recording in recordings), 1)
+        self.most = max(max(int(one.inside(one.times).max()) for one in recordings), 1)
         self.top, self.bottom = round(2.2 * text), self.height - round(1.9 * text)
         self.left = margin + text_width(str(self.most), self.size) + round(0.6 * text)
         self.right = width - margin - round(1.2 * text)

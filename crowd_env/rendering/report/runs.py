@@ -113,7 +113,8 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
     if not episodes:
         raise ValueError(f"{folder / KEPT} holds no finished run; the command that began it goes on with it")
     figures = report(scenario, scheme, episodes, dt=config["dt"], strategy=config["strategy"])
-    figures["by_hand"] = by_hand(scenario)
+    if not scenario.goes_on:
+        figures["by_hand"] = by_hand(scenario)
     return Runs("", folder, config, scenario, scheme, episodes, figures, kept.crowding(episodes))
 
 
