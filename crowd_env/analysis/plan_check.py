@@ -120,7 +120,7 @@ def check_plan(
     lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.exits, least) if widths else ())]
     passages = narrowest_passages(geometry, terrain, _starts(terrain, people, geometry, position)) if widths else {}
     there = np.repeat([part.arrivals is None for part in people.parts], [part.people for part in people.parts])
-    if len(radius):  # people who come later are not drawn
+    if len(radius):  # arriving people are not drawn
         position, radius, cohort = position[there], radius[there], cohort[there]
     remarks += _of_exits(widths, passages, people)
     for exit, far in geometry.close_behind.items():

@@ -377,13 +377,13 @@ class CrowdEnv(Restorable):
         return Step(observation, reward, left, truncated, info)
 
     def _look(self, rows: np.ndarray, first: int, stop: int) -> None:
-        """Do as `Observer.look`, for people too who came in during the step."""
+        """Do as `Observer.look`, also for people that came in during the step."""
         people = slice(int(self.env_start[first]), int(self.env_start[stop]))
         self.observer.view.fields.seen[people] |= self.simulation.state.active[people]
         self.observer.look(rows, first, stop)
 
     def _count_entries(self) -> None:
-        """Count the people who are still to come, and let the wait for blocked exits begin after entries too."""
+        """Count the people still to come, and let the wait for blocked exits begin after entries too."""
         step, simulation = self._transition.fields, self.simulation
         state, set_out = simulation.state, simulation.bodies.response_time  # s, of the clock
         way = self.observer.view.potential
@@ -477,7 +477,7 @@ class CrowdEnv(Restorable):
                 self._draw_learned(e)
 
     def _draw_entries(self, chosen: list[int], kinds: list[int], room: float) -> list[Entries] | None:
-        """Draw who comes in when, after all else of an episode; None if all are there at the start, everywhere."""
+        """Draw the entries of episodes, after all else; None if all are there at the start, everywhere."""
         if not any(scenario.has_arrivals for scenario in self.scenarios):
             return None
         places = [self.scenarios[kind] for kind in kinds]

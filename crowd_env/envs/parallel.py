@@ -49,7 +49,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
 
     Attributes
     ----------
-    possible_agents, agents : names of all pedestrians who may come, and of the ones inside; none before the first `reset`.
+    possible_agents, agents : names of all pedestrians that may come, and of the ones inside; none before the first `reset`.
     np_random : generator of the seed of `reset`, for wrappers; the crowd draws from others.
     cohorts : name -> agents of each cohort of the place, to group agents by.
     state_layout, state_space : the meaning of the numbers of `state`, and their bounds.

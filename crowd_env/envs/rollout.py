@@ -47,7 +47,7 @@ class Episode(NamedTuple):
 
     @property
     def entries(self) -> Floats | None:
-        """The entry times of the people who `came`; None if all were there at the start."""
+        """The entry times of the people that `came`; None if all were there at the start."""
         return None if self.entry_time is None else self.entry_time[self.came]
 
     @property

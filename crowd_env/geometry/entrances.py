@@ -1,4 +1,4 @@
-"""Entrances: where people who come later may come in, and when."""
+"""Entrances: where and when people come in during an episode."""
 
 import itertools
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from crowd_env.core.arrays.state import Floats, Ints, row_starts
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.placement import keeps_clear
 
-NEVER = np.inf  # time of people who do not come in this draw
+NEVER = np.inf  # time of people that do not come in this draw
 _MOST_SPOTS = 2000.0  # of an area; a larger one has them further apart
 
 
@@ -27,12 +27,12 @@ class Entries(NamedTuple):
     spots: Floats  # (K, 2)  m
 
     def first_spots(self) -> Floats:
-        """Return the spot (N, 2) [m] that each person tries first; only of people who come in."""
+        """Return the spot (N, 2) [m] that each person tries first; without meaning for people that do not come in."""
         return self.spots[self.first]
 
 
 def at_the_start(people: int) -> Entries:
-    """Return the entries of people who are all there at the start."""
+    """Return the entries of people that are all there at the start."""
     none = np.zeros(people, dtype=np.int64)
     return Entries(np.full(people, np.nan), none, none.copy(), none.copy(), np.zeros((1, 2)))
 
@@ -92,5 +92,5 @@ def spots_along(geometry: Geometry, radius: float, line: Floats) -> Floats:
 def _those_with_room(geometry: Geometry, points: Floats, radius: float, region: str | None, where: str) -> Floats:
     found = points[keeps_clear(geometry, points, radius, region)]
     if not len(found):
-        raise ValueError(f"nobody can come in {where}: a body of radius {radius:.2f} m fits nowhere there")
+        raise ValueError(f"no person can come in {where}: a body of radius {radius:.2f} m fits nowhere there")
     return found

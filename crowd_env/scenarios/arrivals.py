@@ -1,4 +1,4 @@
-"""People who come later: when, and along which line."""
+"""Arrivals: when people come in during an episode, and along which line."""
 
 from dataclasses import dataclass
 from math import ceil, inf, sqrt
@@ -20,9 +20,9 @@ _SPREAD, _SPARE = (
 
 @dataclass(frozen=True, eq=False)
 class Arrivals:
-    """When people come in who are not there at the start: at a rate, at given times, or by a timetable.
+    """When people come in that are not there at the start: at a rate, at given times, or by a timetable.
 
-    They come in along a line, in the start region, or each at a recorded start.  A person who finds no room waits outside, in
+    They come in along a line, in the start region, or each at a recorded start.  A person without room waits outside, in
     the order of coming.  Response times count from the entry.
 
     Raises
@@ -38,11 +38,11 @@ class Arrivals:
     until: Annotated[float, _NEVER] = inf
     """s, the time at which the rate ends; by default when all people have come."""
     spacing: Literal["random", "regular"] = "random"
-    """"random" for a Poisson process, whose number of people varies from draw to draw, or "regular"."""
+    """"random" for a Poisson process, with another number of people in each draw, or "regular"."""
     times: tuple[float, ...] = ()
     """s, the time of each person."""
     timetable: tuple[tuple[float, float], ...] = ()
-    """(time [s], number of people) of everyone who comes at once."""
+    """(time [s], number of people) of each group."""
     line: Floats | None = None
     """(K, 2) m, line on the edge or inside along which people come in; by default in the start region."""
 

@@ -145,7 +145,7 @@ class Cohorts:
 
     @property
     def _placed(self) -> list[Population]:
-        """The cohorts whose places at the start are drawn."""
+        """The cohorts with drawn places at the start."""
         return [part for part in self.parts if part.starts is None and part.arrivals is None]
 
     def _regions(self) -> list[str | None]:

@@ -135,13 +135,13 @@ class Population:
         if arrivals.rate is None and self.people != arrivals.people:
             raise ValueError(f"population: people is {self.people}, but {arrivals.people} arrivals are listed")
         if self.starts is not None and (arrivals.line is not None or len(self.starts) != self.people):
-            raise ValueError("people who arrive come in along a line, or each at a recorded start of their own")
+            raise ValueError("arriving people come in along a line, or each at a recorded start of their own")
         if self.starts is None and self.start_region is None and arrivals.line is None:
-            raise ValueError("people who arrive need an entrance: a line of the arrivals, a start_region or starts")
+            raise ValueError("arriving people need an entrance: a line of the arrivals, a start_region or starts")
         if arrivals.line is not None and self.start_region is not None:
             raise ValueError(f"people come in along a line or in the start region {self.start_region!r}, not both")
         if self.walks_together:
-            raise ValueError("people who arrive walk alone: leave out group_size")
+            raise ValueError("arriving people walk alone: leave out group_size")
 
     @property
     def parts(self) -> tuple["Population", ...]:
@@ -180,14 +180,14 @@ class Population:
         return motivated._replace(group=self.draw_groups(rng, position)), position
 
     def outside(self, geometry: Geometry, room: float, radius: Floats) -> Floats:
-        """Return places (people, 2) at which people who arrive may come in, for as long as they are not there."""
+        """Return places (people, 2) at which arriving people may come in, for as long as they are not there."""
         if self.starts is not None:
             check_starts(geometry, self.starts, radius, at_once=False)
             return self.starts.copy()
         return np.repeat(self.spots(geometry, room)[:1], self.people, axis=0)
 
     def spots(self, geometry: Geometry, room: float = 1.0) -> Floats:
-        """Return where (K, 2) people who arrive may come in, as discs of ``room`` radii.
+        """Return where (K, 2) arriving people may come in, as discs of ``room`` radii.
 
         Raises
         ------
@@ -197,7 +197,7 @@ class Population:
         return self.starts if self.starts is not None else _spots_of(self, geometry, room)
 
     def draw_entries(self, rng: np.random.Generator, geometry: Geometry, room: float = 1.0) -> Entries:
-        """Draw when and where people come in, after all else; of people who are there at the start nothing is drawn."""
+        """Draw when and where people come in, after all else; nothing is drawn of people that are there at the start."""
         if self.arrivals is None:
             return at_the_start(self.people)
         due, spots, own = self.arrivals.draw(rng, self.people), self.spots(geometry, room), np.arange(self.people)

@@ -142,7 +142,7 @@ class Scenario:
             if part.wait is not None and not any(one.via and one.name == part.route for one in self.routes):
                 raise ValueError("people wait in the region that their route is via: wait needs such a route")
             if part.arrivals is not None:
-                part.spots(self.geometry, self.room)  # or it says that there is no room
+                part.spots(self.geometry, self.room)  # ValueError without room
         for one in self.pulls.attractions:
             if not self.geometry.contains(np.array([[one.x, one.y]]))[0]:
                 raise ValueError(
@@ -203,7 +203,7 @@ class Scenario:
         return self.route_set(rules=False).routes[0].field
 
     def longest_walk(self) -> tuple[float, Floats]:
-        """Return when people who walk freely are out [s], and the start (2,) [m] of the last of them.
+        """Return when freely walking people are out [s], and the start (2,) [m] of the last of them.
 
         It is the time of the slowest person at the furthest start with the latest arrival and response.
         """
@@ -305,7 +305,7 @@ class Scenario:
         return any(len(self._taken(part, strategy)) > 1 for part in self.population.parts)
 
     def draw_stays(self, rng: np.random.Generator, routes: Sequence[str]) -> tuple[Floats, Floats] | None:
-        """Draw how long (N,) [s] and where (N, 2) [m] people wait who take these ``routes`` (N,); None if nobody waits."""
+        """Draw how long (N,) [s] and where (N, 2) [m] people wait on these ``routes`` (N,); None if none wait."""
         waits = any(part.wait is not None for part in self.population.parts)
         halts = [route for route in self.routes if route.via is not None and (waits or route.until)]
         if not halts:
@@ -323,7 +323,7 @@ class Scenario:
 
     @property
     def has_arrivals(self) -> bool:
-        """Whether some people come in who are not there at the start."""
+        """Whether some people come in during an episode."""
         return any(part.arrivals is not None for part in self.population.parts)
 
     @property

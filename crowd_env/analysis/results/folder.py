@@ -202,7 +202,7 @@ class Egress(NamedTuple):
 def inside(exit_time: Floats, time: Floats, entry_time: Floats | None = None) -> np.ndarray:
     """Return how many people are inside at ``time`` (T,) [s]; ``exit_time`` (N,) [s] is nan for a pedestrian left inside.
 
-    ``entry_time`` (M,) [s] is that of the people who came; nan for one that could not enter.
+    ``entry_time`` (M,) [s] is that of the people that came; nan for one that could not enter.
     """
     come = len(exit_time) if entry_time is None else np.searchsorted(np.sort(entry_time), time, side="right")
     return come - np.searchsorted(np.sort(exit_time), time, side="right")

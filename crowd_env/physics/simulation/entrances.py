@@ -1,4 +1,4 @@
-"""People who come in during an episode: until then they are no bodies, as people who have left.
+"""People that come in during an episode: until then they are no bodies, like people that have left.
 
 A person comes in at rest, at its time, on the first free spot of its entrance: where its body overlaps neither a wall nor a
 body.  If there is none it waits outside, and so do all behind it at this entrance; the entrance is looked at again every
@@ -28,7 +28,7 @@ class EntryState(NamedTuple):
 
 
 class Entrances:
-    """Lets people in whose time has come, environment by environment.
+    """Lets people in at their time, environment by environment.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Entrances:
         return entry
 
     def restart(self, e: int, entries: Entries | None, state: CrowdState) -> None:
-        """Begin an episode of environment ``e``: people who come later are out."""
+        """Begin an episode of environment ``e``: people that come later are out."""
         people = slots_of(self._bodies, e)
         self.entry_time[people], self._clock.due[e] = 0.0, 0.0
         self._entries[e] = at_the_start(0)
@@ -88,7 +88,7 @@ class Entrances:
         self._watched = [k for k, queue in enumerate(self._queue) if len(queue)]
 
     def close(self, e: int) -> None:
-        """Let nobody else into environment ``e``: its episode is over."""
+        """Close the entrances of environment ``e``: its episode is over."""
         if len(self._queue[e]):
             self._line_up(e, self._queue[e][:0])
 
@@ -103,11 +103,11 @@ class Entrances:
         self.entry_time[:], self._clock.due[:] = then.entry_time, then.due
 
     def steps_until_due(self, time: Floats, dt: float, inside: Ints) -> int | None:
-        """Return after how many steps the next environment must be looked at; None if nobody is still to come."""
+        """Return after how many steps the next environment must be looked at; None if all are in."""
         return self._clock.steps_until_due(self._watched, time, dt)
 
     def update(self, state: CrowdState, only: int | None = None) -> list[int]:
-        """Let in the people who are due and find room; returns the environments that someone has entered."""
+        """Let in the people that are due and find room; returns the environments that they have entered."""
         entered = []
         for e in self._watched if only is None else [only]:
             now = float(state.time[e])
@@ -146,7 +146,7 @@ def _let_in(
     is_full: Bools,
     came_in: Bools,
 ) -> None:
-    """Place each of the people who have ``come`` on the first free spot of its entrance, in order.
+    """Place each of the people that have ``come`` on the first free spot of its entrance, in order.
 
     ``begin`` and ``stop`` are the slots of the environment, ``is_full`` is written at the first spot of each entrance.
     """

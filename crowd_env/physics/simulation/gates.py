@@ -1,6 +1,6 @@
-"""Gates: open doors that let people through one by one, at most so many per second.
+"""Gates: open doors that let people through one by one, at most at a given flow.
 
-A gate is a wall for all but the people that it has admitted; they may pass it from then on.  It admits the nearest person
+A gate is a wall for all but admitted people, which may pass it from then on.  It admits the nearest person
 within `REACH` whose way leads through it, and the next one after the reciprocal of its flow.
 """
 

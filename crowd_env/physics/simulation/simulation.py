@@ -249,7 +249,7 @@ class Simulation:
         mark_outside(self._border, geometry_of_env, self.bodies.env_start, state.active, state.position, self.escaped)
 
     def _let_in(self, only: int | None = None) -> None:
-        """Let in the people whose time has come, into ``only`` one environment or all."""
+        """Let in the people that are due, into ``only`` one environment or all."""
         for e in self.entrances.update(self.state, only):
             invalidate_lists(self.workspace.neighbors, e)
             self.history.directions_known[e] = False
@@ -321,7 +321,7 @@ class Simulation:
 
         Several environments at once are quicker: then all people are given in the order of ``e``.  ``route`` is the number of
         the route of each pedestrian; `send` changes it later.  Routes that depend on the crowd are computed at once.
-        ``entries`` are those of each environment of ``e``; by default all people are there at the start.
+        ``entries`` are given for each environment of ``e``; by default all people are there at the start.
 
         Raises
         ------
@@ -350,7 +350,7 @@ class Simulation:
         self.state.route[people], self.state.time[chosen], self.escaped[people] = routes, 0.0, False
         begin_history(chosen, people, self.history, self.bodies, routes)
         for late in (self.history.force, self.history.torque) if entries else ():
-            late[people[: len(late)]] = 0.0  # the first forces are those of people inside alone
+            late[people[: len(late)]] = 0.0  # the first forces are of people inside alone
         begin_results(chosen, people, self.results, self.diagnostics)
         invalidate_lists(self.workspace.neighbors, chosen)
         for each, come in zip(chosen, entries or [None] * len(chosen), strict=True):
