@@ -157,7 +157,8 @@ class PolicyDriver(Driver):
 def rests_for_good(env: CrowdEnv, *policies: Policy | None) -> bool:
     """Return whether a crowd at rest stays at rest: all policies are steady, and no way, door or sign changes."""
     steady = all(getattr(one, "steady", False) for one in policies if one is not None)
-    changes = (place.is_dynamic or place.plan.rules or place.plan.events for place in env.route_set)
+    changes = [bool(place.is_dynamic or place.plan.rules or place.plan.events) for place in env.route_set]
+    changes += [place.goes_on for place in env.scenarios]
     return (
         steady and env.simulation.behaviors["manner"] is None and env.action_kind.dwell < AT_REST and not any(changes)
     )

@@ -34,9 +34,10 @@ from crowd_env.physics.settings import Physics, Walking
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.recording import Recording, record
 from crowd_env.routing.fields.field import OneWay
-from crowd_env.routing.spec import ControlRule, DoorEvent, Route
+from crowd_env.routing.spec import ControlRule, DoorEvent, Gate, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios import SCENARIOS, make_scenario
+from crowd_env.scenarios.arrivals import Arrivals
 from crowd_env.scenarios.cohorts import Cohorts
 from crowd_env.scenarios.population import TABLE_4, LogNormal, Normal, Population, Uniform
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
@@ -66,6 +67,7 @@ __all__ = [
     "TABLE_4",
     "TASKS",
     "ActionKind",
+    "Arrivals",
     "Attraction",
     "Balance",
     "Bodies",
@@ -80,6 +82,7 @@ __all__ = [
     "Disc",
     "DoorEvent",
     "EpisodeMetrics",
+    "Gate",
     "GeneratedCrowds",
     "Geometry",
     "GroupCohesion",

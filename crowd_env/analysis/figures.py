@@ -48,8 +48,8 @@ class Figure(NamedTuple):
 
 FIGURES: dict[str, Figure] = {
     "evacuation_time": Figure("evacuation time", "s", lambda run: run.metrics.evacuation_time),
-    "t50": Figure("50 % of the people out", "s", lambda run: time_of_share(run.exit_time, _HALF)),
-    "t95": Figure("95 % of the people out", "s", lambda run: time_of_share(run.exit_time, _NEARLY_ALL)),
+    "t50": Figure("50 % of the people out", "s", lambda run: time_of_share(run.exit_time[run.came], _HALF)),
+    "t95": Figure("95 % of the people out", "s", lambda run: time_of_share(run.exit_time[run.came], _NEARLY_ALL)),
     "mean_exit_time": Figure("mean exit time", "s", lambda run: run.metrics.mean_exit_time),
     "flow": Figure("flow", "1/s", lambda run: run.metrics.flow),
 }
@@ -68,6 +68,7 @@ def report(
     ``dt`` [s] and ``strategy`` are those of the run, by default the scheme's and the shortest way.
 
     ``blocked`` lists the runs in which the exits blocked: the number of the run, since when [s], and how many were left.
+    Where people arrive, ``came`` is how many, and ``turned_away`` lists how many of each run could not enter.
     ``evacuation_time``, ``t50`` and ``t95`` (so many percent of the people are out) and ``flow`` (per-run least-squares
     slopes) are over the runs in which everyone, so many, or at least three people, got out. ``mean_exit_time`` is the mean
     over runs of the mean over the people out. ``exits`` comes from `exits_of`. ``overlap_mm.mean`` is the mean over
@@ -75,6 +76,8 @@ def report(
     wall. The shares of runs in which people were left inside, and in which the exits blocked, have Wilson's interval.
     """
     runs, chosen = columns_of([episode.metrics for episode in episodes]), make_scheme(scheme)
+    came = [int(episode.came.sum()) for episode in episodes]
+    turned_away = [episode.turned_away for episode in episodes]
     return {
         "scenario": scenario.name,
         "scheme": chosen.info.name,
@@ -86,6 +89,7 @@ def report(
         "version": __version__,
         "people": scenario.population.people,
         "population": plain(scenario.population.parts),
+        **({"came": named(np.array(came, float)), "turned_away": turned_away} if scenario.has_arrivals else {}),
         **figures_of(runs),
         **{name: named(np.array([figure.of(one) for one in episodes])) for name, figure in FIGURES.items()},
         "exits": exits_of(scenario, episodes),
@@ -322,6 +326,10 @@ def cells(place: Scenario, figures: Plain) -> dict[str, str]:
         "plan": f"{place.geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m",
         "exits": listed(widths),
     }
+    if "came" in figures:
+        rows["people who came"] = spread(figures["came"], "people")
+        if away := sum(figures["turned_away"]):
+            rows["  could not enter"] = f"{counted(away, 'person', 'people')} in all runs"
     ended = figures["runs"] - figures["unfinished_runs"]
     of = f", of the {ended} of {figures['runs']} runs that ended" if ended < figures["runs"] else ""
     for name, figure in FIGURES.items():
@@ -400,7 +408,9 @@ def doubts(figures: Plain) -> str:
         said.append(f"the last person is out after {mean:.0f} s, by hand (SFPE) after {by_hand:.0f} s")
     if figures["unfinished"]:
         left, cut = figures["unfinished"], figures["unfinished_runs"] - figures["blocked_runs"]
-        said.append(f"{counted(left, 'person is', 'people are')} left inside")
+        away = sum(figures.get("turned_away", ()))
+        said.append(f"{counted(left - away, 'person is', 'people are')} left inside")
+        said += [f"{counted(away, 'person', 'people')} could not enter"] * bool(away)
         if cut:
             said.append(f"{counted(cut, 'run was', 'runs were')} cut by the time limit")
     if figures.get("until") and not figures["enough"]:

@@ -129,11 +129,17 @@ def check_plan(
         radius, position = np.empty(0), np.empty((0, 2))
         remarks.append(f"people cannot be placed: {error}")
     cohort = np.repeat(np.arange(len(people.parts)), [part.people for part in people.parts])
-    regions = tuple(dict.fromkeys(part.start_region for part in people.parts if part.starts is None))
+    of_line = [part for part in people.parts if part.arrivals is not None and part.start_region is None]
+    regions = tuple(
+        dict.fromkeys(part.start_region for part in people.parts if part.starts is None and part not in of_line)
+    )
     start_area = geometry.area if None in regions or not regions else sum(geometry.area_of(r) for r in regions)
     widths = geometry.exit_lengths
     lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.exits, least) if widths else ())]
     passages = narrowest_passages(geometry, terrain, _starts(terrain, people, geometry, position)) if widths else {}
+    there = np.repeat([part.arrivals is None for part in people.parts], [part.people for part in people.parts])
+    if len(radius):  # arriving people are not drawn
+        position, radius, cohort = position[there], radius[there], cohort[there]
     remarks += _of_exits(widths, passages, people)
     for exit, far in geometry.close_behind.items():
         way = f"floor begins {far:.2f} m behind exit {exit!r}"
@@ -167,8 +173,8 @@ def _starts(terrain: Terrain, people: People, geometry: Geometry, position: Floa
     for part in people.parts:
         rows = slice(begin, begin + part.people)
         begin += part.people
-        if part.starts is not None:
-            at = position[rows] if len(position) else part.starts
+        if part.starts is not None or part.arrivals is not None:
+            at = position[rows] if len(position) and part.arrivals is None else part.spots(geometry)
             np.add.at(starts, nearest_nodes(at, terrain.origin, terrain.spacing, shape), part.people / len(at))
             continue
         here = terrain.free(part.radius.low)
@@ -211,7 +217,7 @@ def _of_stuck(geometry: Geometry, people: People) -> Iterable[str]:
     for part in people.parts:
         where = geometry.walkable if part.start_region is None else geometry.regions[part.start_region]
         radii = np.linspace(part.radius.low, part.radius.high, _SIZES).tolist()
-        starts = where if part.starts is None else part.starts
+        starts = where if part.starts is None and part.arrivals is None else part.spots(geometry)
         for radius, (x, y) in stuck_bodies(geometry.walkable, geometry.exits, radii, starts):
             yield f"who starts around ({x:.2f}, {y:.2f}) and is {2 * radius:.2f} m wide or more cannot get out"
 

@@ -148,8 +148,9 @@ def write_results(
     try:
         from crowd_env.rendering import egress_curves, save_figure
 
-        times = {"last out": [one.exit_time for one in episodes]}
-        paths.append(save_figure(egress_curves(times, title=title), folder.folder / CURVES))
+        times = {"last out": [one.exit_time[one.came] for one in episodes]}
+        entries = {"last out": [one.entries for one in episodes]}
+        paths.append(save_figure(egress_curves(times, title=title, entries=entries), folder.folder / CURVES))
     except ModuleNotFoundError:
         pass  # said before the work
     say(f"files: {', '.join(str(path) for path in paths)}")

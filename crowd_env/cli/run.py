@@ -135,7 +135,9 @@ def run(
             keep=None if folder is None else keep_in(folder),
         )
         figures = report(place, physics.law, done.episodes, dt=physics.dt, strategy=ways.strategy)
-        figures |= {"by_hand": by_hand(place, check), "sections": flows_at(places, done.episodes)}
+        figures["sections"] = flows_at(places, done.episodes)
+        if not place.goes_on:
+            figures["by_hand"] = by_hand(place, check)
         if led is not None:
             figures["policy"] = led.name
         if share is not None:
@@ -148,7 +150,8 @@ def run(
         typer.echo(json.dumps(figures))
     else:
         who = counted(figures["people"], "person", "people"), counted(figures["runs"], "run", "runs")
-        title = run_title(place, physics.law.info.name, people=who[0], runs=who[1])
+        many = f"up to {who[0]}" if "came" in figures else who[0]
+        title = run_title(place, physics.law.info.name, people=many, runs=who[1])
         title += "" if led is None else f", led by {led.name}"
         took = f"{time.monotonic() - begin:.1f} s of computing"
         settings = f"seed {seed}, step {figures['dt']:g} s, {figures['strategy']}; {took}"

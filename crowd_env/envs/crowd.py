@@ -34,6 +34,7 @@ from crowd_env.envs.route_choice import RouteChoice, fit_to_ways
 from crowd_env.envs.settings import AsRouting, Routing, answers_unknown, physics_step
 from crowd_env.envs.tasks.environment import made_for
 from crowd_env.envs.tasks.task import HELD_OUT_SEED
+from crowd_env.geometry.entrances import Entries
 from crowd_env.physics.settings import AsPhysics, AsWalking, Physics, Walking
 from crowd_env.physics.simulation.arguments import check_step
 from crowd_env.physics.simulation.checkpoint import copy_arrays, write_arrays
@@ -181,6 +182,7 @@ class CrowdEnv(Restorable):
             each.route_set(strategy, rules=routing.signs, ways=choosing)
             for each, strategy in zip(self.scenarios, self.strategies, strict=True)
         ]
+        self._halts = [any(route.via for route in each.routes) for each in self.scenarios]
         self._usual_route: list[Ints | None] = [None] * len(self.scenarios)  # known where it is that of every episode
         self.simulation = Simulation(
             [each.geometry for each in self.scenarios],
@@ -346,18 +348,22 @@ class CrowdEnv(Restorable):
         if not self._interrupted:  # else this step continues the interrupted one, after some exits
             transition.inside[:], transition.step_start[:] = state.active, state.time
         self._interrupted = True
-        observation = self.observer.begin(transition.inside)
-        look = partial(self.observer.look, observation)
+        observation, arriving = self.observer.begin(transition.inside), simulation.entrances.are_used
+        look = partial(self._look if arriving else self.observer.look, observation)
         simulation.advance(command, relative=relative, n_substeps=self.n_substeps, gives_way=gives_way, then=look)
         # Before `update_episode` takes out truncated pedestrians: they are still observed, by themselves and by others.
         # The rest of their route is not yet 0, which would pay them as for an exit.
         self.observer.finish(observation)
+        if arriving:
+            self._count_entries()
         update_episode(self._transition, simulation.dt)
         self._interrupted = False
         left, truncated, ended = (array.copy() for array in (transition.left, transition.truncated, transition.ended))
         reward, terms = self._reward(self._transition)
         over = np.flatnonzero(ended)
         state.present[ended[self.env_of_person]] = False  # nothing happens after the end: on aprons neither
+        for e in over.tolist() if arriving else ():
+            simulation.entrances.close(e)
         info: dict[str, Any] = {**terms, "finished": ended}
         info["diagnostics"] = simulation.results.diagnostics.copy()
         info["metrics"] = {int(e): self.metrics(int(e)) for e in over}
@@ -369,6 +375,24 @@ class CrowdEnv(Restorable):
         transition.travel_time_before[:] = transition.travel_time_after
         info |= mask_info(self.action_mask)
         return Step(observation, reward, left, truncated, info)
+
+    def _look(self, rows: np.ndarray, first: int, stop: int) -> None:
+        """Do as `Observer.look`, also for people that came in during the step."""
+        people = slice(int(self.env_start[first]), int(self.env_start[stop]))
+        self.observer.view.fields.seen[people] |= self.simulation.state.active[people]
+        self.observer.look(rows, first, stop)
+
+    def _count_entries(self) -> None:
+        """Count the people still to come, and let the wait for blocked exits begin after entries too."""
+        step, simulation = self._transition.fields, self.simulation
+        state, set_out = simulation.state, simulation.bodies.response_time  # s, of the clock
+        way = self.observer.view.potential
+        free = np.maximum(simulation.entrances.entry_time, set_out) + np.where(np.isfinite(way), way, 0.0)
+        entered = np.where(state.active & ~step.inside, free, -np.inf)
+        step.coming[:] = simulation.entrances.coming
+        idle = (simulation.inside == 0) & (step.coming > 0)
+        soonest = np.where(idle, state.time, np.maximum.reduceat(entered, self.env_start[:-1]))
+        np.maximum(step.last_exit, soonest, out=step.last_exit)
 
     def metrics(self, e: int) -> EpisodeMetrics:
         """Return the metrics of the episode of environment ``e`` so far."""
@@ -420,7 +444,12 @@ class CrowdEnv(Restorable):
         routes = [
             np.zeros(len(stand), int) if known is None else known for stand, known in zip(position, usual, strict=True)
         ]
-        self.simulation.restart(chosen, join_bodies(bodies), np.concatenate(position), route=np.concatenate(routes))
+        entries = self._draw_entries(chosen, kinds, room)
+        for stand, come in zip(position, entries or (), strict=False):
+            later = ~np.isnan(come.due)
+            stand[later] = come.first_spots()[later]
+        standing = np.concatenate(position)
+        self.simulation.restart(chosen, join_bodies(bodies), standing, route=np.concatenate(routes), entries=entries)
         for k in (k for k, known in enumerate(usual) if known is None):
             e, scenario, strategy = chosen[k], self.scenarios[kinds[k]], self.strategies[kinds[k]]
             route_set = self.simulation.planner.route_set(e)  # as the doors stand at the start
@@ -429,21 +458,42 @@ class CrowdEnv(Restorable):
             self.simulation.send(e, route)
             if not scenario.depends_on_place(strategy):
                 self._usual_route[kinds[k]] = route
+        for e, kind in zip(chosen, kinds, strict=True):
+            names = [route.name for route in self.route_set[kind].routes]
+            taken = (
+                [names[k] for k in self.simulation.state.route[self.people(e)].tolist()] if self._halts[kind] else []
+            )
+            if taken and (stays := self.scenarios[kind].draw_stays(self._generators[e], taken)) is not None:
+                self.simulation.hold(e, *stays)
         begun, transition = np.zeros(self.num_envs, dtype=bool), self._transition
         begun[chosen] = True
         people = begun[self.env_of_person]
-        self._choice.known.chosen_at[people], transition.impulse[people], transition.inside[people] = -np.inf, 0.0, True
+        self._choice.known.chosen_at[people], transition.impulse[people] = -np.inf, 0.0
+        transition.inside[people], transition.coming[:] = self.active[people], self.simulation.entrances.coming
         self.observer.view.reached[people] = np.inf, 0.0
         transition.step_start[chosen], transition.finished[chosen] = 0.0, False
         if self.walking.share is not None:
             for e in chosen:
                 self._draw_learned(e)
 
+    def _draw_entries(self, chosen: list[int], kinds: list[int], room: float) -> list[Entries] | None:
+        """Draw the entries of episodes, after all else; None if all are there at the start, everywhere."""
+        if not any(scenario.has_arrivals for scenario in self.scenarios):
+            return None
+        places = [self.scenarios[kind] for kind in kinds]
+        return [
+            place.population.draw_entries(self._generators[e], place.geometry, room)
+            for e, place in zip(chosen, places, strict=True)
+        ]
+
     def _wait_for_the_first(self, chosen: Bools | Ints) -> None:
         """Restart the wait for blocked exits at the time at which the first pedestrian could have got out."""
         first = self.observer.view.potential + self.simulation.bodies.response_time
-        soonest = np.minimum.reduceat(np.where(np.isfinite(first), first, 0.0), self.env_start[:-1])
-        self._transition.last_exit[chosen] = soonest[chosen]
+        first = np.where(np.isfinite(first), first, 0.0)
+        if self.simulation.entrances.are_used:
+            first = np.where(self.simulation.state.active, first, np.inf)
+        soonest = np.minimum.reduceat(first, self.env_start[:-1])
+        self._transition.last_exit[chosen] = np.where(np.isfinite(soonest), soonest, 0.0)[chosen]
 
     def _command(
         self, action: ArrayLike | None, scripted: ArrayLike | None

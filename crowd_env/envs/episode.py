@@ -9,6 +9,7 @@ from crowd_env.core.kernels.jit import kernel
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.envs.metrics import EpisodeMetrics, summarise_exits
 from crowd_env.envs.reward import Transition
+from crowd_env.geometry.entrances import NEVER
 
 if TYPE_CHECKING:  # no part of what kernels are made of
     from crowd_env.physics.simulation.simulation import Simulation
@@ -38,23 +39,26 @@ def init_transition(
             last_exit=of_environments.copy(),
             finished=~none,
             ended=none,
+            coming=np.zeros(len(time_limit), dtype=np.int64),
         )
     )
 
 
 def metrics_of(e: int, people: slice, step: Transition, simulation: "Simulation") -> EpisodeMetrics:
     """Return the metrics of the episode so far of environment ``e``, with the slots ``people``."""
-    sums = simulation.diagnostics
-    exits = summarise_exits(np.sort(simulation.state.exit_time[people]))
-    blocked = simulation.state.time[e] - step.last_exit[e] > step.blocked_after[e]
-    since = float(step.last_exit[e]) if exits.missing < people.stop - people.start else 0.0
+    sums, now = simulation.diagnostics, simulation.state.time[e]
+    entry, times = simulation.entrances.times_of(e, now), simulation.state.exit_time[people]
+    came, turned_away = entry < NEVER, int(np.isnan(entry).sum())  # people that wait outside have not come in
+    exits, out = summarise_exits(np.sort(times[came])), np.isfinite(times)
+    blocked = now - step.last_exit[e] > step.blocked_after[e]
+    since = float(step.last_exit[e]) if out.any() else 0.0
     return EpisodeMetrics(
-        evacuation_time=exits.last,
-        mean_exit_time=exits.mean,
-        unfinished=exits.missing,
+        evacuation_time=float("nan") if turned_away else exits.last,
+        mean_exit_time=exits.mean - (float(entry[out].mean()) if out.any() else 0.0),
+        unfinished=exits.missing + turned_away,
         blocked_since=since if exits.missing and blocked else float("nan"),
         flow=exits.flow,
-        contact_impulse=float(step.impulse[people].mean()),
+        contact_impulse=float(step.impulse[people][came].mean()) if came.any() else 0.0,
         max_overlap=float(sums.max_overlap[e]),
         mean_overlap=float(sums.overlap_sum[e] / max(sums.overlap_count[e], 1)),
         max_outside=float(sums.max_outside[e]),
@@ -89,7 +93,7 @@ def update_episode(step: Transition, dt: float) -> None:
                 last = max(last, exit_time[i])
         step.last_exit[e] = last
         stopped = now > step.time_limit[e] - 0.5 * dt or now - last > step.blocked_after[e]
-        step.ended[e] = (stopped or inside == 0) and not step.finished[e]
+        step.ended[e] = (stopped or inside + step.coming[e] == 0) and not step.finished[e]
         step.finished[e] |= step.ended[e]
         if stopped and inside > 0:
             for i in range(begin, end):

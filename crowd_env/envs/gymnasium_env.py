@@ -52,9 +52,8 @@ class CrowdBatch:
         return None if mask is None else as_grid(mask, self.env.num_envs)
 
     def info_at_reset(self) -> dict[str, np.ndarray]:
-        """Return ``active`` (E, N): all are inside; what `CrowdEnv.moved` holds; and the ``action_mask``, if any."""
-        active = np.ones(self.env.num_people, dtype=bool)
-        everyone = {"active": active, **self.env.moved, **mask_info(self.env.action_mask)}
+        """Return ``active`` (E, N), what `CrowdEnv.moved` holds, and the ``action_mask``, if any."""
+        everyone = {"active": self.env.active, **self.env.moved, **mask_info(self.env.action_mask)}
         return {name: as_grid(values, self.env.num_envs) for name, values in everyone.items()}
 
     def reset(self, seed: int | Sequence[int | None] | None = None, mask: Bools | None = None) -> np.ndarray:

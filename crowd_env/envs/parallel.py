@@ -15,7 +15,7 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import array, refuse, whole
 from crowd_env.envs.arguments import NUMBERS, Place, check_options
 from crowd_env.envs.controlled import check_render_mode, frame_rate
-from crowd_env.envs.crowd import CrowdEnv, require_same_spaces
+from crowd_env.envs.crowd import CrowdEnv, Step, require_same_spaces
 from crowd_env.envs.global_state import StateLayout, StateReader
 from crowd_env.envs.restorable import Restorable
 from crowd_env.envs.settings import EnvArguments, answers_unknown
@@ -28,6 +28,9 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
 
     Observation, action and reward of an agent are the rows of `CrowdEnv`.  An action of None, or none at all for an agent,
     makes it scripted: the pedestrian walks along the route at full speed.  Both kinds can share a room.
+
+    A pedestrian that comes in later joins ``agents`` in that step, with its first observation and the reward 0.  While the
+    place is empty and people are to come, time passes within the step: without agents an environment is over.
 
     A pedestrian that gets out leaves ``agents`` in that step, with a last observation and reward and ``terminated = True``.
     Later actions for that agent are ignored: clients with a fixed group of agents continue to send some.  At
@@ -46,7 +49,7 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
 
     Attributes
     ----------
-    possible_agents, agents : names of all pedestrians, and of the pedestrians inside; none before the first `reset`.
+    possible_agents, agents : names of all pedestrians that may come, and of the ones inside; none before the first `reset`.
     np_random : generator of the seed of `reset`, for wrappers; the crowd draws from others.
     cohorts : name -> agents of each cohort of the place, to group agents by.
     state_layout, state_space : the meaning of the numbers of `state`, and their bounds.
@@ -155,15 +158,21 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
             env.go_on_drawing(self.env)
             self._enter(env)
         observation, info = self.env.reset(None if seed is None else [seed])
+        if not self.env.active.any():  # an agent acts from its entry on
+            step = self._until_somebody_is_inside()
+            observation, info = (
+                step.observation,
+                {name: step.info[name] for name in ("action_mask",) if name in step.info},
+            )
         if seed is not None:
             self.np_random = np.random.default_rng(seed)
         self._begun = True
         self._agree()
-        self.agents, self._slots = self.possible_agents[: self.env.num_people], slice(None)
+        self._take_agents(self.env.active)
         if self.render_mode == "human":
             self.render()
         infos = _infos_of(self.agents, self._slots, info | self.env.moved)
-        return dict(zip(self.agents, observation, strict=True)), infos
+        return dict(zip(self.agents, observation[self._slots], strict=True)), infos
 
     def step(
         self, actions: Mapping[str, Any]
@@ -184,19 +193,39 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
         action, scripted = self._gather(actions)
         if not self.agents:
             return {}, {}, {}, {}, {}
-        agents, slots = self.agents, self._slots
+        before = self.env.active
         step = self.env.step(action, scripted)
+        if not (self.env.active.any() or self.env.finished.all()):
+            step = _with_the_end_of(step, self._until_somebody_is_inside())
+        here = self.env.active
+        entered = here & ~before
+        if entered.any():
+            self._take_agents(before | entered)
+        agents, slots = self.agents, self._slots
         observations = dict(zip(agents, step.observation[slots], strict=True))
         rewards, terminations, truncations = (
             dict(zip(agents, values[slots].tolist(), strict=True)) for values in step[1:4]
         )
         infos = _infos_of(agents, slots, step.info | self.env.moved)
         if (step.terminated | step.truncated).any():
-            stay = np.flatnonzero(self.env.active)
-            self.agents, self._slots = [self.possible_agents[i] for i in stay.tolist()], stay
+            self._take_agents(here)
         if self.render_mode == "human":
             self.render()
         return observations, rewards, terminations, truncations, infos
+
+    def _take_agents(self, there: Bools) -> None:
+        """Let these people (P,) be the agents."""
+        stay = np.flatnonzero(there)
+        everyone = len(stay) == self.env.num_people
+        self.agents = [self.possible_agents[i] for i in stay.tolist()]
+        self._slots = slice(None) if everyone else stay
+
+    def _until_somebody_is_inside(self) -> Step:
+        """Let time pass in an empty place: an environment without agents is over, by PettingZoo's rules."""
+        step = self.env.step(None)
+        while not (self.env.active.any() or self.env.finished.all()):
+            step = self.env.step(None)
+        return step
 
     def _check_begun(self, what: str) -> None:
         if not self._begun:
@@ -268,6 +297,14 @@ class CrowdParallelEnv(Restorable, ParallelEnv):
         if self._window is not None:
             self._window.close()
             self._window = None
+
+
+def _with_the_end_of(step: Step, last: Step) -> Step:
+    """Return a step after which time has passed without anybody inside, with what the ``last`` step then saw."""
+    return step._replace(
+        observation=np.where(step.terminated[:, None], step.observation, last.observation),
+        info={**last.info, **{name: step.info[name] for name in step.info if name.startswith("reward/")}},
+    )
 
 
 def _infos_of(agents: list[str], slots: Ints | slice, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

@@ -37,6 +37,7 @@ class Transition(NamedTuple):
     last_exit: Floats  # (E,)   s    of the last exit in this episode, or of the first possible one
     finished: Bools  # (E,)   the episode is over, or none has begun
     ended: Bools  # (E,)   the episode ended in this step
+    coming: Ints  # (E,)   people still to come in
 
 
 # The rows of the terms that `compute_reward` writes.

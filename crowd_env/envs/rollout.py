@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import NOT_NEGATIVE, whole
 from crowd_env.core.executors import Executor, WorkerDied
 from crowd_env.envs.crowd import CrowdEnv, Step
@@ -37,6 +37,24 @@ class Episode(NamedTuple):
     end: float  # s    when it ended: everyone out, or the first decision at or after the time limit, or the exits blocked
     record: Any = None  # what the recorder of the rollout kept of it
     crossings: Floats | None = None  # (C, 4) of sections, see `crowd_env.analysis.sections`; None = not counted
+    # (N,)  s    0 = there at the start, nan = could not enter, inf = did not come; None = all were there at the start
+    entry_time: Floats | None = None
+
+    @property
+    def came(self) -> Bools:
+        """Which people (N,) were to leave: all but the ones that did not come."""
+        everyone = np.ones(len(self.exit_time), dtype=bool)
+        return everyone if self.entry_time is None else ~np.isinf(self.entry_time)
+
+    @property
+    def entries(self) -> Floats | None:
+        """The entry times of the people that `came`; None if all were there at the start."""
+        return None if self.entry_time is None else self.entry_time[self.came]
+
+    @property
+    def turned_away(self) -> int:
+        """How many people came and could not enter."""
+        return 0 if self.entry_time is None else int(np.isnan(self.entry_time).sum())
 
 
 class Driver:
@@ -180,7 +198,10 @@ class RunBatch:
                     env.simulation.bodies.desired_speed[people].copy(),
                     float(env.time_limit[e]),
                     float(state.time[e]),
-                    None if recorder is None else recorder.record(env, e),
+                    record=None if recorder is None else recorder.record(env, e),
+                    entry_time=env.simulation.entrances.times_of(e, float(state.time[e]))
+                    if env.scenario_of_env[e].has_arrivals
+                    else None,
                 )
 
 

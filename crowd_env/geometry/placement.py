@@ -99,6 +99,11 @@ def _usable(geometry: Geometry, points: Floats, region: str | None, standing: St
     return clearance
 
 
+def keeps_clear(geometry: Geometry, points: Floats, radius: float, region: str | None = None) -> Bools:
+    """Return at which points (K, 2) a body of ``radius`` [m] overlaps no wall, and its center lies in the region."""
+    return np.asarray(_usable(geometry, np.ascontiguousarray(points), region, None) >= radius - 1e-9)
+
+
 def _walls_of(geometry: Geometry) -> Walls:
     return geometry.walls, geometry.two_sided, geometry.exits
 

@@ -21,6 +21,8 @@ LOOK_EVERY = 0.01  # s
 # further beyond the cell than its width.
 _MANY = 1000
 _UNIFORM = 0.05
+_AT_SPOT = 0.1  # m, from the spot at which a pedestrian waits
+_SLOW_DOWN = 0.5  # s, the way to the spot at the speed that is allowed there
 _AHEAD = 8  # people: the table entry of the one this many ranks ahead, most likely in the same field, is prefetched
 
 
@@ -145,6 +147,24 @@ def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: f
         if not plain:  # in cells that a wall runs through
             ex, ey, _ = way_at(field, boundary, f, position[i, 0], position[i, 1], radius[i])
         direction[i, 0], direction[i, 1] = ex, ey
+    if len(batch.history.stay) > 0:
+        _hold_at_spots(rank_start, rank_stop, batch)
+
+
+@inner_kernel
+def _hold_at_spots(rank_start: int, rank_stop: int, batch: Batch) -> None:
+    """Let people that wait walk to their spot, and stand there."""
+    history, inside, position = batch.history, batch.workspace.inside, batch.state.position
+    for rank in range(index(rank_start), index(rank_stop)):
+        i = inside[rank]
+        if history.waits[i]:
+            dx, dy = history.spot[i, 0] - position[i, 0], history.spot[i, 1] - position[i, 1]
+            far = np.sqrt(dx * dx + dy * dy)
+            if far > _AT_SPOT:
+                history.direction[i, 0], history.direction[i, 1] = dx / far, dy / far
+                history.local_speed[i] = min(history.local_speed[i], far / _SLOW_DOWN)
+            else:
+                history.local_speed[i] = 0.0
 
 
 @inner_kernel

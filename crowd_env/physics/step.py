@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from crowd_env.core.kernels.jit import index, inner_kernel
+from crowd_env.core.arrays.state import Bools
+from crowd_env.core.kernels.jit import index, inner_kernel, kernel
 from crowd_env.physics.bounds import least_radius, speed_limit
 from crowd_env.physics.constraints import Extent
 from crowd_env.physics.driving_force import Influences
@@ -153,3 +154,14 @@ def tick(e: int, batch: Batch, dt: float) -> None:
     batch.history.direction_age[e] += dt
     batch.history.decision_age[e] += dt
     batch.workspace.substep[e] += 1
+
+
+@kernel
+def pass_time(batch: Batch, dt: float, until: int, first: int, stop: int, waiting: Bools) -> None:
+    """Let the clock of empty environments ``first:stop`` go on to step ``until`` of the call, where people are ``waiting``.
+
+    Step by step, so that the time is the same to the bit however a call is cut.
+    """
+    for e in range(first, stop):
+        while waiting[e] and batch.workspace.substep[e] < until:
+            tick(e, batch, dt)

@@ -105,6 +105,12 @@ class History(NamedTuple):
     rule_on: Annotated[Bools, "E R"]  # control rules of each environment
     rule_since: Annotated[Floats, "E R"]  # s  when they were switched on
     door_open: Annotated[Bools, "E D"]
+    is_gate: Annotated[Bools, "E D"]  # an open one is a wall for all but the people that are admitted
+    admitted: Annotated[Ints, "P", "gates"]  # gates (bits) that let the pedestrian through
+    stay: Annotated[Floats, "P", "waiting"]  # s  time to wait at the goal of the route
+    spot: Annotated[Floats, "P 2", "waiting"]  # m  where
+    arrived: Annotated[Floats, "P", "waiting"]  # s  since when; < 0 = not yet there
+    waits: Annotated[Bools, "P", "waiting"]
     walking_velocity: Annotated[Floats, "P 2", "walking"]  # m/s  chosen in the last decision
     have_decided: Annotated[Bools, "E"]  # a decision has been made since the start
     decision_age: Annotated[Floats, "E"]  # s  since the last decision
@@ -282,8 +288,10 @@ def begin_history(chosen: Sequence[int], people: Ints, history: History, bodies:
     history.contacts.number[chosen], history.door_open[chosen] = 0, True
     history.followed[people], history.region_bits[people] = route, 0
     history.local_speed[people] = bodies.desired_speed[people]
-    if len(history.walking_velocity):
-        history.walking_velocity[people] = 0.0
+    for name, value in (("walking_velocity", 0.0), ("admitted", 0), ("stay", 0.0), ("arrived", -1.0), ("waits", False)):
+        array = getattr(history, name)
+        if len(array):
+            array[people] = value
     for memory in history.memory:
         for array, shape in zip(memory, shapes_of(type(memory)).values(), strict=True):
             if len(array):

@@ -126,7 +126,8 @@ class FrameSampler:
     def _time(self, env: CrowdEnv) -> float:
         """Return the time of the moment [s]; a clock that stopped within a decision, with all out, is at its end."""
         time = float(env.simulation.state.time[self._e])
-        inside = np.isnan(env.simulation.state.exit_time[self._people]).any()
+        entry = env.simulation.entrances.times_of(self._e, np.inf)
+        inside = (np.isnan(env.simulation.state.exit_time[self._people]) & ~np.isinf(entry)).any()
         return time if inside else max(time, self._decisions * self._decision_dt)
 
     def _frame(self, env: CrowdEnv, left: Ints, pressure: Floats) -> Recording:
@@ -144,7 +145,8 @@ class FrameSampler:
         position[self._leaving] = self._onward[self._leaving]
         ways = self._exits[exit_index[left]], self._last[left], position[left], velocity[left], time - exit_time[left]
         position[left], self._onward[left] = places_beyond(*ways, self._every * self._decision_dt)
-        rows = np.flatnonzero(~self._gone | self._leaving)
+        entered = np.isfinite(simulation.entrances.entry_time[self._people])
+        rows = np.flatnonzero((~self._gone | self._leaving) & entered)
         pressure = np.where(self._leaving, 0.0, pressure)
         self._gone[left] = True
         self._leaving[:] = False

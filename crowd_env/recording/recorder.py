@@ -188,10 +188,12 @@ class RunRecorder:
 
 def _end_of(env: CrowdEnv, e: int, step: Step) -> Plain:
     """Return the facts that are known at the end."""
-    state = env.simulation.state
+    end = float(env.simulation.state.time[e])
+    turned_away = int(np.isnan(env.simulation.entrances.times_of(e, end)).sum())
     return {
-        "end": float(state.time[e]),
-        "unfinished": int(np.isnan(state.exit_time[env.people(e)]).sum()),
+        "end": end,
+        "unfinished": step.info["metrics"][e].unfinished,
+        **({"turned_away": turned_away} if turned_away else {}),
         "blocked_since": json_number(step.info["metrics"][e].blocked_since),
         "finished": True,
     }

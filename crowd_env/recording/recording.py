@@ -32,9 +32,9 @@ class Moment(NamedTuple):
 class Recording(Frames):
     """One evacuation of N people, seen in F frames; its R rows lie frame by frame, within a frame in the order of people.
 
-    A frame has a row for every pedestrian inside.  In the two frames after an exit that pedestrian has one row more, beyond the
-    exit line: on the straight way on, and at least a few centimeters past the line.  If people get out in the last frame of a
-    run, one more follows in which they alone have a row.
+    A frame has a row for every pedestrian inside, from the entry on.  In the two frames after an exit that pedestrian has one
+    row more, beyond the exit line: on the straight way on, and at least a few centimeters past the line.  If people get out in
+    the last frame of a run, one more follows in which they alone have a row.
 
     Arrays may be given as lists, or of another kind of number.
 
@@ -49,16 +49,34 @@ class Recording(Frames):
         """Which rows (R,) lie beyond the exit line: the last two rows of each pedestrian that got out."""
         return self.times[self.frame] >= np.nan_to_num(self.exit_time[self.person], nan=np.inf)
 
+    @cached_property
+    def first_seen(self) -> Floats:
+        """The time (N,) [s] of the first row of each person: -inf in the first frame, inf for people without a row."""
+        first = np.full(len(self.radius), np.inf)
+        np.minimum.at(first, self.person, self.times[self.frame])
+        return np.where(first == self.times[0], -np.inf, first)
+
+    @property
+    def came(self) -> int:
+        """How many people were inside at some time."""
+        return int((self.first_seen < np.inf).sum())
+
+    @cached_property
+    def left_inside(self) -> int:
+        """How many people were inside at the end."""
+        return int((np.isnan(self.exit_time) & (self.first_seen < np.inf)).sum())
+
     def inside(self, time: Floats | float) -> Ints:
         """Return how many people are inside at ``time`` (...) [s]; by exit times, not by frames."""
         left = np.searchsorted(np.sort(self.exit_time[np.isfinite(self.exit_time)]), time, side="right")
-        return np.asarray(len(self.radius) - left)
+        come = np.searchsorted(np.sort(self.first_seen), np.add(time, 1e-6), side="right")
+        return np.asarray(come - left)
 
     @cached_property
     def end(self) -> float:
         """When the last person got out [s], or the last frame with a person inside."""
-        if len(self.radius) and np.isfinite(self.exit_time).all():
-            return float(self.exit_time.max())
+        if np.isfinite(self.exit_time).any() and not self.left_inside:
+            return float(np.nanmax(self.exit_time))
         return float(self.times[self.frame[~self.beyond].max(initial=0)])
 
     def at(self, time: float, *, average: float = 0.3) -> Moment:

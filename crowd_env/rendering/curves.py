@@ -36,7 +36,7 @@ class EgressStrip:
         self.recordings, self.titles, self.end = recordings, titles, max(end, 1e-6)
         self.size = 0.78 * text
         self.height = 2 * round(0.5 * float(np.clip(0.16 * width, 110.0, 150.0)) + 0.7 * text)
-        self.most = max(max(len(recording.radius) for recording in recordings), 1)
+        self.most = max(max(int(one.inside(one.times).max()) for one in recordings), 1)
         self.top, self.bottom = round(2.2 * text), self.height - round(1.9 * text)
         self.left = margin + text_width(str(self.most), self.size) + round(0.6 * text)
         self.right = width - margin - round(1.2 * text)
@@ -50,9 +50,10 @@ class EgressStrip:
         draw = PIL.ImageDraw.Draw(image)
         for k, (recording, title) in enumerate(zip(self.recordings, self.titles, strict=True)):
             color, until = SERIES[k % len(SERIES)], min(time, recording.end, self.end)
-            out = np.sort(recording.exit_time[recording.exit_time <= until])
-            times = np.concatenate([[0.0], np.repeat(out, 2), [until]])
-            count = len(recording.radius) - np.repeat(np.arange(len(out) + 1), 2)
+            moved = np.sort(np.concatenate([recording.exit_time, recording.first_seen]))
+            moved = moved[(moved > 0.0) & (moved <= until)]
+            times = np.concatenate([[0.0], np.repeat(moved, 2), [until]])
+            count = np.repeat(recording.inside(np.concatenate([[0.0], moved])), 2)
             draw.line(
                 [self._at(*corner) for corner in zip(times.tolist(), count.tolist(), strict=True)], color, width=2
             )

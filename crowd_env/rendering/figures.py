@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.core.arrays.state import Floats
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import Plain
 from crowd_env.rendering.canvas import hex_of, name_panel, new_figure, quiet_axes, series, without_formulas
 from crowd_env.rendering.libraries import Axes, Figure
@@ -22,6 +22,7 @@ def egress_curves(
     title: str = "",
     until: Mapping[str, float] | None = None,
     out: bool = False,
+    entries: Mapping[str, Sequence[Floats | None]] | None = None,
 ) -> Figure:
     """Draw how many people are inside against time, or ``out``, and return the figure.
 
@@ -31,6 +32,7 @@ def egress_curves(
     ----------
     curves : label -> exit times (N,) [s] of each evacuation, simulated or recorded; nan for a pedestrian left inside.
     until : label -> s, beyond which it is not known how many are inside.
+    entries : label -> entry times (N,) [s] of each evacuation; None = all are there at the start.
 
     Raises
     ------
@@ -47,7 +49,8 @@ def egress_curves(
     for k, (label, every) in enumerate(runs.items()):
         time = np.minimum(grid, (until or {}).get(label, np.inf))
         passed = np.array([np.searchsorted(times, time, side="right") for times in every])
-        count = passed if out else np.array([[len(times)] for times in every]) - passed
+        come = (entries or {}).get(label, [None] * len(every))
+        count = passed if out else np.array([_come_by(*one, time) for one in zip(every, come, strict=True)]) - passed
         axes.fill_between(time, *np.quantile(count, (0.05, 0.95), axis=0), color=series(k), alpha=0.16, linewidth=0)
         style = ("-", (0, (5, 2)), (0, (1, 1.3)), (0, (6, 2, 1, 2)))[k % 4]  # also told apart in black and white
         axes.plot(time, count.mean(axis=0), color=series(k), linewidth=2.0, linestyle=style)
@@ -168,6 +171,12 @@ def _exit_times(label: str, curves: Iterable[ArrayLike]) -> list[Floats]:
     if not runs:
         raise ValueError(f"{label!r} has no evacuation; give at least one array of exit times")
     return runs
+
+
+def _come_by(exits: Floats, entries: Floats | None, time: Floats) -> Ints:
+    """Return how many people have come by ``time`` (T,) [s]."""
+    come = np.zeros(len(exits)) if entries is None else np.sort(entries)
+    return np.searchsorted(come, time, side="right")
 
 
 def _shown(label: str) -> str:

@@ -182,7 +182,7 @@ class _Stage:
 
 
 def _panel(renderer: Renderer, recording: Recording, time: float, *, title: str, clock: bool, legend: bool) -> Image:
-    seen, inside, count = recording.at(time), int(recording.inside(time)), len(recording.radius)
+    seen, inside, count = recording.at(time), int(recording.inside(time)), recording.came
     status = f"{inside} of {count} inside"
     if time >= recording.end:
         status = (

@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from crowd_env.core.behaviors import IN_WORDS
 from crowd_env.core.checks import counted
 from crowd_env.recording import Recording
@@ -51,15 +49,16 @@ def titles(recordings: Sequence[Recording], names: Sequence[str]) -> tuple[str, 
 def outcome(recording: Recording) -> str:
     """Return "all out after 39.6 s", or how many were left inside, when, and why."""
     facts, end = recording.facts, float(recording.times[-1])
-    left = int(np.isnan(recording.exit_time).sum())
+    left, away = recording.left_inside, int(facts.get("turned_away") or 0)
     if facts.get("finished") is False:
         return f"{left} inside after {end:.1f} s, when the recording broke off"
+    turned_away = f", {away} could not enter" if away else ""
     if left == 0:
-        return f"all out after {recording.exit_time.max():.1f} s"
+        return f"all out after {recording.end:.1f} s{turned_away}"
     end = min(float(facts.get("end") or end), end)  # one frame may follow the end
     blocked = facts.get("blocked_since")
     why = "" if blocked is None else f", exits blocked since {blocked:.1f} s"
-    return f"{left} still inside after {end:.1f} s{why}"
+    return f"{left} still inside after {end:.1f} s{turned_away}{why}"
 
 
 def fact_rows(recording: Recording) -> list[list[str]]:

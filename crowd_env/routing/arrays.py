@@ -47,17 +47,19 @@ def join_routes(
         geometry_of_field += [g] * (len(fields) - len(geometry_of_field))
     most = max(len(rows) for rows, _ in rows_of_place)
     table = np.full((4, len(geometry_of_env), most), -1, dtype=np.int64)
+    until = np.zeros(table.shape[1:])
     for e, g in enumerate(geometry_of_env):
         place = places[g]
         rows, potentials = rows_of_place[g]
         table[0, e, : len(rows)], table[3, e, : len(rows)] = rows, potentials
         for r, route in enumerate(place.routes if isinstance(place, RouteSet) else ()):
-            table[1:3, e, r] = route.goal, route.following
+            table[1:3, e, r], until[e, r] = (route.goal, route.following), route.until
             if route.congestion is not None:
                 table[0, e, r] = len(fields)
                 fields.append(route.field)
                 geometry_of_field.append(int(g))
-    guidance = Guidance(table[0].copy(), table[1].copy(), table[2].copy(), _join_regions(places), _join_rules(places))
+    ways = table[0].copy(), table[1].copy(), table[2].copy()
+    guidance = Guidance(*ways, until, _join_regions(places), _join_rules(places))
     return fields, geometry_of_field, guidance, table[3].copy()
 
 

@@ -17,7 +17,7 @@ from crowd_env.routing.fields.drain import spread
 from crowd_env.routing.fields.extension import carried_along
 from crowd_env.routing.fields.field import NavigationField, OneWay, straight_field, travel_time_field
 from crowd_env.routing.rules import MOST_REGIONS
-from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
+from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Gate, Route
 from crowd_env.routing.speed_map import Comfort, SpeedMap, SpeedZone
 from crowd_env.routing.strategies import STRATEGIES
 
@@ -40,6 +40,7 @@ class RouteField(NamedTuple):
     congestion: CongestionField | None  # makes the field again from a crowd; None = it never changes
     exits: tuple[str, ...]  # that it may lead to in the end; () = all
     to_exit: NavigationField | None = None  # of a route via a region: travel time to the exit, second half included
+    until: float = 0.0  # s, the time until which people wait in ``goal``
     walls: Floats | None = None  # (W, 2, 2) m, the standing ones; None = no spread of people that keep a distance
 
     @property
@@ -62,6 +63,7 @@ class RoutePlan:
     comfort : costs of the most comfortable route.
     closed_at_start, events : doors that are closed at first, and events that open or close doors.
     one_way : doors that people mean to pass one way only.
+    gates : doors that let people through one by one.
 
     Raises
     ------
@@ -82,6 +84,7 @@ class RoutePlan:
     closed_at_start: Sequence[str] = ()
     events: Sequence[DoorEvent] = ()
     one_way: Sequence[OneWay] = ()
+    gates: Sequence[Gate] = ()
 
     def __post_init__(self) -> None:
         _check_routes(self)
@@ -156,7 +159,8 @@ class RoutePlan:
             found = straight_field(found, self.geometry, _MARGINS[self.target])
         elif strategy.speed is None and not self.one_way:
             walls = ground.walls_when(closed)[0]
-        return RouteField(name, found, goal, following, is_closed, congestion, route.exits, walls=walls)
+        until = route.until if goal >= 0 else 0.0
+        return RouteField(name, found, goal, following, is_closed, congestion, route.exits, until=until, walls=walls)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +267,7 @@ def _check_routes(plan: RoutePlan) -> None:
 
 
 def _check_doors(plan: RoutePlan) -> None:
-    for name in (*plan.closed_at_start, *(event.door for event in plan.events)):
+    for name in (*plan.closed_at_start, *(event.door for event in plan.events), *(gate.door for gate in plan.gates)):
         known("door", name, plan.geometry.doors)
     for event in plan.events:
         if event.region is not None:

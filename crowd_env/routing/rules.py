@@ -46,6 +46,7 @@ class Guidance(NamedTuple):
     field_of_route: Ints  # (E, R)  row of `FieldArrays`; -1 = no such route
     goal: Ints  # (E, R)  region that a route leads to; -1 = exits
     following: Ints  # (E, R)  route that takes over there; -1 = none
+    until: Floats  # (E, R)  s  time until which people wait at the goal
     region: RegionArrays
     rule: RuleArrays
 
@@ -101,6 +102,9 @@ def apply_rules(
     for i in range(slot_begin, slot_end):
         if not active[i]:
             continue
+        if len(history.stay) > 0 and _waits(e, i, guidance, own[i], region_bits[i], time, history):
+            followed[i] = own[i]
+            continue
         route = _after_goals(e, guidance, own[i], region_bits[i])
         own[i] = route
         if any_on:
@@ -124,6 +128,19 @@ def _after_goals(e: int, guidance: Guidance, route: int, region_bits: int) -> in
             break
         route = guidance.following[e, route]
     return route
+
+
+@inner_kernel
+def _waits(e: int, i: int, guidance: Guidance, route: int, region_bits: int, time: float, history: Any) -> bool:
+    """Whether pedestrian ``i`` waits at the goal of its route; the time of its arrival there is noted."""
+    goal, arrived = guidance.goal[e, route], history.arrived
+    history.waits[i] = False
+    if goal < 0 or not (region_bits >> goal) & 1:
+        return False
+    if arrived[i] < 0.0:
+        arrived[i] = time
+    history.waits[i] = time < max(arrived[i] + history.stay[i], guidance.until[e, route]) - 1e-9
+    return bool(history.waits[i])
 
 
 @inner_kernel

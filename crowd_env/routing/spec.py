@@ -1,8 +1,9 @@
 """Routes, control rules and events of doors, as data."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from crowd_env.core.checks import Natural, NotNegative, check_fields, shown
+from crowd_env.core.checks import Natural, NotNegative, Positive, check_fields, shown
+from crowd_env.core.files.fingerprint import UNSAID
 from crowd_env.routing.strategies import OfRoutes
 
 OUT = "out"  # name of the route of all people by default: all exits
@@ -20,11 +21,15 @@ class Route:
     """name of the region that the route leads to first; none by default."""
     strategy: OfRoutes = "shortest"
     """what counts on the route: "shortest", "fastest" or "comfortable"."""
+    until: NotNegative = field(default=0.0, metadata={UNSAID: 0.0})
+    """s, the time until which people wait in ``via``; a `Population.wait` may hold them for longer."""
 
     def __post_init__(self) -> None:
         check_fields(f"route {shown(self.name)}", self)
         if not self.name:
             raise ValueError("a route needs a name")
+        if self.until and self.via is None:
+            raise ValueError(f"route {self.name!r}: until is a time to wait in a region; give via too")
 
 
 @dataclass(frozen=True)
@@ -82,3 +87,16 @@ class DoorEvent:
             raise ValueError(
                 f"event of door {self.door!r}: give either a time `at`, or `at_least` with one of `region` and `exit`"
             )
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A door that lets people through one by one, such as a turnstile: it is a wall for all others."""
+
+    door: str
+    """name of the door."""
+    flow: Positive
+    """1/s, the largest number of people per second."""
+
+    def __post_init__(self) -> None:
+        check_fields(f"gate {shown(self.door)}", self)

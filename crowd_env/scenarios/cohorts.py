@@ -9,6 +9,7 @@ import numpy as np
 from crowd_env.core.arrays.state import MOTIVATION, Bodies, Floats, join_bodies, make_bodies
 from crowd_env.core.behaviors.pulls import ALONE
 from crowd_env.core.checks import at, check_fields, refuse, whole
+from crowd_env.geometry.entrances import Entries, join_entries
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.placement import sample_positions
 from crowd_env.scenarios.population import CROWD, DRAWN, Population, population_of
@@ -116,13 +117,15 @@ class Cohorts:
         position = np.zeros((self.people, 2))
         stands = np.zeros(self.people, dtype=bool)
         for k, part in enumerate(self.parts):
-            if part.starts is not None:
+            if part.arrivals is not None:
+                position[owner == k] = part.outside(geometry, room, radius[owner == k])
+            elif part.starts is not None:
                 position[owner == k] = part.draw_starts(rng, geometry, radius[owner == k])
                 stands |= owner == k
         if stands.any():
             check_starts(geometry, position[stands], radius[stands])
         for region in self._regions():
-            here = [k for k, part in enumerate(self.parts) if part.starts is None and part.start_region == region]
+            here = [k for k, part in enumerate(self.parts) if part in self._placed and part.start_region == region]
             people = np.flatnonzero(np.isin(owner, here))
             if len(here) > 1:
                 people = rng.permutation(people)
@@ -136,9 +139,18 @@ class Cohorts:
         group = [np.where(own == ALONE, ALONE, own + at) for own, at in zip(groups, before, strict=True)]
         return bodies._replace(**given, group=np.concatenate(group)), position
 
+    def draw_entries(self, rng: np.random.Generator, geometry: Geometry, room: float = 1.0) -> Entries:
+        """Draw when and where people come in, after all else."""
+        return join_entries([part.draw_entries(rng, geometry, room) for part in self.parts])
+
+    @property
+    def _placed(self) -> list[Population]:
+        """The cohorts with drawn places at the start."""
+        return [part for part in self.parts if part.starts is None and part.arrivals is None]
+
     def _regions(self) -> list[str | None]:
         """Where people start: the named regions in the order of the cohorts, then anywhere."""
-        of_parts = dict.fromkeys(part.start_region for part in self.parts if part.starts is None)
+        of_parts = dict.fromkeys(part.start_region for part in self._placed)
         return sorted(of_parts, key=lambda name: name is None)
 
 

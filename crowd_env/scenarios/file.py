@@ -29,7 +29,7 @@ from crowd_env.scenarios.population import Population, population_of
 from crowd_env.scenarios.profiles import with_profile
 from crowd_env.scenarios.scenario import Scenario
 from crowd_env.scenarios.shapes import circle, rectangle
-from crowd_env.scenarios.starts import check_starts, read_starts
+from crowd_env.scenarios.starts import check_starts, read_entries, read_starts
 
 SUFFIXES = (".toml", ".json")
 KEYS = ("$schema", *(field.name for field in fields(Scenario)), "cohorts")
@@ -319,12 +319,22 @@ def _population(given: Plain, key: str, folder: Path, area_of: Callable[[str | N
         given = {"people": many, **{name: value for name, value in given.items() if name != "density"}}
     if isinstance(starts, str):
         with at(f"{key}.starts"):
-            path = (folder / starts).resolve()
-            if not path.is_relative_to(folder.resolve()):
-                raise ValueError(f"is {starts!r}, outside of the folder of the scenario; it must name a file in it")
-            given = {**given, "starts": read_starts(path)}
+            given = {**given, "starts": read_starts(_beside(folder, starts))}
+    if isinstance(arrivals := given.get("arrivals"), Mapping) and "file" in arrivals:
+        with at(f"{key}.arrivals"):
+            check_keys("arrivals", arrivals, ("file",))
+            times, starts = read_entries(_beside(folder, arrivals["file"]))
+        given = {**given, "arrivals": {"times": times.tolist()}, "starts": starts}
     with at(key):
         return population_of(key, _today("population", given))
+
+
+def _beside(folder: Path, name: Any) -> Path:
+    """Return the path of a file in or below the folder of the scenario."""
+    path = (folder / path_of("file", name)).resolve()
+    if not path.is_relative_to(folder.resolve()):
+        raise ValueError(f"is {name!r}, outside of the folder of the scenario; it must name a file in it")
+    return path
 
 
 def _require_ways(scenario: Scenario) -> None:
@@ -337,5 +347,6 @@ def _require_ways(scenario: Scenario) -> None:
     room = scenario.room
     for part in scenario.population.parts:
         if part.starts is not None:
-            check_starts(scenario.geometry, part.starts, np.full(len(part.starts), room * part.radius.high))
+            widest = np.full(len(part.starts), room * part.radius.high)
+            check_starts(scenario.geometry, part.starts, widest, at_once=part.arrivals is None)
     scenario.population.draw(np.random.default_rng(0), scenario.geometry, room)

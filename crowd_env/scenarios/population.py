@@ -1,7 +1,8 @@
 """The people of a scenario: number, distributions of their bodies, and starting positions."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Annotated, Any
 
 import numpy as np
@@ -14,15 +15,18 @@ from crowd_env.core.checks import (
     POSITIVE,
     Plain,
     Range,
+    at,
     check_fields,
     from_table,
     known,
     plain_name,
 )
 from crowd_env.core.files.fingerprint import UNSAID
+from crowd_env.geometry.entrances import Entries, at_the_start, spots_along, spots_in
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import ROUNDED
 from crowd_env.geometry.placement import CLOSEST_PACKING, sample_positions
+from crowd_env.scenarios.arrivals import Arrivals
 from crowd_env.scenarios.distributions import Distribution, LogNormal, Normal, Uniform, as_distribution
 from crowd_env.scenarios.groups import draw_groups
 from crowd_env.scenarios.profiles import PROFILES, with_profile
@@ -40,7 +44,7 @@ DRAWN = {
     "relaxation_time": POSITIVE,
     "response_time": Range(0.0, 86_400.0),  # s
 }
-BOUNDS = DRAWN | MOTIVATION | {"group_size": COUNT}
+BOUNDS = DRAWN | MOTIVATION | {"group_size": COUNT, "wait": Range(0.0, 86_400.0)}
 
 # People of Pécol et al. 2011, Table 4, uniform within the ranges: `Population(20, **TABLE_4)`.
 TABLE_4: Mapping[str, Any] = {"radius": Uniform(0.2, 0.25), "desired_speed": Uniform(1.2, 2.0)}
@@ -55,6 +59,7 @@ class Population:
 
     By default they are adults on plain floor: shoulders of 0.30 to 0.38 m, since people turn them where it is narrow, and the
     speeds of Weidmann 1993, within two standard deviations.  All respond at once, and take the route of the run's strategy.
+    With `Arrivals`, ``people`` is how many can come in any draw.
     Mass and relaxation time are Table 4 of Pécol et al. 2011; ``**TABLE_4`` is all of it.  Crowds of several kinds are
     `crowd_env.scenarios.cohorts.Cohorts`.
 
@@ -98,6 +103,10 @@ class Population:
     """name of these people in messages and pictures."""
     profile: str = field(default="", metadata={UNSAID: ""})
     """name of the profile that gives the ``desired_speed`` of a table without one."""
+    wait: Distribution | None = field(default=None, metadata={UNSAID: None})
+    """s, how long people wait in the region that their route is via; by default they walk on."""
+    arrivals: Arrivals | None = field(default=None, metadata={UNSAID: None})
+    """when they come in; by default all are there at the start."""
 
     def __post_init__(self) -> None:
         check_fields("population", self)
@@ -122,8 +131,22 @@ class Population:
             object.__setattr__(self, "starts", as_positions(self.starts, self.people))
             if self.start_region is not None:
                 raise ValueError(f"people have recorded starts or the start region {self.start_region!r}, not both")
+        if self.arrivals is not None:
+            self._check_arrivals(self.arrivals)
         if self.route is not None and self.exits:
             raise ValueError(f"people take the route {self.route!r} or the best of some exits, not both")
+
+    def _check_arrivals(self, arrivals: Arrivals) -> None:
+        if arrivals.rate is None and self.people != arrivals.people:
+            raise ValueError(f"population: people is {self.people}, but {arrivals.people} arrivals are listed")
+        if self.starts is not None and (arrivals.line is not None or len(self.starts) != self.people):
+            raise ValueError("arriving people come in along a line, or each at a recorded start of their own")
+        if self.starts is None and self.start_region is None and arrivals.line is None:
+            raise ValueError("arriving people need an entrance: a line of the arrivals, a start_region or starts")
+        if arrivals.line is not None and self.start_region is not None:
+            raise ValueError(f"people come in along a line or in the start region {self.start_region!r}, not both")
+        if self.walks_together:
+            raise ValueError("arriving people walk alone: leave out group_size")
 
     @property
     def parts(self) -> tuple["Population", ...]:
@@ -134,6 +157,15 @@ class Population:
         """Return the population with other ``options``."""
         return replace(self, **options)
 
+    def moved(self, move: Callable[[Floats], Floats]) -> "Population":
+        """Return the population with its places moved by a function of points (K, 2) [m]."""
+        arrivals, starts = self.arrivals, self.starts
+        if arrivals is not None and arrivals.line is not None:
+            arrivals = replace(arrivals, line=move(arrivals.line))
+        if starts is not None:
+            starts = move(starts)
+        return self if starts is None and arrivals is self.arrivals else self.changed(starts=starts, arrivals=arrivals)
+
     def draw(self, rng: np.random.Generator, geometry: Geometry, room: float = 1.0) -> tuple[Bodies, Floats]:
         """Draw one crowd: its bodies, and positions (people, 2) without overlap of discs of ``room`` radii.
 
@@ -143,12 +175,41 @@ class Population:
             If the people do not fit.
         """
         bodies = self.draw_bodies(rng)
-        if self.starts is not None:
+        if self.arrivals is not None:
+            position = self.outside(geometry, room, room * bodies.radius)
+        elif self.starts is not None:
             position = self.draw_starts(rng, geometry, room * bodies.radius)
         else:
             position = sample_positions(geometry, room * bodies.radius, rng, self.start_region)
         motivated = self.draw_motivation(rng, bodies)
         return motivated._replace(group=self.draw_groups(rng, position)), position
+
+    def outside(self, geometry: Geometry, room: float, radius: Floats) -> Floats:
+        """Return places (people, 2) at which arriving people may come in, for as long as they are not there."""
+        if self.starts is not None:
+            check_starts(geometry, self.starts, radius, at_once=False)
+            return self.starts.copy()
+        return np.repeat(self.spots(geometry, room)[:1], self.people, axis=0)
+
+    def spots(self, geometry: Geometry, room: float = 1.0) -> Floats:
+        """Return where (K, 2) arriving people may come in, as discs of ``room`` radii.
+
+        Raises
+        ------
+        ValueError
+            If they fit nowhere.
+        """
+        return self.starts if self.starts is not None else _spots_of(self, geometry, room)
+
+    def draw_entries(self, rng: np.random.Generator, geometry: Geometry, room: float = 1.0) -> Entries:
+        """Draw when and where people come in, after all else; nothing is drawn of people that are there at the start."""
+        if self.arrivals is None:
+            return at_the_start(self.people)
+        due, spots, own = self.arrivals.draw(rng, self.people), self.spots(geometry, room), np.arange(self.people)
+        if self.starts is not None:
+            return Entries(due, own, own + 1, own.copy(), spots.copy())
+        start, stop = np.zeros_like(own), np.full_like(own, len(spots))
+        return Entries(due, start, stop, rng.integers(len(spots), size=self.people), spots)
 
     def draw_bodies(self, rng: np.random.Generator) -> Bodies:
         """Draw the bodies alone, with the motivation of the run's manner."""
@@ -191,8 +252,17 @@ class Population:
         return starts
 
 
+@lru_cache(maxsize=64)
+def _spots_of(part: Population, geometry: Geometry, room: float) -> Floats:
+    widest = room * part.radius.high
+    line = None if part.arrivals is None else part.arrivals.line
+    found = spots_in(geometry, widest, part.start_region) if line is None else spots_along(geometry, widest, line)
+    found.flags.writeable = False
+    return found
+
+
 def population_of(where: str, table: Plain) -> Population:
-    """Return the population of a table of its fields; the number of people is that of the starts if it is left out.
+    """Return the population of a table of its fields; the number of people is that of starts or arrivals if it is left out.
 
     Raises
     ------
@@ -202,6 +272,12 @@ def population_of(where: str, table: Plain) -> Population:
     if table.get("starts") is not None:
         starts = as_positions(table["starts"])
         table = {"people": len(starts), **table, "starts": starts}
+    if (given := table.get("arrivals")) is not None and "people" not in table:
+        with at("arrivals"):
+            arrivals = from_table("arrivals", Arrivals, given) if isinstance(given, Mapping) else given
+            if getattr(arrivals, "people", None) is None:
+                raise ValueError("people come at a rate without an end: give until, or the number of people")
+        table = {**table, "people": arrivals.people, "arrivals": arrivals}
     return from_table(where, Population, with_profile(table))
 
 
@@ -220,7 +296,7 @@ def require_room(geometry: Geometry, parts: Iterable[Population], room: float = 
     """
     waiting: dict[str | None, tuple[int, float, float]] = {}
     for part in parts:
-        if part.starts is None:
+        if part.starts is None and part.arrivals is None:
             count, cover, widest = waiting.get(part.start_region, (0, 0.0, 0.0))
             cover += part.people * np.pi * (room * part.radius.low) ** 2
             waiting[part.start_region] = count + part.people, cover, max(widest, room * part.radius.high)

@@ -1,6 +1,6 @@
 """A scenario is pure data: a plan, a population, a time limit and where the numbers come from."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, TypeVar
 
@@ -17,10 +17,11 @@ from crowd_env.core.checks import Plain, Positive, Range, check_fields, flag, re
 from crowd_env.core.files.fingerprint import UNSAID
 from crowd_env.geometry.aprons import APRON, APRONS
 from crowd_env.geometry.geometry import Geometry, turning
+from crowd_env.geometry.placement import lattice
 from crowd_env.routing.fields.domain import require_grid
 from crowd_env.routing.fields.field import NavigationField, OneWay
 from crowd_env.routing.route_set import RoutePlan, RouteSet, Target
-from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Route
+from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Gate, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.routing.strategies import STRATEGIES
 from crowd_env.scenarios.cohorts import Cohorts, People, as_people
@@ -112,6 +113,8 @@ class Scenario:
     """doors that people mean to pass one way only."""
     sections: tuple[Section, ...] = field(default=(), metadata={UNSAID: ()})
     """lines at which people are counted, beside doors and the narrowest passages."""
+    gates: tuple[Gate, ...] = field(default=(), metadata={UNSAID: ()})
+    """doors that let people through one by one, such as turnstiles."""
     comfort: Comfort = field(default_factory=Comfort)
     """costs that the most comfortable route keeps low."""
     manner: Manner | None = "hurried"
@@ -139,6 +142,10 @@ class Scenario:
             require_names("start region", [part.start_region], self.geometry.regions)
             require_names("exit", part.exits, self.exits)
             require_names("route", [part.route], [*(route.name for route in self.routes), *self.exits])
+            if part.wait is not None and not any(one.via and one.name == part.route for one in self.routes):
+                raise ValueError("people wait in the region that their route is via: wait needs such a route")
+            if part.arrivals is not None:
+                part.spots(self.geometry, self.room)  # ValueError without room
         for one in self.pulls.attractions:
             if not self.geometry.contains(np.array([[one.x, one.y]]))[0]:
                 raise ValueError(
@@ -200,13 +207,13 @@ class Scenario:
         return self.route_set(rules=False).routes[0].field
 
     def longest_walk(self) -> tuple[float, Floats]:
-        """Return the longest free time to walk out [s], and its start (2,) [m].
+        """Return when freely walking people are out [s], and the start (2,) [m] of the last of them.
 
-        It is the time of the slowest person at the furthest start with the latest response.
+        It is the time of the slowest person at the furthest start with the latest arrival and response.
         """
         field, longest = self.field(), (0.0, np.zeros(2))
         for part in self.population.parts:
-            if part.starts is None:
+            if part.starts is None and part.arrivals is None:
                 rows, cols = np.nonzero(np.isfinite(field.travel_time))
                 at = field.origin + field.spacing * np.column_stack([cols, rows])
                 time = field.travel_time[rows, cols] - field.behind
@@ -214,8 +221,13 @@ class Scenario:
                     inside = self.geometry.contains(at, part.start_region)
                     at, time = at[inside], time[inside]
             else:
-                at, time = part.starts, field.travel_time_for(part.starts, 0.0) - field.behind
+                at = part.spots(self.geometry, self.room)
+                time = field.travel_time_for(at, 0.0) - field.behind
             walk = float(time.max(initial=0.0)) / max(part.desired_speed.low, _SLOW) + part.response_time.high
+            walk += max((route.until for route in self.routes), default=0.0)
+            walk += 0.0 if part.wait is None else part.wait.high
+            if part.arrivals is not None:
+                walk += part.arrivals.latest(part.people)
             if walk > longest[0] and len(at):
                 longest = walk, at[np.argmax(time)]
         return longest
@@ -231,9 +243,9 @@ class Scenario:
         return replace(self, time_limit=max(_SHORTEST_LIMIT, float(limit)))
 
     def turned(self, angle: float, mirrored: bool = False) -> "Scenario":
-        """Return the place as `crowd_env.geometry.geometry.turning` moves it; recorded starts and attractions are moved too."""
+        """Return the place as `crowd_env.geometry.geometry.turning` moves it, with starts, arrivals and attractions."""
         turn = turning(angle, mirrored)
-        moved = [p if p.starts is None else p.changed(starts=turn(p.starts)) for p in self.population.parts]
+        moved = [part.moved(turn) for part in self.population.parts]
         crowd = Cohorts(tuple(moved)) if len(moved) > 1 else moved[0]
         points = turn(np.array([(one.x, one.y) for one in self.pulls.attractions]).reshape(-1, 2))
         return replace(
@@ -279,6 +291,7 @@ class Scenario:
             closed_at_start=self.closed_doors,
             events=self.door_events,
             one_way=self.one_way,
+            gates=self.gates,
             walking_speed=0.5 * (self.population.desired_speed.low + self.population.desired_speed.high) or 1.0,
         ).build()
 
@@ -298,6 +311,34 @@ class Scenario:
     def depends_on_place(self, strategy: str) -> bool:
         """Return whether the routes of people depend on their starts."""
         return any(len(self._taken(part, strategy)) > 1 for part in self.population.parts)
+
+    def draw_stays(self, rng: np.random.Generator, routes: Sequence[str]) -> tuple[Floats, Floats] | None:
+        """Draw how long (N,) [s] and where (N, 2) [m] people wait on these ``routes`` (N,); None if none wait."""
+        waits = any(part.wait is not None for part in self.population.parts)
+        halts = [route for route in self.routes if route.via is not None and (waits or route.until)]
+        if not halts:
+            return None
+        lengths = (
+            np.zeros(p.people) if p.wait is None else p.wait.sample(rng, p.people) for p in self.population.parts
+        )
+        stay, spot, taken = np.concatenate([*lengths]), np.full((len(routes), 2), np.nan), np.array(routes)
+        for route in halts:
+            here = np.flatnonzero(taken == route.name)
+            spots = lattice(self.geometry, self.room * self.population.radius.high, route.via)
+            if len(spots):
+                spot[here] = spots[rng.permutation(len(spots))[np.arange(len(here)) % len(spots)]]
+        return stay, spot
+
+    @property
+    def has_arrivals(self) -> bool:
+        """Whether some people come in during an episode."""
+        return any(part.arrivals is not None for part in self.population.parts)
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether a crowd at rest may walk on by itself: people come in, wait, or pass gates."""
+        waits = any(part.wait is not None for part in self.population.parts) or any(one.until for one in self.routes)
+        return self.has_arrivals or waits or bool(self.gates)
 
     def choose(
         self,

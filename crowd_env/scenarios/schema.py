@@ -81,6 +81,8 @@ def json_schema() -> Plain:
     definitions["Plan"]["anyOf"] = [{"required": ["walkable", "exits"]}, {"required": ["file"]}]
     density = {"type": "number", **POSITIVE.in_schema(), "description": "1/m2, in place of the number of people."}
     definitions["Population"]["properties"]["density"] = density
+    entries = {"type": "string", "description": "CSV file of recorded entries, in place of all other keys: time, x, y."}
+    definitions["Arrivals"]["properties"]["file"] = entries
     for name, allowed in BOUNDS.items():
         single, pair, *_ = definitions["Population"]["properties"][name]["anyOf"]
         for form in (single, pair["items"]):

@@ -48,8 +48,22 @@ def read_starts(path: str | Path) -> Floats:
     return np.array([[table.number(row, name, f"person {row.number}") for name in ("x", "y")] for row in table.rows])
 
 
-def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:
-    """Raise ValueError unless recorded positions lie inside, clear of walls and of each other."""
+def read_entries(path: str | Path) -> tuple[Floats, Floats]:
+    """Return the times (K,) [s] and places (K, 2) [m] of recorded entries: a CSV file with the columns time, x and y.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, lacks a column, or holds an entry that is not a number; file and line are named.
+    """
+    names = ("time", "x", "y")
+    table = read_table(path, "the entries", names, "seconds and meters", "a person")
+    found = np.array([[table.number(row, name, f"person {row.number}") for name in names] for row in table.rows])
+    return found[:, 0].copy(), found[:, 1:].copy()
+
+
+def check_starts(geometry: Geometry, starts: Floats, radius: Floats, at_once: bool = True) -> None:
+    """Raise ValueError unless recorded positions lie inside, clear of walls and, if all stand ``at_once``, of each other."""
     outside = np.flatnonzero(~geometry.contains(starts))
     if len(outside):
         k = outside[0]
@@ -62,6 +76,8 @@ def check_starts(geometry: Geometry, starts: Floats, radius: Floats) -> None:
             f"start {k} at ({starts[k, 0]:g}, {starts[k, 1]:g}) is {clearance[k]:.3f} m from a wall; "
             f"its body of radius {radius[k]:.3f} m does not fit"
         )
+    if not at_once:
+        return
     i, j, gap = closest_pair(np.ascontiguousarray(starts, dtype=np.float64), radius)
     if gap < -1e-9:
         raise ValueError(

@@ -26,7 +26,8 @@ from crowd_env.geometry.geometry import box
 TERMS = tuple(REWARDS)
 # Fields of a `Transition` that no term reads.
 OF_EPISODE = dict.fromkeys(
-    ("truncated", "impulse", "step_start", "time_limit", "blocked_after", "last_exit", "finished", "ended"), np.zeros(1)
+    ("truncated", "impulse", "step_start", "time_limit", "blocked_after", "last_exit", "finished", "ended", "coming"),
+    np.zeros(1),
 )
 
 

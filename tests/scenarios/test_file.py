@@ -33,8 +33,9 @@ from crowd_env.cli.main import app
 from crowd_env.core.checks import POSITIVE, number
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.routing.fields.field import OneWay
-from crowd_env.routing.spec import ControlRule, DoorEvent, Route
+from crowd_env.routing.spec import ControlRule, DoorEvent, Gate, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
+from crowd_env.scenarios.arrivals import Arrivals
 from crowd_env.scenarios.shapes import circle
 
 json_schema = late("crowd_env.scenarios.schema", "json_schema")
@@ -497,6 +498,7 @@ def of_population(density=1.0, **key):
 # Table -> what it is made by, and the numbers of it that others bound too: these are refused by more than the schema.
 TABLES = {
     "": (lambda **key: replace(make_scenario("room-v0"), **key), ()),
+    "Arrivals": (partial(Arrivals, **{"rate": 1.0}), ("since", "until")),
     "Attraction": (partial(Attraction, **{"x": 1.0, "y": 1.0, "strength": 1.0}), ()),
     "Balance": (Balance, ("step", "base", "arms")),
     "Box": (None, ()),
@@ -504,6 +506,7 @@ TABLES = {
     "Comfort": (Comfort, ()),
     "ControlRule": (partial(ControlRule, **{"region": "a", "at_least": 10**9, "route": "b"}), ()),
     "DoorEvent": (lambda **key: DoorEvent("a", True, region="b" if "at_least" in key else None, **key), ()),
+    "Gate": (partial(Gate, "a"), ()),
     "GroupCohesion": (GroupCohesion, ()),
     "Headway": (Headway, ()),
     "LogNormal": (partial(LogNormal, **{"median": 2.0, "sigma": 0.0, "high": 3.0}), ("median", "high", "low")),
@@ -516,7 +519,7 @@ TABLES = {
     ),
     "Population": (of_population, ("group_size",)),
     "Pulls": (None, ()),
-    "Route": (None, ()),
+    "Route": (partial(Route, "a", via="b"), ()),
     "Section": (None, ()),
     "SpeedZone": (partial(SpeedZone, "a"), ()),
     "Uniform": (partial(Uniform, **{"low": 0.0, "high": 1.0}), ("low", "high")),

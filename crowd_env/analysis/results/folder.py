@@ -110,7 +110,11 @@ class ResultsFolder(Store):
 
 def encode(episode: Episode) -> Plain:
     """Return a run, ready for JSON to the last bit, without what a recorder kept of it."""
-    numbers = {name: [json_number(one) for one in getattr(episode, name).tolist()] for name in _ARRAYS}
+    numbers: dict[str, list[Any]] = {
+        name: [json_number(one) for one in getattr(episode, name).tolist()] for name in _ARRAYS
+    }
+    if episode.entry_time is not None:  # JSON knows neither nan nor inf
+        numbers["entry_time"] = [str(one) for one in episode.entry_time.tolist()]
     metrics = {name: json_number(one) for name, one in episode.metrics._asdict().items()}
     crossed = {} if episode.crossings is None else {"crossings": episode.crossings.tolist()}
     return {**{name: getattr(episode, name) for name in _NUMBERS}, "metrics": metrics, **numbers, **crossed}
@@ -124,6 +128,8 @@ def decode(run: int, content: Plain | None) -> Episode | None:
         told: dict[str, Any] = {name: np.array(content[name], dtype=_ARRAYS[name]) for name in _ARRAYS}
         told |= {name: content[name] for name in _NUMBERS}
         metrics: Any = {name: float("nan") if one is None else one for name, one in content["metrics"].items()}
+        if "entry_time" in content:
+            told["entry_time"] = np.array(content["entry_time"], dtype=np.float64)
         crossed = np.array(content["crossings"], dtype=np.float64).reshape(-1, 4) if "crossings" in content else None
         found = Episode(run, metrics=EpisodeMetrics(**metrics), crossings=crossed, **told)
     except (AttributeError, KeyError, OverflowError, TypeError, ValueError):
@@ -154,7 +160,7 @@ def write_tables(folder: Path, scenario: Scenario, episodes: Sequence[Episode]) 
 
 def write_curve(folder: Path, episodes: Sequence[Episode]) -> Path:
     """Write N(t) over runs, mean and quantiles, and return the path."""
-    curve = egress([episode.exit_time for episode in episodes])
+    curve = egress([episode.exit_time for episode in episodes], [episode.entries for episode in episodes])
     columns = ("time", "inside_mean", *(f"inside_q{round(100 * share):02d}" for share in QUANTILES))
     rows = np.column_stack([curve.time, curve.mean, curve.quantiles])
     return write_csv(folder / CURVE, columns, ([f"{value:.10g}" for value in row] for row in rows))
@@ -168,8 +174,8 @@ def _cohorts(scenario: Scenario) -> np.ndarray:
 
 
 def _run(episode: Episode) -> list[object]:
-    times = (episode.end, episode.time_limit, time_of_share(episode.exit_time, 0.95))
-    return [episode.run, episode.seed, len(episode.exit_time), *map(_cell, (*times, *episode.metrics))]
+    times = (episode.end, episode.time_limit, time_of_share(episode.exit_time[episode.came], 0.95))
+    return [episode.run, episode.seed, int(episode.came.sum()), *map(_cell, (*times, *episode.metrics))]
 
 
 def _exits(scenario: Scenario, cohorts: np.ndarray, episode: Episode) -> list[tuple[object, ...]]:
@@ -177,7 +183,7 @@ def _exits(scenario: Scenario, cohorts: np.ndarray, episode: Episode) -> list[tu
     names = exit_names(scenario, episode.exit_index)
     order = np.argsort(episode.exit_time, kind="stable")  # nan go last
     rows: list[tuple[object, ...]] = []
-    for k in order:
+    for k in order[episode.came[order]]:
         time, *body = (_cell(float(one[k])) for one in (episode.exit_time, episode.radius, episode.desired_speed))
         until = "" if time else _cell(episode.end)
         rows.append((episode.run, time, names[k], int(bool(time)), int(k), *body, cohorts[k], until))
@@ -202,17 +208,22 @@ class Egress(NamedTuple):
     quantiles: Floats  # (T, Q)  of `QUANTILES`
 
 
-def inside(exit_time: Floats, time: Floats) -> np.ndarray:
-    """Return how many people are inside at ``time`` (T,) [s]; ``exit_time`` (N,) [s] is nan for a pedestrian left inside."""
-    return len(exit_time) - np.searchsorted(np.sort(exit_time), time, side="right")
+def inside(exit_time: Floats, time: Floats, entry_time: Floats | None = None) -> np.ndarray:
+    """Return how many people are inside at ``time`` (T,) [s]; ``exit_time`` (N,) [s] is nan for a pedestrian left inside.
+
+    ``entry_time`` (M,) [s] is that of the people that came; nan for one that could not enter.
+    """
+    come = len(exit_time) if entry_time is None else np.searchsorted(np.sort(entry_time), time, side="right")
+    return come - np.searchsorted(np.sort(exit_time), time, side="right")
 
 
-def egress(exit_times: Sequence[Floats]) -> Egress:
-    """Return N(t) over runs from the exit times (N,) [s] of each, at round times up to the last exit of all."""
+def egress(exit_times: Sequence[Floats], entry_times: Sequence[Floats | None] | None = None) -> Egress:
+    """Return N(t) over runs from the exit and entry times (N,) [s] of each, at round times up to the last exit of all."""
     known = np.concatenate([times[np.isfinite(times)] for times in exit_times])
     end = float(known.max(initial=0.0))
     step = next((step for step in _STEPS if end / step < _MOST_ROWS), _STEPS[-1])
     # whole multiples over whole parts: 0.3, not 0.30000000000000004
     time = np.round(np.arange(np.ceil(end / step - 1e-9) + 1) * step, 1)
-    counts = np.array([inside(times, time) for times in exit_times])
+    entries = entry_times or [None] * len(exit_times)
+    counts = np.array([inside(times, time, came) for times, came in zip(exit_times, entries, strict=True)])
     return Egress(time, counts.mean(axis=0), np.quantile(counts, QUANTILES, axis=0).T)

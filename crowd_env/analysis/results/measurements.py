@@ -138,7 +138,11 @@ class MeasurementRecorder:
         inside = env.active | step.truncated
         was_inside = inside | step.terminated
         moved = np.hypot(*(state.position - self._position).T)
-        self._walked += np.where(was_inside, moved, 0.0)
+        before = self._time[env.env_of_person]
+        entered = (simulation.entrances.entry_time >= before) & (
+            before > 0.0
+        )  # they came in elsewhere than they were kept
+        self._walked += np.where(was_inside & ~entered, moved, 0.0)
         out = np.flatnonzero(step.terminated)
         # People who get out walk on to the end of the physics step: that is not part of the distance.
         late = np.ceil(state.exit_time[out] / simulation.dt - 1e-9) * simulation.dt - state.exit_time[out]
@@ -164,7 +168,8 @@ class MeasurementRecorder:
         exits, walked = state.exit_index[people].copy(), self._walked[people].copy()
         times = np.where(np.isfinite(state.exit_time[people]), state.exit_time[people], state.time[e])
         wanted = env.simulation.bodies.desired_speed[people]
-        speed = walked / np.maximum(wanted * times, 1e-9)
+        inside = times - np.nan_to_num(env.simulation.entrances.entry_time[people])
+        speed = walked / np.maximum(wanted * inside, 1e-9)
         hurry = float(
             np.max(speed, where=wanted >= SLOWEST, initial=0.0)
         )  # a pedestrian without a desired speed is pushed along

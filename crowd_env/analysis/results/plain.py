@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.core.files.fingerprint import fingerprint
+from crowd_env.core.files.fingerprint import counting_fields, fingerprint
 
 _LONGEST = 20  # entries of an array that are written down; of longer ones their shape and fingerprint
 
@@ -15,7 +15,8 @@ _LONGEST = 20  # entries of an array that are written down; of longer ones their
 def plain(value: Any) -> Any:
     """Return plain data for numbers, texts, arrays, mappings, sequences, and dataclasses made of these.
 
-    A distribution names its kind, as in a scenario file; numbers that JSON does not know become texts.
+    A distribution names its kind, as in a scenario file; numbers that JSON does not know become texts.  Fields younger
+    than files are left out as in a `fingerprint`.
     """
     if isinstance(value, np.generic):
         value = value.item()
@@ -27,7 +28,7 @@ def plain(value: Any) -> Any:
         return {"shape": list(value.shape), "fingerprint": fingerprint(value)}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         kind = {"distribution": type(value).__name__.lower()} if hasattr(value, "sample") else {}
-        return {**kind, **{field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}}
+        return {**kind, **{name: plain(getattr(value, name)) for name in counting_fields(value)}}
     if isinstance(value, Mapping):
         return {str(key): plain(one) for key, one in value.items()}
     if isinstance(value, list | tuple):

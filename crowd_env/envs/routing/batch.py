@@ -250,7 +250,8 @@ class RoutingBatch:
         """Return the input of the terms, of people ``inside`` (P,) and people that ``left`` (P,) since the last decision."""
         env, state, rooms = self.env, self.env.simulation.state, self.env.num_envs
         until = np.where(left, state.exit_time, state.time[env.env_of_person])
-        time_inside = np.where(inside | left, until - self._decided[env.env_of_person], 0.0)
+        since = np.fmax(self._decided[env.env_of_person], env.simulation.entrances.entry_time)
+        time_inside = np.where(inside | left, until - since, 0.0)
         on_route = [
             inside & ((state.route == route) | ((state.route == continuation) & (continuation >= 0)))
             for route, continuation in zip(self._route, self._continuation, strict=True)

@@ -1,7 +1,7 @@
 """Lists of neighbors: their content and their construction."""
 
 from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -214,17 +214,27 @@ def pairs_by_cell(
 
 
 @inner_kernel
+def _lets_through(e: int, i: int, door: int, doors: Any) -> bool:
+    """Whether a door is no wall for pedestrian ``i``."""
+    if not doors.door_open[e, door]:
+        return False
+    return not doors.is_gate[e, door] or bool((doors.admitted[i] >> door) & 1)
+
+
+@inner_kernel
 def list_walls(
     e: int,
     g: int,
     boundary: Boundary,
-    door_open: Bools,
+    doors: Any,
     bodies: Bodies,
     state: CrowdState,
     near: NeighborList,
     reach: float,
 ) -> bool:
-    """Write the wall features nearer than ``reach`` to each body, but for open doors; False if they do not fit.
+    """Write the wall features nearer than ``reach`` to each body, but for open ``doors``; False if they do not fit.
+
+    ``doors`` are the `History` with their state; an open gate is left out for admitted people alone.
 
     Where walls turn left no body inside is beyond both: such a corner touches no body and is in no list.
     """
@@ -244,7 +254,7 @@ def list_walls(
             ax, ay, bx, by = wall[k, 0, 0], wall[k, 0, 1], wall[k, 1, 0], wall[k, 1, 1]
             if x < min(ax, bx) - limit or x > max(ax, bx) + limit or y < min(ay, by) - limit or y > max(ay, by) + limit:
                 continue
-            if wall_door[k] >= 0 and door_open[e, wall_door[k]]:
+            if wall_door[k] >= 0 and _lets_through(e, i, wall_door[k], doors):
                 continue
             if abs(tangent[k, 0] * (y - ay) - tangent[k, 1] * (x - ax)) < limit:
                 if entry == entry_stop:
@@ -254,7 +264,7 @@ def list_walls(
         for k in range(corner_start[g], corner_start[g + 1]):
             dx, dy, far = x - corner[k, 0], y - corner[k, 1], limit + corner_radius[k]
             if dx * dx + dy * dy < far * far and corner_turn[k] <= 0.0:
-                if corner_door[k] >= 0 and door_open[e, corner_door[k]]:
+                if corner_door[k] >= 0 and _lets_through(e, i, corner_door[k], doors):
                     continue
                 if entry == entry_stop:
                     return False

@@ -67,8 +67,8 @@ def update_neighbors(e: int, batch: Batch, margin: float, team: int) -> int:
     size = 2.0 * (largest + widest) + reach
     if not (_list_together(e, batch, size, team) if team > 1 else list_pairs(e, batch.bodies, batch.state, near, size)):
         return FULL
-    g, boundary, door_open = batch.world.geometry_of_env[e], batch.world.boundary, batch.history.door_open
-    if not list_walls(e, g, boundary, door_open, batch.bodies, batch.state, near, reach):
+    g, boundary = batch.world.geometry_of_env[e], batch.world.boundary
+    if not list_walls(e, g, boundary, batch.history, batch.bodies, batch.state, near, reach):
         return FULL
     if not list_exits(e, g, boundary, batch.bodies, batch.state, near):
         return FULL

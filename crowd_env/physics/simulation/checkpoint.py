@@ -4,11 +4,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bodies, CrowdState, Ints
+from crowd_env.core.arrays.state import Bodies, CrowdState, Floats, Ints
 from crowd_env.core.checks import shown
 from crowd_env.core.kernels.struct_ref import StructRef
 from crowd_env.physics.contacts import Contacts, of_a_contact, rows_of
 from crowd_env.physics.neighbors.lists import NeighborList, invalidate_lists
+from crowd_env.physics.simulation.entrances import EntryState
 from crowd_env.physics.spatial_order import Order
 from crowd_env.physics.workspace import Diagnostics, History, Results, Workspace
 from crowd_env.routing.door_schedule import DoorState
@@ -38,6 +39,8 @@ class Checkpoint(NamedTuple):
     route_set: PlannerState
     order: Order | None  # None = no crowd is large
     escaped: np.ndarray  # (P,)  found outside of the walkable area
+    entries: EntryState
+    gates: tuple[Floats, Floats]  # when each may admit the next (E, G) [s], and is looked at (E,) [s]
 
 
 def copy_arrays(fields: Any) -> Arrays:

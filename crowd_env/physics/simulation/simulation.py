@@ -9,11 +9,12 @@ import numpy as np
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints, check_bodies, check_state, make_state
 from crowd_env.core.behaviors.behavior import record
 from crowd_env.core.behaviors.headway import Headway
-from crowd_env.core.behaviors.outline import Outline
+from crowd_env.core.behaviors.outline import Outline, room_of
 from crowd_env.core.behaviors.pulls import has_groups
 from crowd_env.core.checks import NOT_NEGATIVE, known, whole
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.kernels.struct_ref import struct_ref
+from crowd_env.geometry.entrances import Entries
 from crowd_env.geometry.geometry import Boundary, Geometry, join_boundaries
 from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.geometry.wall_grid import make_wall_grid
@@ -31,9 +32,12 @@ from crowd_env.physics.simulation.checkpoint import (
     save_history,
     write_arrays,
 )
+from crowd_env.physics.simulation.entrances import Entrances
+from crowd_env.physics.simulation.gates import Gates
 from crowd_env.physics.simulation.stepper import Stepper
 from crowd_env.physics.social_force import social_forces_of_walls
 from crowd_env.physics.spatial_order import SortedCrowd, between
+from crowd_env.physics.step import pass_time
 from crowd_env.physics.workspace import (
     Batch,
     Command,
@@ -115,6 +119,10 @@ class Simulation:
         plans = [place.plan if isinstance(place, RouteSet) else None for place in self.fields]
         closed, events = ([getattr(plan, name, ()) for plan in plans] for name in ("closed_at_start", "events"))
         self._door_schedule = DoorSchedule(self.geometries, closed, events, which)
+        gates = [getattr(plan, "gates", ()) for plan in plans]
+        self._gates = Gates(self.geometries, gates, which)
+        self._waits = any(getattr(route, "via", None) for plan in plans for route in getattr(plan, "routes", ()))
+        self.entrances = Entrances(bodies, room_of(self.outline))
         routes = (self.planner.guidance.field_of_route >= 0).sum(axis=1)
         self._routes_of_person = np.repeat(routes, np.diff(bodies.env_start))
         arguments.check_routes(state.route, self._routes_of_person)
@@ -142,7 +150,9 @@ class Simulation:
         bodies, guidance, kinds = self.bodies, self.planner.guidance, kinds_of(self.walking)
         params = record(**{name: kind.params_of(self.behaviors[name]) for name, kind in kinds.items()})
         acts = {name: kind.acts(self.behaviors[name], bodies) for name, kind in kinds.items()}
-        self._uses = uses = arrays_of(self.scheme, [kind for name, kind in kinds.items() if acts[name]])
+        uses = arrays_of(self.scheme, [kind for name, kind in kinds.items() if acts[name]])
+        uses |= {name for name, used in (("gates", bool(self._gates)), ("waiting", self._waits)) if used}
+        self._uses = uses
         control = allocate_control(len(bodies.radius), self.driving, not self.allow_unstable)
         headway = self.behaviors[Headway.NAME]
         walls = make_wall_grid(boundary, None if headway is None else headway.sight + 1.0)
@@ -152,6 +162,8 @@ class Simulation:
         acting = {name: (kind, acts[name]) for name, kind in kinds.items()}
         history = allocate_history(bodies, workspace.neighbors, signs, doors, uses, acting)
         history.followed[:] = self.state.route
+        for e in range(len(self.state.time)):
+            history.is_gate[e, self._gates.doors_of(e)] = True
         world = World(boundary, by_reference(self.planner.field), geometry_of_env, guidance, walls)
         results = allocate_results(len(bodies.radius), len(self.state.time))
         return Batch(world, params, record(**acts), bodies, self.state, control, results, history, workspace)
@@ -188,7 +200,7 @@ class Simulation:
         n_substeps: int = 1,
         external_force: Floats | None = None,
         gives_way: Bools | None = None,
-        then: Callable[[int, int], object] = lambda first, stop: None,
+        then: Callable[[int, int], object] | None = None,
     ) -> None:
         """Advance every environment by ``n_substeps`` physics steps in one compiled call.
 
@@ -215,22 +227,55 @@ class Simulation:
         self._stepper.begin(asked)
         target = 0
         while target < n_substeps:
+            self._let_in()
             for e, closed in self._door_schedule.update(self.bodies, self.state, self.history.door_open):
                 self.close_doors(e, closed)
             self.planner.update(self.bodies, self.state)
+            self._admit()
             inside = self.inside
             if self._sorted is not None:
                 self._sorted.update(self.history.contacts, self.workspace.neighbors)
-            tasks = (self._sorted, self.planner, self._door_schedule)
-            waits = [task.steps_until_due(self.state.time, self.dt, inside) for task in tasks if task is not None]
+            busy = inside + self.entrances.coming if self.entrances.are_used else inside
+            tasks: list[tuple[Any, Ints]] = [(self._sorted, busy), (self._door_schedule, busy), (self.entrances, busy)]
+            tasks += [(self.planner, inside), (self._gates, inside)]
+            waits = [task.steps_until_due(self.state.time, self.dt, n) for task, n in tasks if task is not None]
             waits += [1] if self.listeners else []
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
-            self._stepper.run_until(target, self.dt, then if target == n_substeps else lambda first, stop: None)
+            self._stepper.run_until(target, self.dt, self._finish(target, then if target == n_substeps else None))
             for listen in self.listeners:
                 listen()
         add_diagnostics(self.diagnostics, self.results.diagnostics)
         state, geometry_of_env = self.state, self.world.geometry_of_env
         mark_outside(self._border, geometry_of_env, self.bodies.env_start, state.active, state.position, self.escaped)
+
+    def _let_in(self, only: int | None = None) -> None:
+        """Let in the people that are due, into ``only`` one environment or all."""
+        for e in self.entrances.update(self.state, only):
+            invalidate_lists(self.workspace.neighbors, e)
+            self.history.directions_known[e] = False
+            if self._sorted is not None:
+                self._sorted.gather_bodies(self._people(e))
+
+    def _admit(self) -> None:
+        """Let gates admit people."""
+        if not self._gates:
+            return
+        direction, admitted = self.in_slots(self.history.direction), self.in_slots(self.history.admitted)
+        for e in self._gates.update(self.bodies, self.state, direction, admitted):
+            self.history.admitted[:] = admitted if self._sorted is None else admitted[self._sorted.slot]
+            invalidate_lists(self.workspace.neighbors, e)
+
+    def _finish(self, target: int, then: Callable[[int, int], object] | None) -> Callable[[int, int], object]:
+        """Return what is done after step ``target``: the clock of an empty place goes on while people are to come."""
+        waiting, batch = self.entrances.coming > 0 if self.entrances.are_used else None, self.batch
+
+        def finish(first: int, stop: int) -> None:
+            if waiting is not None:
+                pass_time(batch, self.dt, target, first, stop, waiting)
+            if then is not None:
+                then(first, stop)
+
+        return finish
 
     def close_doors(self, e: int, closed: Iterable[str]) -> None:
         """Close these doors of environment ``e`` and open all others; routes follow.
@@ -270,11 +315,13 @@ class Simulation:
         position: Floats,
         velocity: Floats | None = None,
         route: Ints | int = 0,
+        entries: Sequence[Entries | None] | None = None,
     ) -> None:
         """Begin a new episode in environment ``e`` with the same number of people; other environments are not touched.
 
         Several environments at once are quicker: then all people are given in the order of ``e``.  ``route`` is the number of
         the route of each pedestrian; `send` changes it later.  Routes that depend on the crowd are computed at once.
+        ``entries`` are given for each environment of ``e``; by default all people are there at the start.
 
         Raises
         ------
@@ -302,9 +349,14 @@ class Simulation:
         self._set_inertia(people)
         self.state.route[people], self.state.time[chosen], self.escaped[people] = routes, 0.0, False
         begin_history(chosen, people, self.history, self.bodies, routes)
+        for late in (self.history.force, self.history.torque) if entries else ():
+            late[people[: len(late)]] = 0.0  # the first forces are of people inside alone
         begin_results(chosen, people, self.results, self.diagnostics)
         invalidate_lists(self.workspace.neighbors, chosen)
-        for each in chosen:
+        for each, come in zip(chosen, entries or [None] * len(chosen), strict=True):
+            self.entrances.restart(each, come, self.state)
+            self._let_in(each)
+            self._gates.restart(each)
             if self._sorted is not None:
                 self._sorted.restart(each)
             self.planner.restart(each)
@@ -337,6 +389,8 @@ class Simulation:
             self.planner.moment(),
             None if self._sorted is None else self._sorted.order(),
             self.escaped.copy(),
+            self.entrances.moment(),
+            self._gates.moment(),
         )
 
     def restore(self, checkpoint: Checkpoint) -> None:
@@ -360,6 +414,8 @@ class Simulation:
             write_arrays(getattr(self, name), getattr(checkpoint, name))
         self.escaped[:] = checkpoint.escaped
         self._door_schedule.restore(checkpoint.doors)
+        self.entrances.restore(checkpoint.entries)
+        self._gates.restore(checkpoint.gates)
         self.planner.restore(checkpoint.route_set)
         self._take_fields()
         if self._sorted is not None and checkpoint.order is not None:
@@ -379,6 +435,15 @@ class Simulation:
         self.state.route[people] = wanted
         self.history.followed[people] = wanted
         self.history.directions_known[e] = False
+
+    def hold(self, e: int, stay: Floats, spot: Floats) -> None:
+        """Set how long (N,) [s] and where (N, 2) [m] people of environment ``e`` wait in the region of their route.
+
+        It holds until the environment restarts, and is set before the first step.  Where the spot is nan, people stand where
+        they come into the region.
+        """
+        people = self._people(e)
+        self.history.stay[people], self.history.spot[people] = stay, spot
 
     def set_motivation(
         self, e: int, *, time_gap: Floats | float | None = None, push: Floats | float | None = None

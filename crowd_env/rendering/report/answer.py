@@ -103,17 +103,21 @@ def _convergence(one: Runs) -> str:
     return f"{text}\n± {100.0 * _AIM:.0f} % needs about {ended * (share / _AIM) ** 2:.0f} runs"
 
 
-def _premovement(response: Sequence[float]) -> str:
-    typical, latest = response
+def _premovement(by_hand: Plain) -> str:
+    if not by_hand:
+        return "–"
+    typical, latest = by_hand["response"]
     return f"{typical:.0f} s, {latest:.0f} s" if latest else "0 s: all walk at once"
 
 
 _ROWS: dict[str, Callable[[Runs], str]] = {
-    "pre-movement time, median and latest": lambda one: _premovement(one.figures["by_hand"]["response"]),
+    "pre-movement time, median and latest": lambda one: _premovement(one.figures.get("by_hand", {})),
     "half of the people out (T50)": time_words("t50"),
     "95 % of the people out (T95)": time_words("t95"),
     "last person out": _evacuation_time,
-    "by hand (SFPE)": lambda one: one.figures["by_hand"]["words"],
+    "by hand (SFPE)": lambda one: one.figures.get("by_hand", {}).get(
+        "words", "not where people arrive, wait or pass gates"
+    ),
     "last person out, quickest and slowest run": _range,
     "convergence over runs (95 % interval)": _convergence,
     "runs": lambda one: str(one.figures["runs"]),

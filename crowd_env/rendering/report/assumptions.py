@@ -66,6 +66,15 @@ def _spread(value: Any, unit: str) -> str:
 
 
 def _starts(part: Plain) -> str:
+    if come := part.get("arrivals"):
+        where = "along a line" if come["line"] else "at recorded places" if part.get("starts") else part["start_region"]
+        until = "" if come["until"] == "inf" else f" to {come['until']:g} s"
+        rate = (
+            f"{come['rate']} people per second, {come['spacing']}, from {come['since']:g} s{until}"
+            if come["rate"]
+            else ""
+        )
+        return f"come in later, {where}: {rate or 'at given times'}"
     if part.get("starts") is not None:
         return "at given positions"
     region = part.get("start_region")
@@ -75,7 +84,8 @@ def _starts(part: Plain) -> str:
 def _goals(part: Plain) -> str:
     exits = f"only by {', '.join(part['exits'])}" if part.get("exits") else ""
     route = f"by the route {part['route']}" if part.get("route") else ""
-    return ", ".join(filter(None, (route, exits))) or "as the strategy says"
+    wait = f"wait {_spread(part['wait'], 's')} on the way" if part.get("wait") else ""
+    return ", ".join(filter(None, (route, exits, wait))) or "as the strategy says"
 
 
 _OF_A_COHORT: dict[str, Callable[[Plain], str]] = {

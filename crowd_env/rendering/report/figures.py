@@ -107,8 +107,9 @@ def _spot(place: Worst | None, unit: str, scale: float = 1.0) -> str:
 
 
 def _curves(runs: Sequence[Runs]) -> str:
-    curves = {one.name: [episode.exit_time for episode in one.episodes] for one in runs}
-    return encoded(egress_curves(curves, until={one.name: _known(one) for one in runs}))
+    curves = {one.name: [episode.exit_time[episode.came] for episode in one.episodes] for one in runs}
+    entries = {one.name: [episode.entries for episode in one.episodes] for one in runs}
+    return encoded(egress_curves(curves, until={one.name: _known(one) for one in runs}, entries=entries))
 
 
 def _known(runs: Runs) -> float:

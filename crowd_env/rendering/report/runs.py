@@ -116,7 +116,9 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
         raise ValueError(f"{folder / KEPT} holds no finished run; the command that began it goes on with it")
     figures = report(scenario, scheme, episodes, dt=config["dt"], strategy=config["strategy"])
     check = check_place(scenario)
-    figures |= {"by_hand": by_hand(scenario, check), "sections": flows_at(places_of(check), episodes)}
+    figures["sections"] = flows_at(places_of(check), episodes)
+    if not scenario.goes_on:
+        figures["by_hand"] = by_hand(scenario, check)
     return Runs("", folder, config, scenario, scheme, episodes, figures, kept.crowding(episodes))
 
 
