@@ -13,6 +13,7 @@ from crowd_env.core.checks import Plain, at, counted, known, texts
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import SLIVER, Area, read_area, read_exits
 from crowd_env.geometry.placement import lattice
+from crowd_env.scenarios.arrivals import Arrivals
 from crowd_env.scenarios.cohorts import Cohorts, People, as_people
 from crowd_env.scenarios.plans.floor_plan import FloorPlan, listed
 from crowd_env.scenarios.plans.reading import read_plan
@@ -144,6 +145,7 @@ def with_own(
         regions=rest | {name: read_area(shape, f"region {name!r}") for name, shape in own.items()},
         starts={renamed.get(name, name): many for name, many in plan.starts.items()},
         goals={renamed.get(name, name): to for name, to in plan.goals.items()},
+        arrivals={renamed.get(name, name): groups for name, groups in plan.arrivals.items()},
     )
 
 
@@ -194,7 +196,18 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
     """
     if fields.get("starts") is not None or not plan.starts:
         return Population(**{"people": PEOPLE if people is None else people, **fields})
-    areas = {name: area_on(plan, name) for name in plan.starts}
+    coming = {} if people is not None or fields.get("arrivals") else plan.arrivals
+    late = [
+        Population(
+            **{"exits": plan.goals.get(name, ()), **fields, "start_region": name},
+            people=sum(many for _, many in groups),
+            arrivals=Arrivals(timetable=tuple(groups)),
+        )
+        for name, groups in coming.items()
+    ]
+    areas = {name: area_on(plan, name) for name in plan.starts if name not in coming}
+    if not areas:
+        return _joined(late)
     most = _room(plan, Population(**{"people": 1, **fields}).radius.high, beside=people is None)
     spread = {name: max(1, int(_CROWDED * area)) for name, area in areas.items()}
     room = {name: min(many, most.get(name, many)) for name, many in spread.items()}
@@ -219,8 +232,12 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
                 warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --people decides", stacklevel=2)
     goals = {name: {} if fields.get("route") else {"exits": plan.goals.get(name, ())} for name in shares}
     parts = [Population(**{**goals[name], **fields, "people": n, "start_region": name}) for name, n in shares.items()]
-    crowd: People = parts[0] if len(parts) == 1 else Cohorts(tuple(parts))
-    return crowd.changed(people=usual if people is None else people)
+    there = _joined(parts).changed(people=usual if people is None else people)
+    return _joined([*there.parts, *late])
+
+
+def _joined(parts: Sequence[Population]) -> People:
+    return parts[0] if len(parts) == 1 else Cohorts(tuple(parts))
 
 
 def _room(plan: FloorPlan, radius: float, beside: bool) -> dict[str, int]:
@@ -229,7 +246,7 @@ def _room(plan: FloorPlan, radius: float, beside: bool) -> dict[str, int]:
     Empty if the drawing makes no valid place.
     """
     areas = [shape for shape in plan.exits.values() if "Polygon" in shape.geom_type]
-    starts = {name: plan.regions[name] for name in plan.starts}
+    starts = {name: plan.regions[name] for name in plan.starts if name not in plan.arrivals}
     try:
         with warnings.catch_warnings():  # its warnings appear where the plan becomes a place
             warnings.simplefilter("ignore")

@@ -53,7 +53,16 @@ def project_of(
     geometry = _given({"file": file, "level": plan.level, **drawing, **shapes})
     parts = people.parts
     own = [
-        _given({"people": one.people, "start_region": one.start_region, "exits": list(one.exits) or None})
+        _given(
+            {
+                "people": one.people,
+                "start_region": one.start_region,
+                "exits": list(one.exits) or None,
+                "arrivals": None
+                if one.arrivals is None
+                else {"timetable": [list(group) for group in one.arrivals.timetable]},
+            }
+        )
         for one in parts
     ]
     crowd: Plain = {"population": {**own[0], **of_all}} if len(parts) == 1 else {"population": of_all, "cohorts": own}

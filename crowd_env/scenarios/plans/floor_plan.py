@@ -58,6 +58,8 @@ class Drawing:
     regions : name -> area.
     starts : name of a region in which people start -> how many of them, None if the file does not say.
     goals : name of such a region -> the exits that people take from there; all if it is not among them.
+    arrivals : name of such a region -> (time [s], people) of the groups that come there; all are there at the start if it is
+        not among them.
     unit : the file's, as a word for messages, if it names one.
     meters : how many meters that unit is, if it is known.
     on_ground : whether the coordinates are meters for sure, projected from degrees.
@@ -74,6 +76,7 @@ class Drawing:
     regions: dict[str, BaseGeometry] = field(default_factory=dict)
     starts: dict[str, int | None] = field(default_factory=dict)
     goals: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    arrivals: dict[str, list[tuple[float, int]]] = field(default_factory=dict)
     unit: str | None = None
     meters: float | None = None
     on_ground: bool = False
@@ -120,6 +123,7 @@ class FloorPlan:
     regions : name -> area [m].
     starts : name of a region in which people start -> how many of them, None if the file does not say.
     goals : name of such a region -> the exits that people take from there; all if it is not among them.
+    arrivals : name of such a region -> (time [s], people) of the groups that come there.
     notes : a sentence on each shape that was dropped, or read in another way than may be meant.
     level : of the file, if one was chosen.
     meters : how many meters a unit of the file was taken for.
@@ -131,6 +135,7 @@ class FloorPlan:
     regions: Mapping[str, Area] = field(default_factory=dict)
     starts: Mapping[str, int | None] = field(default_factory=dict)
     goals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    arrivals: Mapping[str, list[tuple[float, int]]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     level: str | None = None
     meters: float = 1.0

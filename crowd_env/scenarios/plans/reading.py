@@ -289,7 +289,8 @@ def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
     starts = {own[name]: people for name, people in drawing.starts.items() if name in regions}
     regions = {own[name]: shape for name, shape in regions.items()}
     leave = {own[name]: tuple(one for one in to if one in exits) for name, to in drawing.goals.items() if name in own}
-    return FloorPlan(path, walkable, exits, regions, starts, leave, tuple(notes), meters=meters)
+    come = {own[name]: groups for name, groups in drawing.arrivals.items() if name in own}
+    return FloorPlan(path, walkable, exits, regions, starts, leave, come, tuple(notes), meters=meters)
 
 
 def _judged(drawing: Drawing) -> tuple[float, str]:

@@ -9,6 +9,7 @@ from shapely.geometry import Point, Polygon, box
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Plain, number
 from crowd_env.scenarios.plans.floor_plan import Drawing
 
+_MOST_COME = 1000  # people of a source over time; more than these are rarely meant to be simulated one by one
 _BOX = ("x", "y", "width", "height")
 _LEFT_OUT = ("stairs", "targetChangers", "absorbingAreas", "teleporter")  # changes of the walk, beside targets
 
@@ -41,7 +42,9 @@ def read_vadere(content: Plain, meters: float | None) -> Drawing:
             drawing.notes.append(
                 "left out: the targets that people of a source walk to before the one that they leave by"
             )
-        if not all(map(_at_once, sources)):
+        come = {f"source-{source['id']}": _timetable(source) for source in sources}
+        drawing.arrivals = {name: groups for name, groups in come.items() if groups}
+        if not all(_at_once(source) or groups for source, groups in zip(sources, come.values(), strict=True)):
             late = "that people of a source come one after the other; they stand there at the start"
             drawing.notes.append(f"left out: {late}")
     except (AttributeError, KeyError, TypeError) as error:
@@ -107,6 +110,30 @@ def _at_once(source: Plain) -> bool:
     spawner = source.get("spawner", {})
     begin = spawner.get("constraintsTimeStart", source.get("startTime"))
     return bool(begin == spawner.get("constraintsTimeEnd", source.get("endTime")))
+
+
+def _timetable(source: Plain) -> list[tuple[float, int]]:
+    """Return (time [s], people) of the groups of a source that come later at equal intervals; none of any other source."""
+    spawner, old = source.get("spawner", {}), source.get("distributionParameters") or [0.0]
+    law = str(spawner.get("distribution", {}).get("type") or source.get("interSpawnTimeDistribution", ""))
+    every = spawner.get("distribution", {}).get("updateFrequency", old[0])
+    begin = spawner.get("constraintsTimeStart", source.get("startTime", 0.0))
+    end = spawner.get("constraintsTimeEnd", source.get("endTime", begin))
+    many = spawner.get("eventElementCount", source.get("spawnNumber", 1))
+    most = spawner.get("constraintsElementsMax", source.get("maxSpawnNumberTotal", -1))
+    if (
+        not end >= begin >= 0.0
+        or end == 0.0
+        or many < 1
+        or (end > begin and ("Constant" not in law or not every > 0.0))
+    ):
+        return []
+    events = 1 + (int((end - begin) / every + 1e-9) if end > begin else 0)
+    total = min(many * events, most if most > 0 else _MOST_COME + 1)
+    if total > _MOST_COME:
+        return []
+    groups = [(begin + k * every, min(many, total - k * many)) for k in range(events)]
+    return [(time, people) for time, people in groups if people > 0]
 
 
 def _people(source: Plain) -> int | None:

@@ -310,3 +310,28 @@ def test_people_of_a_source_walk_to_their_own_target(tmp_path):
     with pytest.warns(UserWarning, match="left out for those that are given"):
         other = make_scenario(path, exits=["0.5,3,0.5,4"])
     assert not any(part.exits for part in other.population.parts)
+
+
+def test_people_of_vadere_come_as_its_spawner_says(tmp_path):
+    constant = {
+        "type": "org.vadere.state.attributes.distributions.AttributesConstantDistribution",
+        "updateFrequency": 2.0,
+    }
+    spawner = {"constraintsTimeStart": 1.0, "constraintsTimeEnd": 5.0, "eventElementCount": 3, "distribution": constant}
+    older = {"spawnNumber": 2, "maxSpawnNumberTotal": 5, "startTime": 0.0, "endTime": 10.0}
+    older |= {"interSpawnTimeDistribution": "ConstantDistribution", "distributionParameters": [4.0]}
+    once = {"spawnNumber": 4, "startTime": 7.0, "endTime": 7.0}
+    sources = [source(1, 1.0, spawner={**spawner, "constraintsElementsMax": -1}), source(2, 3.0, **older)]
+    path = vadere(tmp_path / "room.scenario", sources=[*sources, source(3, 1.0, **once)])
+    assert read_plan(path).arrivals == {
+        "source-1": [(1.0, 3), (3.0, 3), (5.0, 3)],
+        "source-2": [(0.0, 2), (4.0, 2), (8.0, 1)],
+        "source-3": [(7.0, 4)],
+    }
+    place = make_scenario(path)
+    assert [part.people for part in place.population.parts] == [9, 5, 4] and place.population.parts[
+        0
+    ].arrivals is not None
+    assert (
+        make_scenario(path, people=6).population.parts[0].arrivals is None
+    )  # the user's number are there at the start
