@@ -65,7 +65,9 @@ def project_of(
         )
         for one in parts
     ]
-    crowd: Plain = {"population": {**own[0], **of_all}} if len(parts) == 1 else {"population": of_all, "cohorts": own}
+    crowd: Plain = {"population": {**own[0], **of_all}}
+    if len(parts) > 1:
+        crowd = {**({"population": of_all} if of_all else {}), "cohorts": own}
     comments = {"population": "what all cohorts share"} if len(parts) > 1 else {}
     comments |= {f"geometry.exits.{name}": _about(shape) for name, shape in plan.exits.items()}
     comments |= {f"geometry.regions.{name}": _about(shape) for name, shape in plan.regions.items()}
