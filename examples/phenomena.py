@@ -20,11 +20,11 @@ from crowd_env.envs.metrics import share_interval, summarise
 from crowd_env.geometry.geometry import box
 from crowd_env.physics.pressure import INJURY, contact_pressure
 from crowd_env.rendering import Renderer
-from crowd_env.rendering.encoding import write_gif
-from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, INK, OBSTACLE, QUIET, RAMP, SERIES, WALL
+from crowd_env.rendering.palette import BACKGROUND, INK, QUIET
 from crowd_env.rendering.plan import fit
 from crowd_env.rendering.text import put_text
 from crowd_env.reproduce.helbing2000 import faster
+from examples.loops import write_loop
 from validation.cases.case import COMPARED, Setting, adults
 from validation.cases.counterflow import corridor
 from validation.cases.crowds import Bools, Command, Crowds, Floats, Moment, Passages, crowds_at, draw_crowds, generator
@@ -34,8 +34,7 @@ from validation.pages import read_table, write_table
 DRAWS, PATIENCE = 10, 20.0  # s without a passage: stuck
 MANNERS = ("competitive", "hurried", "calm")
 IMAGES = Path("docs/images/phenomena")
-FPS, TEXT, BAND = 6.0, 11.0, 22  # of the films: 1/s, px, px
-COLORS, REST = 14, 6  # of edges: few make small files; frames on the last moment
+TEXT, BAND = 11.0, 22  # px, of the films
 BESIDE = 220  # px, of each of two panels that stand beside each other
 RESTLESS = 2.0  # noise of "freezing by heating", in desired speeds
 RING_DENSITY = 1.9  # people on a meter of the ring
@@ -355,16 +354,6 @@ def frames(film: Film) -> Iterator[PIL.Image.Image]:
         yield whole
 
 
-def few_colors(sample: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
-    """Return an image with a palette of the colors of plans and pressures, and a few of edges and letters."""
-    picture = PIL.Image.fromarray(np.concatenate([np.asarray(one) for one in sample]))
-    edges = np.reshape(picture.quantize(COLORS, method=PIL.Image.Quantize.MEDIANCUT).getpalette(), (-1, 3))[:COLORS]
-    known = [BACKGROUND, FLOOR, WALL, OBSTACLE, EXIT, EXIT_MAT, INK, QUIET, *SERIES[:2]]
-    palette = PIL.Image.new("P", (1, 1))
-    palette.putpalette(np.concatenate([known, RAMP[:: len(RAMP) // 9], edges]).astype(int).ravel().tolist())
-    return palette
-
-
 def hasty(speed: float) -> Scenario:
     """Return the room of Helbing, Farkas, Vicsek with people that want a speed [m/s]."""
     return faster.place(faster.HelbingSettings(), speed)
@@ -443,10 +432,7 @@ def films(*names: str) -> None:
     IMAGES.mkdir(parents=True, exist_ok=True)
     for name in names or FILMS:
         drawn = list(frames(FILMS[name]()))
-        palette = few_colors(drawn[::8])
-        drawn = [one.quantize(palette=palette, dither=PIL.Image.Dither.NONE).convert("RGB") for one in drawn]
-        path = write_gif(IMAGES / f"{name}.gif", drawn + REST * drawn[-1:], 1.0 / FPS, drawn[::8])
-        print(f"{path}: {(len(drawn) + REST) / FPS:.1f} s, {path.stat().st_size / 1000:.0f} kB")
+        write_loop(IMAGES / f"{name}.gif", drawn)
 
 
 if __name__ == "__main__":
