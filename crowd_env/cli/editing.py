@@ -21,9 +21,10 @@ from shapely.geometry.base import BaseGeometry
 
 from crowd_env.analysis.figures import cells
 from crowd_env.analysis.plan_check import PlanCheck, check_place, check_plan
+from crowd_env.analysis.results.config import file_digest
 from crowd_env.analysis.results.folder import KEPT
 from crowd_env.core.checks import Plain, Range, table, whole
-from crowd_env.core.files.atomic import legible, write_text
+from crowd_env.core.files.atomic import keep_aside, legible, write_text
 from crowd_env.core.files.json_file import read_json
 from crowd_env.geometry.parsing import flat_parts
 from crowd_env.rendering.editor import editor_page
@@ -36,6 +37,7 @@ from crowd_env.scenarios.project import Project, project_text
 
 _FINE = 3  # decimals of meters on the page
 _MOST_POINTS = 400_000  # of layers on the page
+_LOCKED = "no exit can be reached"
 _PEOPLE = 2000  # that are drawn
 _RUNS = Range(1, 1000)
 _LARGEST = 20_000_000  # bytes of a project
@@ -63,7 +65,8 @@ def look(content: Plain, path: Path, *, layers: bool = False, seed: int = 0) -> 
             if file:
                 drawing = drawing_of(content, path)
                 found |= {"drawn": _drawn(drawing)}
-            if drawing is not None and not (given.get("exits") or drawing.exits):
+            exits = given.get("exits")
+            if drawing is not None and not (drawing.exits if exits is None else exits):
                 raise ValueError("there is no exit yet: draw one on the edge of the floor")
             check = check_place(scenario_of(content, path), seed)
         except broken as error:
@@ -72,9 +75,12 @@ def look(content: Plain, path: Path, *, layers: bool = False, seed: int = 0) -> 
                 check = check_plan(path.stem, floor_of(content, path), Population(people=1), seed=seed)
             except broken as other:
                 found |= {"error": _plainly(other, path, file)}
-    found |= {"notes": list(dict.fromkeys(_plainly(one.message, path, file) for one in said))}
+    notes = list(dict.fromkeys(_plainly(one.message, path, file) for one in said))
     if check is not None:
         found |= _shown(check, whole=found["error"] is None)
+    locked = [note for note in notes if _LOCKED in note]  # people: worse than a note
+    found |= {"notes": [note for note in notes if note not in locked]}
+    found |= {"remarks": [*locked, *found.get("remarks", [])]}
     if layers and file is not None:
         how = {key: given[key] for key in ("unit", "level", "layers") if given.get(key)}
         with suppress(*broken):
@@ -168,7 +174,8 @@ class Editor:
 
     def __init__(self, project: Project, path: Path) -> None:
         self.project, self.path = project, path
-        self._kept = False  # whether what was there before is
+        self.content = project.content  # as it was seen last: a page that is loaded again goes on with it
+        self._ours = ""  # digest of what this session has written
         self._run: _Run | None = None
 
     def answer(self, asked: str, given: Plain) -> Plain:
@@ -182,15 +189,20 @@ class Editor:
         content = table("content", given.get("content", {}), "keys and values")
         match asked:
             case "check":
+                self.content = content
                 return look(content, self.path, layers=given.get("layers") is True)
             case "save":
-                return self._save(content)
+                return self._save(content, given.get("revision"))
             case "run":
-                saved = self._save(content)
-                if self._run is not None:
-                    self._run.stop()
-                self._run = _Run(self.path, content, whole("runs", given.get("runs", 10), _RUNS))
+                runs = whole("runs", given.get("runs", 10), _RUNS)
+                if self.running:
+                    raise ValueError("a run goes on; stop it, or wait for it")
+                saved = self._save(content, given.get("revision"))
+                self._run = None if "failed" in saved else _Run(self.path, content, runs)
                 return saved
+            case "stop":
+                self.stop()
+                return {}
             case "progress":
                 return {"state": "none"} if self._run is None else self._run.progress()
         raise ValueError(f"the page cannot ask for {asked!r}")
@@ -205,15 +217,39 @@ class Editor:
         if self._run is not None:
             self._run.stop()
 
-    def _save(self, content: Plain) -> Plain:
-        if self.path.is_file() and not self._kept:  # with comments that the page does not know
-            self.path.with_name(f"{self.path.name}~").write_bytes(self.path.read_bytes())
-        self._kept = True
-        before, comments, head = self.project
-        same = {name: text for name, text in comments.items() if _at(before, name) == _at(content, name)}
+    @property
+    def running(self) -> bool:
+        """Whether a run that was started from the page goes on."""
+        return self._run is not None and self._run.progress()["state"] == "running"
+
+    @property
+    def revision(self) -> str:
+        """Digest of the file as it is, "" without one: a page says which it knows."""
+        return file_digest(self.path) if self.path.is_file() else ""
+
+    def page(self) -> str:
+        """Return the page as it goes on."""
+        saved, running = self.project.content, self._run is not None
+        return editor_page(self.content, self.path, served=True, saved=saved, revision=self.revision, running=running)
+
+    def _text(self) -> str:
+        """Return the file as this session writes it."""
         json_file = self.path.suffix.lower() == ".json"
-        write_text(self.path, json.dumps(content, indent=2) if json_file else project_text(content, same, head))
-        return {"saved": str(self.path)}
+        return json.dumps(self.project.content, indent=2) if json_file else self.project.text
+
+    def _save(self, content: Plain, known: object) -> Plain:
+        now = self.revision
+        if now != known:
+            words = f"{self.path.name} has changed since this page has read it; the next time it is kept aside"
+            return {"failed": f"{words} and written", "revision": now}
+        before, comments, head = self.project
+        if now not in ("", self._ours) and self.path.read_text(encoding="utf-8") != self._text():
+            keep_aside(self.path)
+        same = {name: text for name, text in comments.items() if _at(before, name) == _at(content, name)}
+        self.project = Project(content, same, head)
+        write_text(self.path, self._text())
+        self._ours = self.revision
+        return {"saved": str(self.path), "revision": self._ours}
 
 
 def _at(content: Any, name: str) -> Any:
@@ -265,9 +301,9 @@ class _Run:
         shown: dict[str, Any] = {"state": self._state, "done": done, "runs": self.runs, "said": self._said}
         if self._state != "done":
             return shown
-        place = scenario_of(self._content, self._path)
-        rows = cells(place, read_json(self.folder / "summary.json"))
-        return {**shown, "rows": list(rows.items()), "folder": str(self.folder)}
+        place, figures = scenario_of(self._content, self._path), read_json(self.folder / "summary.json")
+        rows = list(cells(place, figures).items())
+        return {**shown, "rows": rows, "check": figures.get("doubts", ""), "folder": str(self.folder)}
 
     def stop(self) -> None:
         """End it."""
@@ -301,7 +337,7 @@ class _Handler(BaseHTTPRequestHandler):
         name = self._asked()
         if name == "":
             with self.server.turn:
-                page = editor_page(self.server.editor.project.content, self.server.editor.path, served=True)
+                page = self.server.editor.page()
             self._give(page.encode(), "text/html; charset=utf-8")
         elif name in PAGES and (found := self.server.editor.page_of_run(name)) is not None:
             self._give(found, "text/html; charset=utf-8")
@@ -333,8 +369,9 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_response(HTTPStatus.OK)
         for header in (("Content-Type", kind), ("Content-Length", str(len(content))), ("Cache-Control", "no-store")):
             self.send_header(*header)
-        self.end_headers()
-        self.wfile.write(content)
+        with suppress(ConnectionError):  # the tab has been closed
+            self.end_headers()
+            self.wfile.write(content)
 
     def _refuse(self, status: HTTPStatus) -> None:
         self.close_connection = True

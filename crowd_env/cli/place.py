@@ -3,6 +3,7 @@
 import json
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -20,7 +21,7 @@ from crowd_env.physics import make_scheme
 from crowd_env.physics.settings import Physics
 from crowd_env.scenarios import PLACES_OF_TASKS, SCENARIOS, kind_of_place, make_scenario, options_of
 from crowd_env.scenarios.distributions import LAWS, Distribution, Uniform
-from crowd_env.scenarios.file import read_scenario
+from crowd_env.scenarios.file import read_content, read_scenario
 from crowd_env.scenarios.floor_plan import people_on, scenario_on
 from crowd_env.scenarios.plans.reading import read_plan, split_level
 from crowd_env.scenarios.plans.units import unit_in_meters
@@ -99,6 +100,17 @@ class CrowdOptions:
             "scheme": law,
         }
         return {name: split_level(file)[0] for name, file in named.items() if file is not None}
+
+    def drawing(self) -> Path | None:
+        """Return the drawing that a scenario file names, if it is one and names one."""
+        file = Path(self.scenario)
+        if self.scenario in (*SCENARIOS, *PLACES_OF_TASKS) or kind_of_place(file) != "file":
+            return None
+        with suppress(ValueError):
+            geometry = read_content(file).get("geometry")
+            if isinstance(geometry, Mapping) and isinstance(geometry.get("file"), str) and geometry["file"]:
+                return split_level(file.parent / geometry["file"])[0]
+        return None
 
 
 def usual_scheme(place: str) -> str:

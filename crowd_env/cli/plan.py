@@ -26,13 +26,13 @@ from crowd_env.core.behaviors.outline import Outline, room_of
 from crowd_env.core.checks import Plain, at
 from crowd_env.core.console import check_place as check_place_of
 from crowd_env.core.console import friendly_errors, noted, notes, progress_bar, say
-from crowd_env.core.files.atomic import check_suffix, write_text
+from crowd_env.core.files.atomic import check_suffix, keep_aside, write_text
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios import kind_of_place
 from crowd_env.scenarios.file import read_content
 from crowd_env.scenarios.floor_plan import PEOPLE, people_on
 from crowd_env.scenarios.plans.reading import read_plan, split_level
-from crowd_env.scenarios.project import Project, project_of
+from crowd_env.scenarios.project import Project, project_in, project_of
 
 app = options.new_app()
 
@@ -118,7 +118,10 @@ def plan(
                     )
                     checks.append(_check(asked, seed))
                     if save is not None:
-                        write_text(save, _project(asked, save).text)
+                        text = _project(asked, save).text
+                        if save.is_file() and save.read_text(encoding="utf-8", errors="replace") != text:
+                            say(f"note: {save} was there; it is kept as {keep_aside(save)}")
+                        write_text(save, text)
                 told.append(said)
                 progress(1)
             if picture is not None:
@@ -171,7 +174,7 @@ def _opened(asked: CrowdOptions, save: Path | None) -> tuple[Project, Path]:
         content = read_content(path)
         if save is not None and save.absolute().parent != path.absolute().parent:
             raise ValueError(f"--save {save}: a project names files beside it; save it in {path.parent}")
-        return Project(content), save or path
+        return _with_comments(content, path), save or path
     if kind != "plan":
         raise ValueError(f"{asked.scenario} ships with crowd_env; --edit is for floor plans and scenario files")
     drawing, level = split_level(asked.scenario)
@@ -182,7 +185,7 @@ def _opened(asked: CrowdOptions, save: Path | None) -> tuple[Project, Path]:
         if file is None or (path.parent / file).absolute() != drawing.absolute():
             raise ValueError(f"{path} is another project than that of {drawing}; name another file by --save")
         say(f"going on with {path}")
-        return Project(content), path
+        return _with_comments(content, path), path
     try:
         return _project(asked, path), path
     except ValueError as error:
@@ -193,6 +196,10 @@ def _opened(asked: CrowdOptions, save: Path | None) -> tuple[Project, Path]:
     file = Path(os.path.relpath(drawing.absolute(), path.absolute().parent)).as_posix()
     geometry = {"file": file, **({} if level is None else {"level": level}), **of_drawing}
     return Project({"geometry": geometry, "population": {"people": asked.people or PEOPLE}}), path
+
+
+def _with_comments(content: Plain, path: Path) -> Project:
+    return Project(content) if path.suffix.lower() == ".json" else project_in(path.read_text(encoding="utf-8-sig"))
 
 
 def _check(asked: CrowdOptions, seed: int) -> PlanCheck:

@@ -78,7 +78,7 @@ def config_of(
         max_drive=place.max_drive if physics.max_drive is None else physics.max_drive,
         command=["crowd-env", *sys.argv[1:]],
         arguments=arguments,
-        files=list(files.values()),
+        files=[*files.values(), *filter(None, [options.drawing()])],
     )
     if "scheme" in files:
         config["law"] = config["files"][str(files["scheme"].absolute())]

@@ -19,7 +19,7 @@ from crowd_env.cli.console import show_table
 from crowd_env.cli.place import CrowdOptions, Setting, setting_of, usual_scheme
 from crowd_env.cli.results_folder import config_of
 from crowd_env.cli.run import evacuate
-from crowd_env.core.checks import Plain, number, whole
+from crowd_env.core.checks import POSITIVE, Plain, number, whole
 from crowd_env.core.console import check_folder, friendly_errors, interrupted, noted, say
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.files.store import Store
@@ -193,9 +193,10 @@ def _with(asked: CrowdOptions, base: Setting, name: str, value: str) -> Setting:
     """Return the setting in which an input has another value."""
     factor = _number(f"{name}={value}", value[1:]) if value[:1] == "x" else None
     if name == "exit_width":
-        width = _number(f"{name}={value}", value) if factor is None else 0.0
-        return base._replace(place=with_exit_widths(base.place, lambda own: width or own * (factor or 1.0)))
+        width = number(name, _number(f"{name}={value}", value) if factor is None else factor, POSITIVE)
+        return base._replace(place=with_exit_widths(base.place, lambda own: width if factor is None else own * width))
     if factor is not None:
+        number(f"{name}={value}", factor, POSITIVE)
         return base._replace(place=with_times(base.place, _DRAWN.get(name, name), factor))
     if name in _OPTIONS:
         numbers: dict[str, Any] = {"people": round, "time_limit": float}

@@ -101,7 +101,9 @@ def scenario_on(
     for note in plan.notes:
         warnings.warn(note, stacklevel=3)
     if not plan.exits:
-        raise ValueError(f"{plan.path}: a floor plan needs at least one exit, for example --exit 5,2,5,3")
+        raise ValueError(
+            f"{plan.path}: a floor plan needs an exit: --exit 5,2,5,3, or one in geometry.exits of a project"
+        )
     with at(str(plan.path)):
         geometry = Geometry.from_polygon(
             plan.walkable, exits=plan.exits, narrowest=population.radius.low, **(beside or {})

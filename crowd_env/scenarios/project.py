@@ -3,7 +3,9 @@
 import json
 import os
 import re
+import tomllib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -78,6 +80,23 @@ def project_of(
 
 def _given(table: Plain) -> Plain:
     return {key: value for key, value in table.items() if value is not None}
+
+
+def project_in(text: str) -> Project:
+    """Return the project of a file in TOML, with the comments at its head and behind its keys."""
+    comments: dict[str, str] = {}
+    head: list[str] = []
+    table = ""
+    for line in text.splitlines():
+        if line.startswith("#"):
+            head += [] if table or comments else [line[1:].strip()]
+        elif heading := re.match(r"\[\[?([^\]#]+)\]", line):
+            table = heading[1].strip() + "."
+        elif " # " in line:
+            before, _, comment = line.rpartition(" # ")
+            with suppress(tomllib.TOMLDecodeError):
+                comments |= {f"{table}{key}": comment.strip() for key in tomllib.loads(before)}
+    return Project(tomllib.loads(text), comments, tuple(head))
 
 
 def project_text(content: Plain, comments: Plain | None = None, head: tuple[str, ...] = ()) -> str:

@@ -16,7 +16,7 @@ from shapely.geometry import Polygon
 
 from crowd_env import make_scenario
 from crowd_env.cli.editing import Editor, Server, look
-from crowd_env.scenarios.project import Project
+from crowd_env.scenarios.project import Project, project_in
 
 late("ezdxf")
 
@@ -123,11 +123,67 @@ def test_what_stays_as_it_was_keeps_its_comment(project):
     comments = {"geometry.exits.exit-0": "line of 1.20 m", "geometry.unit": "as it was drawn"}
     editor = Editor(Project(tomllib.loads(project.read_text()), comments, ("of us",)), project)
     content["geometry"] |= {"exits": {"exit-0": EXIT, "north": [[2, 6.2], [3, 6.2]]}, "unit": "mm"}
-    editor.answer("save", {"content": content})
+    assert "saved" in editor.answer("save", {"content": content, "revision": editor.revision})
     text = project.read_text()
     assert text.startswith("# of us\n") and "exit-0 = [[10.3, 2.0], [10.3, 3.2]] # line of 1.20 m\n" in text
     assert 'unit = "mm"\n' in text and tomllib.loads(text) == content
     assert "as it was understood" in project.with_name("office.toml~").read_text()  # what was there before
+
+
+def test_what_was_written_by_hand_is_kept(project):
+    hand = '# ours\n[geometry] # a drawing\nfile = "office.dxf" # of May\n# why\n[population]\npeople = 3 # few\n'
+    project.write_text(hand)
+    for k in range(2):  # two sessions
+        editor = Editor(project_in(project.read_text()), project)
+        content = {"geometry": {"file": "office.dxf"}, "population": {"people": 4 + k}}
+        editor.answer("save", {"content": content, "revision": editor.revision})
+        editor.answer("save", {"content": content, "revision": editor.revision})
+    assert project.with_name("office.toml~").read_text() == hand and not project.with_name("office.toml~2").exists()
+    assert (
+        project.read_text().startswith("# ours\n\n[geometry]") and 'file = "office.dxf" # of May' in project.read_text()
+    )
+
+
+def test_what_another_has_written_meanwhile_is_not_lost(project):
+    editor = Editor(Project(OFFICE), project)
+    saved = editor.answer("save", {"content": OFFICE, "revision": ""})
+    project.write_text(project.read_text().replace("people = 12", "people = 77"))
+    other = {**OFFICE, "population": {"people": 5}}
+    refused = editor.answer("save", {"content": other, "revision": saved["revision"]})
+    assert "has changed since this page has read it" in refused["failed"] and "people = 77" in project.read_text()
+    assert "failed" in editor.answer("run", {"content": other, "revision": saved["revision"], "runs": 1})
+    assert "saved" in editor.answer("save", {"content": other, "revision": refused["revision"]})
+    assert "people = 77" in project.with_name("office.toml~").read_text() and "people = 5" in project.read_text()
+
+
+def test_a_page_that_is_loaded_again_goes_on(server, project):
+    page, other = f"/{server.token}/", {**OFFICE, "population": {"people": 5}}
+    ask(server, "POST", f"{page}save", {"content": OFFICE, "revision": ""})
+    ask(server, "POST", f"{page}check", {"content": other})
+    about = json.loads(ask(server, "GET", page)[1].split('id="about">')[1].split("</script>")[0])
+    assert about["content"]["population"] == {"people": 5} and about["saved"]["population"] == OFFICE["population"]
+    assert about["revision"] == server.editor.revision and not about["running"]
+
+
+def test_people_who_are_locked_in_are_a_problem(project):
+    locked = {
+        **OFFICE,
+        "closed_doors": ["d"],
+        "geometry": OFFICE["geometry"] | {"doors": {"d": [[5.1, 2.5], [5.1, 3.4]]}},
+    }
+    found = look(locked, project)
+    assert "no exit can be reached from" in found["remarks"][0] and not any(
+        "reached" in note for note in found["notes"]
+    )
+
+
+def test_save_keeps_a_project_that_was_there(project):
+    project.write_text("# hand notes\n")
+    line = f"plan {project.with_suffix('.dxf')} --layers walkable=A-AREA --save {project} --out {project.with_suffix('.png')}"
+    for _ in range(2):
+        assert call(line).exit_code == 0
+    assert project.with_name("office.toml~").read_text() == "# hand notes\n"
+    assert not project.with_name("office.toml~2").exists()
 
 
 @pytest.fixture
@@ -174,7 +230,9 @@ def test_a_wrong_number_of_runs_starts_none(server, runs):
 def test_a_run_has_a_replay_and_a_report(server, project):
     late("matplotlib")
     for expected in ("office-runs-1", "office-runs-2"):
-        ask(server, "POST", f"/{server.token}/run", {"content": OFFICE, "runs": 2})
+        given = {"content": OFFICE, "runs": 2, "revision": server.editor.revision}
+        assert "saved" in ask(server, "POST", f"/{server.token}/run", given)[1]
+        assert "a run goes on" in ask(server, "POST", f"/{server.token}/run", given)[1]
         found = {"state": "running"}
         while found["state"] == "running":
             time.sleep(0.2)

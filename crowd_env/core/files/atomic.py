@@ -1,5 +1,6 @@
 """Files that appear whole or not at all, and their names as text."""
 
+import itertools
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -47,3 +48,11 @@ def write_text(path: Path, text: str) -> None:
     """Write a text file in UTF-8, whole or not at all; the names in it are `legible`."""
     with written(path) as part:
         part.write_text(legible(text), encoding="utf-8")
+
+
+def keep_aside(path: Path) -> Path:
+    """Copy a file that is to be written anew, and return the copy: FILE~, or FILE~2 and so on if that is taken."""
+    names = (f"{path.name}~{'' if k == 1 else k}" for k in itertools.count(1))
+    copy = next(one for name in names if not (one := path.with_name(name)).exists())
+    copy.write_bytes(path.read_bytes())
+    return copy

@@ -20,7 +20,7 @@ from crowd_env.scenarios.plans.dxf import draw_dxf, read_dxf
 from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, Layer, listed
 from crowd_env.scenarios.plans.geojson import is_geojson, level_name, read_geojson
 from crowd_env.scenarios.plans.jupedsim import is_project, read_geometry_xml, read_project
-from crowd_env.scenarios.plans.roles import Chosen, by_names, chosen_roles
+from crowd_env.scenarios.plans.roles import Chosen, ChosenRoles, by_names
 from crowd_env.scenarios.plans.shared_edges import open_doors, walls_between
 from crowd_env.scenarios.plans.tidying import apart, regions_in, simplified, tidied, without_obstacles
 from crowd_env.scenarios.plans.units import judge_unit, unit_in_meters
@@ -116,7 +116,7 @@ def read_plan(
         names another.  Degrees become meters about the middle of the file, in which exits are then.
     level : one level of a file that names levels, such as GeoJSON; or a part of the path, ``house.geojson:1``.
     layers : role -> layers of a DXF drawing, or words of features of GeoJSON such as "indoor=room", as
-        `crowd_env.scenarios.plans.roles.chosen_roles` takes them.
+        `crowd_env.scenarios.plans.roles.ChosenRoles` takes them.
 
     Raises
     ------
@@ -192,10 +192,15 @@ def _read(path: Path, meters: float | None, layers: Mapping[str, Sequence[str]] 
     reader = _reader(path)
     if layers is not None and reader not in _CHOOSING:
         raise ValueError(_NO_LAYERS)
-    chosen = () if not layers else (chosen_roles(layers),)
-    if draw and reader is read_dxf:
-        return draw_dxf(path, meters, *chosen)
-    return reader(path, meters, *chosen)
+    if not layers:
+        return draw_dxf(path, meters) if draw and reader is read_dxf else reader(path, meters)
+    chosen = ChosenRoles(layers)
+    if draw:
+        return (draw_dxf if reader is read_dxf else reader)(path, meters, chosen)
+    try:
+        return reader(path, meters, chosen)
+    finally:
+        chosen.require_all()  # says more than what follows from it
 
 
 def _at_level(drawing: Drawing, path: Path, level: str | None) -> Drawing:

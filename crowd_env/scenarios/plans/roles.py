@@ -80,12 +80,15 @@ CHOICES = {
 }
 
 
+_SHOWN = 24  # layers in a message
+
+
 def by_names(layer: str) -> None:
     """Choose nothing."""
 
 
-def chosen_roles(layers: Mapping[str, Sequence[str]]) -> Chosen:
-    """Return the roles that a user has chosen.
+class ChosenRoles:
+    """The roles that a user has chosen for layers; it remembers the layers that it was asked for.
 
     Parameters
     ----------
@@ -96,11 +99,24 @@ def chosen_roles(layers: Mapping[str, Sequence[str]]) -> Chosen:
     ValueError
         If a key is unknown, or its names are no list of texts.
     """
-    for key in layers:
-        known("key of layers", key, CHOICES)
-    patterns = [(one.lower(), CHOICES[key]) for key, names in layers.items() for one in texts(f"layers.{key}", names)]
 
-    return lambda layer: next((role for pattern, role in patterns if fnmatchcase(layer.lower(), pattern)), None)
+    def __init__(self, layers: Mapping[str, Sequence[str]]) -> None:
+        for key in layers:
+            known("key of layers", key, CHOICES)
+        self._names = [(key, one) for key, names in layers.items() for one in texts(f"layers.{key}", names)]
+        self._asked: dict[str, None] = {}
+
+    def __call__(self, layer: str) -> str | None:
+        """Return the role of a layer, "" = it is left out, None = nothing is chosen for it."""
+        self._asked[layer] = None
+        return next((CHOICES[key] for key, name in self._names if fnmatchcase(layer.lower(), name.lower())), None)
+
+    def require_all(self) -> None:
+        """Raise ValueError if a name is that of no layer."""
+        for key, name in self._names:
+            if self._asked and not any(fnmatchcase(layer.lower(), name.lower()) for layer in self._asked):
+                there = ", ".join(list(self._asked)[:_SHOWN])
+                raise ValueError(f"layers.{key} names {name!r}, and it has no such layer; its layers: {there}")
 
 
 def role_of_layer(layer: str) -> tuple[str, str] | None:

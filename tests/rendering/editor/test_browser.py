@@ -94,7 +94,7 @@ class Tab:
 
 
 def _give_roles(tab: Tab) -> None:
-    tab.page.locator("#layers-of summary").click()
+    assert tab.get("byId('layers-of').open")  # what is needed first
     for layer, role in (("A-AREA", "walkable"), ("A-WALL", "obstacles"), ("A-FURN", "obstacles")):
         tab.page.get_by_label(f"What {layer} is").select_option(role)
         tab.settle()
@@ -183,13 +183,13 @@ def test_all_by_keys(browser: Any, server: Server) -> None:
     assert tab.content()["geometry"]["exits"] == {"exit-1": [[10.3, 2], [10.3, 3.2]]}
     keys.press("Delete")
     tab.settle()
-    assert "exits" not in tab.content()["geometry"]
+    assert not tab.content()["geometry"]["exits"]
     keys.press("Control+z")
     tab.settle()
     assert "exit-1" in tab.content()["geometry"]["exits"]
     keys.press("Control+Shift+z")
     tab.settle()
-    assert "exits" not in tab.content()["geometry"]
+    assert not tab.content()["geometry"]["exits"]
     keys.press("Control+z")
     tab.settle()
     keys.press("Control+s")
@@ -226,6 +226,22 @@ def _pixel(tab: Tab, box: Any, x: float, y: float) -> tuple[float, float]:
     return box["x"] + px, box["y"] + py
 
 
+def test_a_slip_is_named_and_undone(browser: Any, server: Server) -> None:
+    tab = Tab(browser, server.url)
+    _give_roles(tab)
+    tab.page.locator("#canvas").focus()
+    tab.page.keyboard.press("p")
+    tab.click((1, 4), (4, 5.5), (4, 4), (1, 5.5))  # a bow tie
+    tab.page.locator("#canvas").focus()
+    tab.page.keyboard.press("Enter")
+    tab.settle()
+    assert "self-intersection" in tab.page.locator("#problems").inner_text()
+    tab.page.keyboard.press("Control+z")
+    tab.settle()
+    assert "draw one on the edge" in tab.page.locator("#problems").inner_text()
+    tab.close()
+
+
 def test_a_layer_is_chosen_on_the_plan(browser: Any, server: Server) -> None:
     tab = Tab(browser, server.url)
     tab.click((2.0, 2.5))  # an edge of the table
@@ -239,7 +255,7 @@ def test_a_layer_is_chosen_on_the_plan(browser: Any, server: Server) -> None:
 def test_a_level_is_chosen(browser: Any, server: Server) -> None:
     rooms = [feature(box(0, 0, 8 + 4 * k, 6), indoor="room", level=str(k)) for k in range(2)]
     geojson(server.editor.path.with_name("house.geojson"), *rooms)
-    server.editor.project = Project({"geometry": {"file": "house.geojson"}})
+    server.editor.content = {"geometry": {"file": "house.geojson"}}
     tab = Tab(browser, server.url)
     assert "it has 2 levels" in tab.page.locator("#problems").inner_text()
     tab.page.get_by_label("Level").select_option("1")
@@ -277,12 +293,26 @@ def test_elements_keep_their_ties(browser: Any, server: Server) -> None:
         {"people": 4, "start_region": "a", "exits": ["gate", "north"]}, {"people": 5, "start_region": "hall"}]  # fmt: skip
     assert content["geometry"]["doors"] == {"leaf": "gate"} and content["closed_doors"] == ["leaf"]
     assert content["zones"][0]["region"] == "hall" and content["door_events"][0]["door"] == "leaf"
+    tab.get("""editor.change((content) => {
+      content.rules = [{ region: "hall", at_least: 5, below: 2, route: "gate" }];
+      content.cohorts[1].route = "gate";
+    })""")
+    tab.get("editor.act(() => editor.project.rename({kind: 'exit', name: 'gate'}, 'way'))")
+    assert tab.content()["rules"][0]["route"] == tab.content()["cohorts"][1]["route"] == "way"
+    tab.get("editor.act(() => editor.project.rename({kind: 'exit', name: 'way'}, 'gate'))")
     tab.get("editor.act(() => editor.project.remove({kind: 'start', name: 'hall'}), null)")
     tab.settle()
     content = tab.content()
     assert content["population"] == {"response_time": 3, "people": 4, "start_region": "a", "exits": ["gate", "north"]}
-    assert "zones" not in content and "cohorts" not in content and tab.get("editor.project.shown.error") is None
+    assert (
+        not {"zones", "rules"} & set(content)
+        and "cohorts" not in content
+        and tab.get("editor.project.shown.error") is None
+    )
     tab.get("editor.act(() => editor.project.remove({kind: 'exit', name: 'gate'}), null)")
+    tab.get("editor.act(() => editor.project.remove({kind: 'exit', name: 'north'}), null)")
+    assert tab.content()["geometry"]["exits"] == {} and "exits" not in tab.content()["population"]
+    tab.get("editor.project.undo()")
     content = tab.content()
     assert list(content["geometry"]["exits"]) == ["north"] and content["population"]["exits"] == ["north"]
     assert "doors" not in content["geometry"] and not {"closed_doors", "door_events"} & set(content)

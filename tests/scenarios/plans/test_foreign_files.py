@@ -138,7 +138,7 @@ def test_the_geometry_of_a_recording_of_jupedsim(version, tmp_path):
     path = recording(tmp_path / f"run{version}.sqlite", [f"GEOMETRYCOLLECTION ({ROOM.wkt})"], version)
     assert read_plan(path, [EAST]).walkable.equals(ROOM)
     assert make_scenario(path, exits=[EAST]).geometry.area == 48.0
-    with pytest.raises(ValueError, match="at least one exit, for example --exit"):
+    with pytest.raises(ValueError, match="a floor plan needs an exit: --exit"):
         make_scenario(path)
 
 

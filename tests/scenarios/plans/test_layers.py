@@ -8,7 +8,7 @@ from shapely.geometry import LineString, box
 from crowd_env import make_scenario
 from crowd_env.scenarios.plans.dxf import read_dxf
 from crowd_env.scenarios.plans.reading import drawn_layers, read_plan
-from crowd_env.scenarios.plans.roles import chosen_roles
+from crowd_env.scenarios.plans.roles import ChosenRoles
 
 ezdxf = pytest.importorskip("ezdxf")
 
@@ -80,7 +80,7 @@ def test_a_door_with_its_swing_is_the_opening_that_it_shuts(tmp_path, rotation, 
         draw(space)
 
     path = drawn(tmp_path / "door.dxf", floor)
-    drawing = read_dxf(path, None, chosen_roles({"doors": ["doors"]}))
+    drawing = read_dxf(path, None, ChosenRoles({"doors": ["doors"]}))
     shut = affinity.rotate(
         affinity.scale(LineString([(0, 0), (0.9, 0)]), mirrored, 1, origin=(0, 0)), rotation, origin=(0, 0)
     )
@@ -187,6 +187,7 @@ def test_multilines_and_wide_polylines_are_walls_as_thick_as_they_are_drawn(tmp_
     [
         (None, "none of its visible layers .* --layers walkable=NAME.*its layers: 0, A-WALL, A-FURN-TABLE, A-EXIT, A-TEXT"),
         ({"obstacles": ["A-WALL"]}, "walls on A-WALL enclose no room; exits close openings that lead out"),
+        ({"obstacles": ["A-WALL"], "walkable": ["FLOR"]}, "layers.walkable names 'FLOR', and it has no such layer; .* A-WALL"),
         ({"wals": ["A-WALL"]}, "unknown key of layers 'wals'; known: walkable, obstacles, exits, doors, starts"),
         ({"walkable": "A-WALL"}, "layers.walkable is 'A-WALL'"),
     ],

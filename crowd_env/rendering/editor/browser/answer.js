@@ -5,7 +5,8 @@ async function followRun(editor) {
   showingAnswer(editor, true);
   const bar = element("progress", { aria: { "aria-label": "Runs" } });
   const text = element("p", { aria: { role: "status" } });
-  box.replaceChildren(element("div", { className: "head" }, [element("h2", { textContent: "Running" }), bar, text]));
+  const stop = button("Stop", () => editor.ask("stop", {}));
+  box.replaceChildren(element("div", { className: "head" }, [element("h2", { textContent: "Running" }), bar, text, stop]));
   const begin = Date.now();
   for (;;) {
     const found = await editor.ask("progress", {});
@@ -26,6 +27,7 @@ async function followRun(editor) {
 
 function showAnswer(editor, found) {
   const rows = found.rows.map(([label, cell]) => element("tr", {}, [element("th", { textContent: label, scope: "row" }), element("td", { textContent: cell })]));
+  const doubts = found.check ? [element("p", { className: "doubt", textContent: `check: ${found.check}` })] : [];
   const frame = element("iframe", { src: "replay.html", title: "Replay of the first run" });
   const tabs = [["Replay", "replay.html"], ["Report", "report.html"]].map(([word, page]) =>
     button(word, () => {
@@ -36,7 +38,7 @@ function showAnswer(editor, found) {
   byId("answer").replaceChildren(
     element("div", { className: "head" }, [
       element("div", { className: "row" }, [...tabs, element("a", { href: "report.html", target: "_blank", textContent: "Report on its own" }), closing(editor)]),
-    ]), frame, element("div", { className: "rows" }, [element("table", {}, rows)]),
+    ]), frame, element("div", { className: "rows" }, [...doubts, element("table", {}, rows)]),
   );
   editor.say(`${found.runs} evacuations are kept in ${found.folder}`);
 }

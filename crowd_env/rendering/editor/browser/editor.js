@@ -24,6 +24,8 @@ class Editor {
     this.pointer = null;
     this.marks = [];
     this.snapper = new Snapper();
+    this.project.saved = JSON.stringify(about.saved);
+    this.revision = about.revision; // of the file
     this.asked = 0;
     this.read = ""; // how the drawing was read when its layers came last
     this.canvas = byId("canvas");
@@ -32,6 +34,7 @@ class Editor {
     this.choose("select");
     if (about.shown) this.take(about.shown);
     this.check();
+    if (about.running) followRun(this);
   }
 
   say(text) {
@@ -66,10 +69,11 @@ class Editor {
 
   take(shown) {
     const old = this.project.shown;
-    for (const key of ["floor", "bounds", "drawn"]) shown[key] ??= old[key];
+    for (const key of ["floor", "area", "capacity", "drawn"]) shown[key] ??= old[key]; // of before, where there is none now
     this.project.shown = shown;
     const bounds = boundsOf(shown);
-    if ((shown.levels || []).length > 1 && !this.project.geometry.level) byId("layers-of").open = true;
+    const choose = (shown.levels || []).length > 1 && !this.project.geometry.level;
+    if (choose || (!shown.floor && (shown.layers || []).length)) byId("layers-of").open = true;
     if (bounds && !this.known) {
       this.view.bounds = bounds;
       this.view.fit();
@@ -134,13 +138,15 @@ class Editor {
   rename(to) {
     const { selected, project } = this;
     const done = project.rename(selected, to);
-    if (!done) this.say(to in project.table(KINDS[selected.kind].group) ? `there is another ${to}` : "a name cannot be empty");
+    if (!done) this.say(Object.hasOwn(project.table(KINDS[selected.kind].group), to) ? `there is another ${to}` : "a name cannot be empty");
     this.act(() => {}, done ? { ...selected, name: to } : selected);
   }
 
   remove() {
-    if (!this.selected || this.selected.kind === "layer") return;
-    this.act(() => this.project.remove(this.selected), null);
+    const one = this.selected;
+    if (!one || one.kind === "layer") return;
+    this.act(() => this.project.remove(one), null);
+    if (this.project.elements().some(({ name }) => name === one.name)) this.say(`${one.name} is of the drawing: it stays, without people`);
   }
 
   showPlaces(points) {
@@ -198,20 +204,22 @@ class Editor {
       this.project.saved = JSON.stringify(this.project.content);
       return this.say(`${name} is handed back; put it beside the drawing`);
     }
-    const answer = await this.ask("save", { content: this.project.content });
-    if (answer.failed) return this.say(answer.failed);
-    this.project.saved = JSON.stringify(this.project.content);
-    this.say(`saved: ${answer.saved}`);
+    this.keep(await this.ask("save", { content: this.project.content, revision: this.revision }));
+  }
+
+  // Take the answer of what has saved; a second try overwrites what another has saved meanwhile.
+  keep(answer) {
+    this.revision = answer.revision ?? this.revision;
+    this.say(answer.failed || `saved: ${answer.saved}`);
+    if (!answer.failed) this.project.saved = JSON.stringify(this.project.content);
+    return !answer.failed;
   }
 
   async run() {
     const problem = this.project.shown.error;
     if (problem) return this.say(`not yet: ${problem}`);
-    const answer = await this.ask("run", { content: this.project.content, runs: Number(byId("runs").value) || 10 });
-    if (answer.failed) return this.say(answer.failed);
-    this.project.saved = JSON.stringify(this.project.content);
-    this.say(`saved: ${answer.saved}`);
-    await followRun(this);
+    const runs = Number(byId("runs").value) || 10;
+    if (this.keep(await this.ask("run", { content: this.project.content, revision: this.revision, runs }))) await followRun(this);
   }
 
   listen() {

@@ -24,8 +24,8 @@ function numberInput(value, set, more = {}) {
   return input;
 }
 
-function choice(options, value, set, label) {
-  const select = element("select", label ? { aria: { "aria-label": label } } : {});
+function choice(options, value, set, label, id = "") {
+  const select = element("select", { id, aria: label ? { "aria-label": label } : {} });
   for (const [key, word] of options) select.append(element("option", { value: key, textContent: word }));
   select.value = value;
   select.addEventListener("change", () => set(select.value));
@@ -96,11 +96,14 @@ function showSelected(editor) {
       button("People start here", () => editor.act(() => project.change((content) => putPeople(content, selected.name)), { ...selected, kind: "start" })),
       button("Stairs", () => editor.act(() => project.change((content) => (content.zones ||= []).push({ region: selected.name, factor: 0.6 })), { ...selected, kind: "stairs" })),
     ]));
-  for (const zone of project.content.zones || [])
-    if (zone.region === selected.name && selected.kind !== "exit") rows.push(field("Speed there, times",
-      numberInput(zone.factor, (value) => editor.change((content) => {
-        content.zones.find((one) => one.region === selected.name).factor = value ?? 1;
+  for (const zone of project.content.zones || []) {
+    const key = zone.speed === undefined ? "factor" : "speed";
+    if (zone.region === selected.name && KINDS[selected.kind].group === "regions") rows.push(field(
+      key === "speed" ? "Speed there, m/s" : "Speed there, times",
+      numberInput(zone[key], (value) => editor.change((content) => {
+        content.zones.find((one) => one.region === selected.name)[key] = value ?? 1;
       }), { min: 0.05, max: 5 })));
+  }
   rows.push(element("div", { className: "row" }, [button("Delete", () => editor.remove(), { title: "Del" })]));
   box.replaceChildren(...rows);
 }
@@ -176,7 +179,7 @@ function fieldsOfPeople(editor, one) {
   }));
   const rows = [];
   if (!one.starts) rows.push(field("People", numberInput(one.people, by((value) => {
-    one.people = value === undefined ? undefined : Math.max(1, Math.round(value));
+    one.people = value;
     if (value !== undefined) delete one.density;
   }), { min: 1, step: 1, id: `people-${one.start_region || ""}` })), field("or people per m²", numberInput(one.density, by((value) => {
     one.density = value;
@@ -201,13 +204,13 @@ function fieldsOfPeople(editor, one) {
 
 function showElements(editor) {
   const { project, selected } = editor;
-  const rows = project.elements().map((one) => {
+  const rows = project.elements().map((one, k) => {
     const lines = project.shape(one.kind, one.name);
     const name = typeof one.name === "string" ? one.name : `${KINDS[one.kind].word} ${one.name + 1}`;
     const chosen = selected && selected.kind === one.kind && selected.name === one.name;
     return element("div", { className: "row" }, [
       element("span", { className: "mark", style: `background: var(--${COLOR_OF[one.kind]})` }),
-      button(name, () => editor.select(one), { className: "name", aria: { "aria-pressed": String(Boolean(chosen)) } }),
+      button(name, () => editor.select(one), { className: "name", id: `element-${k}`, aria: { "aria-pressed": String(Boolean(chosen)) } }),
       element("span", { className: "what", textContent: `${KINDS[one.kind].word}, ${sizeOf(one.kind, lines)}` }),
     ]);
   });
@@ -239,11 +242,11 @@ function showLayers(editor) {
   };
   const how = [field("Unit", choice([["", "as it is read"], ...["m", "cm", "mm", "ft", "in"].map((one) => [one, one])], unit || "", set("unit")))];
   if (levels.length) how.unshift(field("Level", choice([["", "-"], ...levels.map((one) => [one, one])], String(level ?? ""), set("level"))));
-  byId("layers").replaceChildren(...how, ...layers.map((layer) => element("div", { className: "row" }, [
+  byId("layers").replaceChildren(...how, ...layers.map((layer, k) => element("div", { className: "row" }, [
     element("span", { className: "mark", style: `background: var(--${COLOR_OF_ROLE[layer.role] || "faint"})` }),
     button(layer.name, () => editor.select({ kind: "layer", name: layer.name }), { className: "name", title: layer.name }),
     element("span", { className: "what", textContent: `${layer.count}` }),
-    choice(roles, project.roleOfLayer(layer.name), (role) => editor.act(() => project.giveRole(layer.name, role)), `What ${layer.name} is`),
+    choice(roles, project.roleOfLayer(layer.name), (role) => editor.act(() => project.giveRole(layer.name, role)), `What ${layer.name} is`, `layer-${k}`),
   ])));
 }
 

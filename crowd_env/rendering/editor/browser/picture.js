@@ -72,7 +72,8 @@ function drawElements(context, view, editor, color) {
     drawLines(context, view, lines, paint, chosen ? wide + 2 : wide, one.kind === "door" || one.kind === "section" ? [6, 4] : []);
     if (typeof one.name === "string") {
       const [x, y] = AREAS.includes(one.kind) ? centerOf(lines[0]) : middleOf(lines[0]);
-      write(context, one.name, view.px(x), view.py(y) - (one.kind === "exit" ? 10 : 0), paint, color("background"));
+      const name = one.name.length > 28 ? `${one.name.slice(0, 27)}…` : one.name;
+      write(context, name, view.px(x), view.py(y) - (one.kind === "exit" ? 10 : 0), paint, color("background"));
     }
     if (chosen)
       for (const [x, y] of project.handles(one)) {

@@ -65,7 +65,7 @@ class Project {
     const names = (table) => Object.fromEntries(Object.keys(table).map((name) => [name, name]));
     if (group === "exits") return own || names(drawn);
     const taken = new Set(Object.values(own || {}).filter((shape) => typeof shape === "string"));
-    const rest = Object.keys(drawn).filter((name) => !taken.has(name) && !(name in (own || {})));
+    const rest = Object.keys(drawn).filter((name) => !taken.has(name) && !Object.hasOwn(own || {}, name));
     return group === "regions" ? { ...Object.fromEntries(rest.map((name) => [name, name])), ...own } : own || {};
   }
 
@@ -132,21 +132,16 @@ class Project {
       if (list) content.geometry[list].splice(name, 1);
       else put(content, group, without(this.own(group), name));
       if (group === "regions") {
-        content.zones = (content.zones || []).filter((one) => one.region !== name);
         const stay = (content.cohorts || []).filter((one) => one.start_region !== name);
         const gone = (content.cohorts || []).filter((one) => one.start_region === name);
         if (gone.length && !stay.length) content.population = { ...(content.population || {}), people: gone[0].people || 20 };
         content.cohorts = stay;
-        if ((content.population || {}).start_region === name) delete content.population.start_region;
       }
-      if (group === "exits") {
-        content.geometry.doors = Object.fromEntries(Object.entries(content.geometry.doors || {}).filter(([, to]) => to !== name));
-        for (const one of peopleOf(content)) if (one.exits) one.exits = one.exits.filter((exit) => exit !== name);
-      }
-      if (group === "exits" || group === "doors") {
-        const doors = new Set([...Object.keys(content.geometry.doors || {})]);
-        content.closed_doors = (content.closed_doors || []).filter((door) => doors.has(door));
-        content.door_events = (content.door_events || []).filter((event) => doors.has(event.door));
+      cut(content, group, name);
+      for (const [door, to] of Object.entries(content.geometry.doors || {})) {
+        if (group !== "exits" || to !== name) continue;
+        delete content.geometry.doors[door];
+        cut(content, "doors", door);
       }
     });
   }
@@ -154,24 +149,15 @@ class Project {
   rename({ kind, name }, to) {
     const { group } = KINDS[kind];
     const table = this.table(group);
-    if (!to || to === name || to in table) return false;
+    if (!to || to === name || Object.hasOwn(table, to)) return false;
     const swap = (one) => (one === name ? to : one);
     return this.change((content) => {
       const own = this.own(group);
-      const all = name in own ? own : { ...own, [name]: name };
+      const all = Object.hasOwn(own, name) ? own : { ...own, [name]: name };
       put(content, group, Object.fromEntries(Object.entries(all).map(([key, shape]) => [swap(key), shape])));
-      if (group === "regions") {
-        for (const one of content.zones || []) one.region = swap(one.region);
-        for (const one of peopleOf(content)) if (one.start_region) one.start_region = swap(one.start_region);
-      }
-      if (group === "exits") {
-        for (const one of peopleOf(content)) if (one.exits) one.exits = one.exits.map(swap);
-        for (const [door, shape] of Object.entries(content.geometry.doors || {})) content.geometry.doors[door] = swap(shape);
-      }
-      if (group === "doors") {
-        content.closed_doors = (content.closed_doors || []).map(swap);
-        for (const event of content.door_events || []) event.door = swap(event.door);
-      }
+      for (const [one, key] of ties(content, group)) one[key] = Array.isArray(one[key]) ? one[key].map(swap) : swap(one[key]);
+      for (const [door, shape] of Object.entries(content.geometry.doors || {}))
+        if (group === "exits") content.geometry.doors[door] = swap(shape);
     });
   }
 
@@ -195,6 +181,7 @@ class Project {
     const lines = this.shape(kind, name);
     if (lines.length !== 1) return [];
     const [points] = lines;
+    if (points.length > 30) return [];
     const ring = points.length > 3 && String(points[0]) === String(points.at(-1));
     return ring ? points.slice(0, -1) : points;
   }
@@ -212,6 +199,33 @@ class Project {
       if (role) (layers[role] ||= []).push(pattern);
       content.geometry.layers = Object.fromEntries(Object.entries(layers).filter(([, names]) => names.length));
     });
+  }
+}
+
+// What holds the name of an exit, a region or a door: [table, key], whose value is a name or a list of names.
+function ties(content, group) {
+  const of = { exits: ["exits", "route"], regions: ["start_region"], doors: [] }[group] || [];
+  const more = {
+    exits: [["routes", "exits"], ["rules", "route"], ["door_events", "exit"]],
+    regions: [["zones", "region"], ["routes", "via"], ["rules", "region"], ["door_events", "region"]],
+    doors: [["door_events", "door"], ["one_way", "door"], ["gates", "door"]],
+  }[group] || [];
+  const found = peopleOf(content).flatMap((one) => of.map((key) => [one, key]));
+  found.push(...more.flatMap(([list, key]) => (content[list] || []).map((one) => [one, key])));
+  if (group === "doors") found.push([content, "closed_doors"]);
+  if (group === "exits") found.push([content, "strategy"]);
+  return found.filter(([one, key]) => one[key] !== undefined);
+}
+
+// Take out what holds a name: from lists of names the name, from the lists of the file the whole entry.
+function cut(content, group, name) {
+  for (const [one, key] of ties(content, group)) {
+    if (Array.isArray(one[key])) one[key] = one[key].filter((other) => other !== name);
+    else if (one[key] === name) {
+      delete one[key];
+      for (const list of ["zones", "routes", "rules", "door_events", "one_way", "gates"])
+        if (content[list]) content[list] = content[list].filter((other) => other !== one);
+    }
   }
 }
 
@@ -241,6 +255,11 @@ function pointsOf(shape) {
     const [x0, y0, x1, y1] = shape.box;
     return [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]];
   }
+  if (shape && shape.circle) {
+    const [x, y, radius] = shape.circle;
+    const angles = Array.from({ length: 33 }, (_, k) => (Math.PI * k) / 16);
+    return angles.map((angle) => [x + radius * Math.cos(angle), y + radius * Math.sin(angle)]);
+  }
   return null;
 }
 
@@ -258,8 +277,10 @@ function putPeople(content, region) {
 // Take out what is empty, so that a file holds nothing without a meaning.
 function tidy(content) {
   const empty = (value) => value === undefined || value === null || (typeof value === "object" && !Object.keys(value).length);
+  // Without a table of exits those of the drawing would come back.
+  const kept = (table, key) => key === "population" || key === "geometry" || (key === "exits" && table === content.geometry);
   for (const table of [content.geometry, content, ...peopleOf(content)])
-    for (const key of Object.keys(table)) if (empty(table[key]) && key !== "population" && key !== "geometry") delete table[key];
+    for (const key of Object.keys(table)) if (empty(table[key]) && !kept(table, key)) delete table[key];
   // One cohort is a population.
   if (content.cohorts && content.cohorts.length === 1) {
     content.population = { ...(content.population || {}), ...content.cohorts[0] };
