@@ -24,18 +24,18 @@ from crowd_env.rendering.palette import (
     WALL,
 )
 
-FPS, REST = 6.0, 6  # 1/s; frames on the last moment
+FPS, REST = 6.0, 1.0  # 1/s; s on the last moment
 _EDGES = 14  # colors beside those of plans and pressures, ...
 _APART = 12  # ... which no edge comes as near as this in all channels: flat areas keep their color
 
 
-def write_loop(path: Path, frames: Sequence[PIL.Image.Image]) -> None:
+def write_loop(path: Path, frames: Sequence[PIL.Image.Image], fps: float = FPS) -> None:
     """Write frames as a GIF that rests on the last one, and print its length and size."""
     palette = few_colors(frames[::8])
     frames = [one.quantize(palette=palette, dither=PIL.Image.Dither.NONE).convert("RGB") for one in frames]
-    frames += REST * frames[-1:]
-    write_gif(path, frames, 1.0 / FPS, frames[::8])
-    print(f"{path}: {len(frames) / FPS:.1f} s, {path.stat().st_size / 1000:.0f} kB")
+    frames += round(REST * fps) * frames[-1:]
+    write_gif(path, frames, 1.0 / fps, frames[::8])
+    print(f"{path}: {len(frames) / fps:.1f} s, {path.stat().st_size / 1000:.0f} kB")
 
 
 def few_colors(sample: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
