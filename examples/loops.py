@@ -24,18 +24,18 @@ from crowd_env.rendering.palette import (
     WALL,
 )
 
-FPS, REST = 6.0, 6  # 1/s; frames on the last moment
+FPS, REST = 6.0, 1.0  # 1/s; s on the last moment
 _EDGES = 14  # colors beside those of plans and pressures, ...
 _APART = 12  # ... which no edge comes as near as this in all channels: flat areas keep their color
 
 
-def write_loop(path: Path, frames: Sequence[PIL.Image.Image]) -> None:
+def write_loop(path: Path, frames: Sequence[PIL.Image.Image], fps: float = FPS) -> None:
     """Write frames as a GIF that rests on the last one, and print its length and size."""
     palette = few_colors(frames[::8])
     frames = [one.quantize(palette=palette, dither=PIL.Image.Dither.NONE).convert("RGB") for one in frames]
-    frames += REST * frames[-1:]
-    write_gif(path, frames, 1.0 / FPS, frames[::8])
-    print(f"{path}: {len(frames) / FPS:.1f} s, {path.stat().st_size / 1000:.0f} kB")
+    frames += round(REST * fps) * frames[-1:]
+    write_gif(path, frames, 1.0 / fps, frames[::8])
+    print(f"{path}: {len(frames) / fps:.1f} s, {path.stat().st_size / 1000:.0f} kB")
 
 
 def few_colors(sample: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
@@ -50,15 +50,27 @@ def few_colors(sample: Sequence[PIL.Image.Image]) -> PIL.Image.Image:
     return palette
 
 
-def frames_of(films: dict[str, Recording], width: int, seconds: float, count: int) -> Iterator[PIL.Image.Image]:
-    """Yield ``count`` frames of evacuations beside each other, title -> evacuation, each ``width`` [px], until ``seconds``."""
+def frames_of(
+    films: dict[str, Recording], width: int, seconds: float, count: int, *, below: bool = False
+) -> Iterator[PIL.Image.Image]:
+    """Yield ``count`` frames until ``seconds`` of evacuations, title -> evacuation, beside or below each other."""
     renderers = [Renderer(one.geometry, width=width, text=11.0, scale_bar=False) for one in films.values()]
     for time in np.linspace(0.0, seconds, count):
-        panels = [_panel(*each, float(time)) for each in zip(renderers, films.values(), films, strict=True)]
-        whole = PIL.Image.new("RGB", (sum(one.width for one in panels), panels[0].height), BACKGROUND)
-        for k, one in enumerate(panels):
-            whole.paste(one, (k * panels[0].width, 0))
-        yield whole
+        parts = [_panel(*each, float(time)) for each in zip(renderers, films.values(), films, strict=True)]
+        yield beside(parts, below=below)
+
+
+def beside(parts: Sequence[PIL.Image.Image], *, below: bool = False, gap: int = 0) -> PIL.Image.Image:
+    """Return images beside or below each other, ``gap`` [px] apart."""
+    sizes = np.array([one.size for one in parts])
+    along, across = (1, 0) if below else (0, 1)
+    size, at = [0, 0], np.zeros(2, dtype=int)
+    size[along], size[across] = int(sizes[:, along].sum()) + gap * (len(parts) - 1), int(sizes[:, across].max())
+    whole = PIL.Image.new("RGB", (size[0], size[1]), BACKGROUND)
+    for one in parts:
+        whole.paste(one, (int(at[0]), int(at[1])))
+        at[along] += one.size[along] + gap
+    return whole
 
 
 def _panel(renderer: Renderer, recording: Recording, title: str, time: float) -> PIL.Image.Image:

@@ -1,6 +1,6 @@
 """Film one policy in places that its training never drew: python -m examples.new_places [POLICY] [FILE.gif].
 
-Each place has a clock of its own, so that all are empty at the same moment of the film.
+Each place has a clock of its own: all are empty at the same moment of the film, rest, and begin again.
 """
 
 import sys
@@ -16,22 +16,34 @@ from crowd_env.agents.evaluation.plans import routing_of
 from crowd_env.envs.tasks.task import HELD_OUT_SEED
 from crowd_env.physics.pressure import INJURY
 from crowd_env.recording import Recording, record
-from crowd_env.rendering.encoding import write_gif
 from crowd_env.rendering.frames import Renderer
 from crowd_env.rendering.palette import BACKGROUND
 from crowd_env.scenarios.generated import conditions_of, draw_place, kind_of
+from examples.loops import write_loop
 
-SHOWN = {"rooms on a corridor": "hertz", "row of rooms": "nsm2", "merging": "dem"}  # kind of place -> contact law
-CELL, FPS, SECONDS, FEWEST, MOST, LONGEST = 280, 10.0, 9.0, 40, 100, 15.0  # pixels, 1/s, s, people, people, m
+SHOWN = {"rooms on a corridor": "nsm2", "row of rooms": "hertz", "pillars": "nsm1"}  # kind of place -> contact law
+CELL, FPS, SECONDS = 300, 10.0, 9.0  # px, 1/s, s
+FEWEST, MOST, LONGEST, DRAWS = 35, 100, 10.7, 1500  # people, people, m of the longer side, held-out places to look at
 
 
 def places() -> dict[int, Scenario]:
-    """Return the first held-out place of each kind under its law, seed -> place, whose people are large enough to see."""
+    """Return the first held-out place of each kind under its law, seed -> place, whose people are large enough to see.
+
+    Raises
+    ------
+    ValueError
+        If there is none of a kind, which a new version of the generated places may bring about.
+    """
     found: dict[str, int] = {}
-    for seed in range(HELD_OUT_SEED, HELD_OUT_SEED + 1000):
+    for seed in range(HELD_OUT_SEED, HELD_OUT_SEED + DRAWS):
         kind, (law, _, *hindrance) = kind_of(seed), conditions_of(seed)
         if kind not in found and SHOWN.get(kind) == law and not any(hindrance) and _fits(draw_place(seed=seed)):
             found[kind] = seed
+    if missing := SHOWN.keys() - found.keys():
+        sizes = f"up to {LONGEST:g} m and {FEWEST} to {MOST} people"
+        raise ValueError(
+            f"no {', '.join(missing)} with {sizes} among {DRAWS} places; choose another kind or law in SHOWN"
+        )
     return {found[kind]: draw_place(seed=found[kind]) for kind in SHOWN}
 
 
@@ -78,11 +90,7 @@ def main(policy: str = "generalist", path: str = "new-places.gif") -> None:
     """Write the film."""
     recordings = [walked(policy, seed, place) for seed, place in places().items()]
     films = [(renderer_of(one), one) for one in recordings]
-    shares = np.append(np.arange(0.0, 1.0, 1.0 / (FPS * SECONDS)), [1.0] * 8)
-    step = round(100.0 / FPS) / 100.0
-    write_gif(
-        Path(path), (frame(films, at) for at in shares), step, [frame(films, at) for at in (0.0, 0.25, 0.5, 0.75)]
-    )
+    write_loop(Path(path), [frame(films, at) for at in np.linspace(0.0, 1.0, round(FPS * SECONDS))], FPS)
 
 
 if __name__ == "__main__":

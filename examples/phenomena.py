@@ -24,7 +24,7 @@ from crowd_env.rendering.palette import BACKGROUND, INK, QUIET
 from crowd_env.rendering.plan import fit
 from crowd_env.rendering.text import put_text
 from crowd_env.reproduce.helbing2000 import faster
-from examples.loops import write_loop
+from examples.loops import beside, write_loop
 from validation.cases.case import COMPARED, Setting, adults
 from validation.cases.counterflow import corridor
 from validation.cases.crowds import Bools, Command, Crowds, Floats, Moment, Passages, crowds_at, draw_crowds, generator
@@ -342,16 +342,7 @@ def pictures(panel: Panel, film: Film) -> Iterator[PIL.Image.Image]:
 def frames(film: Film) -> Iterator[PIL.Image.Image]:
     """Yield the frames of all panels as one."""
     for parts in zip(*(pictures(panel, film) for panel in film.panels), strict=True):
-        gap = 8
-        if film.below:
-            size = max(one.width for one in parts), sum(one.height for one in parts) + gap * (len(parts) - 1)
-        else:
-            size = sum(one.width for one in parts) + gap * (len(parts) - 1), max(one.height for one in parts)
-        whole, at = PIL.Image.new("RGB", size, BACKGROUND), 0
-        for one in parts:
-            whole.paste(one, (0, at) if film.below else (at, 0))
-            at += (one.height if film.below else one.width) + gap
-        yield whole
+        yield beside(parts, below=film.below, gap=8)
 
 
 def hasty(speed: float) -> Scenario:

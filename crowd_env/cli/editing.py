@@ -224,7 +224,7 @@ class Editor:
 
     @property
     def revision(self) -> str:
-        """Digest of the file as it is, "" without one: a page says which it knows."""
+        """Digest of the file as it is, "" without one; a page sends the one that it knows."""
         return file_digest(self.path) if self.path.is_file() else ""
 
     def page(self) -> str:

@@ -51,7 +51,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def keep_aside(path: Path) -> Path:
-    """Copy a file that is to be written anew, and return the copy: FILE~, or FILE~2 and so on if that is taken."""
+    """Copy a file that is to be overwritten, and return the copy: FILE~, or FILE~2 and so on if that is taken."""
     names = (f"{path.name}~{'' if k == 1 else k}" for k in itertools.count(1))
     copy = next(one for name in names if not (one := path.with_name(name)).exists())
     copy.write_bytes(path.read_bytes())

@@ -200,7 +200,7 @@ def _read(path: Path, meters: float | None, layers: Mapping[str, Sequence[str]] 
     try:
         return reader(path, meters, chosen)
     finally:
-        chosen.require_all()  # says more than what follows from it
+        chosen.require_all()  # this is the cause of what follows
 
 
 def _at_level(drawing: Drawing, path: Path, level: str | None) -> Drawing:
