@@ -37,7 +37,7 @@ KEYS = ("$schema", *(field.name for field in fields(Scenario)), "cohorts")
 # Table of a file -> its older keys and what they are today.
 OLDER = {"": {"groups": "cohorts"}, "population": {"companions": "group_size"}, "pulls": {"companions": "groups"}}
 
-_OF_DRAWING = ("level", "layers", "unit")  # keys of `Plan` that tell how to read its file
+_OF_DRAWING = ("level", "layers", "unit", "origin")  # keys of `Plan` that tell how to read its file
 _OWN = ("walkable", "exits", "regions")  # keys that add to a drawing
 
 Line: TypeAlias = list[tuple[float, float]]
@@ -76,6 +76,8 @@ class Plan:
     obstacles, exits, doors, starts, regions and left_out."""
     unit: str | None = None
     """of the coordinates of the floor plan: m, cm, mm, ft or in; all other lengths here are in m."""
+    origin: tuple[float, float] = (0.0, 0.0)
+    """point [x, y] of the floor plan, in its own unit, that becomes [0, 0]."""
     walkable: Areas | None = None
     """where people can be: an area, or a list of areas that are united."""
     exits: dict[str, AreaOrLine] | None = None

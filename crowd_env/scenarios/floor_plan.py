@@ -31,6 +31,7 @@ def scenario_from_plan(
     unit: str | None = None,
     level: str | float | None = None,
     layers: Mapping[str, Sequence[str]] | None = None,
+    origin: Sequence[float] = (0.0, 0.0),
     people: int | None = None,
     population: People | Plain | Sequence[Any] | None = None,
     time_limit: float | None = None,
@@ -50,7 +51,7 @@ def scenario_from_plan(
     unit : m, cm, mm, ft or in, of the coordinates of plan and exits; None = meters, unless that is implausible and the file
         names another.
     level : of a file with several, such as GeoJSON; or a part of the path, such as ``house.geojson:1``.
-    layers : role -> names of layers, see `crowd_env.scenarios.plans.reading.read_plan`.
+    layers, origin : see `crowd_env.scenarios.plans.reading.read_plan`.
     people : number of people; by default 20, or the file's number.
     population : see `Scenario`; by default people of the default kind, in the start areas of the file if it has any.
     time_limit : s; by default long enough to walk out and to queue at the exits, at least 300 s.
@@ -71,7 +72,7 @@ def scenario_from_plan(
         If shapes are dropped or repaired, and if the plan is so large that it may be in another unit.
     """
     named = exits if isinstance(exits, Mapping) else None
-    plan = read_plan(path, () if named else texts("exits", exits), unit=unit, level=level, layers=layers)
+    plan = read_plan(path, () if named else texts("exits", exits), unit=unit, level=level, layers=layers, origin=origin)
     with at(str(plan.path)):
         plan = with_own(plan, exits=named, regions=regions)
     crowd = as_people(population)

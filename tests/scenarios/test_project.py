@@ -206,3 +206,18 @@ def test_python_says_the_same_of_a_drawing_as_a_project_does(tmp_path):
         make_scenario(drawing(tmp_path), zone=[])
     with pytest.raises(ValueError, match=r"exits\.main is 'west', which hall\.geojson does not have"):
         make_scenario(drawing(tmp_path), exits={"main": "west"})
+
+
+def test_an_origin_brings_a_plan_near(tmp_path):
+    far = drawing(tmp_path, hall=("walkable", box(500_000, 5_000_000, 500_012, 5_000_008)))
+    content = json.loads(far.read_text())
+    content["features"] = content["features"][:1]
+    far.write_text(json.dumps(content))
+    (tmp_path / "near.toml").write_text(
+        '[geometry]\nfile = "drawings/hall.geojson"\norigin = [500000, 5000000]\n'
+        "[geometry.exits]\neast = [[12, 3], [12, 4]]\n[population]\npeople = 3\n"
+    )
+    assert make_scenario(tmp_path / "near.toml").geometry.bounds == (0.0, 0.0, 12.0, 8.0)
+    (tmp_path / "near.toml").write_text('[geometry]\nfile = "drawings/hall.geojson"\norigin = [1, 2, 3]\n')
+    with pytest.raises(ValueError, match="origin"):
+        make_scenario(tmp_path / "near.toml")

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from crowd_env.core.checks import at
+from crowd_env.core.checks import at, number
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.foreign import foreign_kind, read_text, require_file
 from crowd_env.geometry.boundary import clear_exits
@@ -104,6 +104,7 @@ def read_plan(
     unit: str | None = None,
     level: str | float | None = None,
     layers: Mapping[str, Sequence[str]] | None = None,
+    origin: Sequence[float] = (0.0, 0.0),
 ) -> FloorPlan:
     """Return the floor plan in a file.
 
@@ -117,6 +118,7 @@ def read_plan(
     level : one level of a file that names levels, such as GeoJSON; or a part of the path, ``house.geojson:1``.
     layers : role -> layers of a DXF drawing, or words of features of GeoJSON such as "indoor=room", as
         `crowd_env.scenarios.plans.roles.ChosenRoles` takes them.
+    origin : (2,) point of the file that becomes (0, 0), in its units; of a file in degrees in meters.
 
     Raises
     ------
@@ -138,7 +140,7 @@ def read_plan(
                 drawing.notes.append(left_out)
             drawing.exits = {f"exit-{number}": parse_exit(text) for number, text in enumerate(exits)}
             drawing.doors = [replace(door, leads_out=False) for door in drawing.doors]
-        return replace(_plan(path, drawing, meters), level=level)
+        return replace(_plan(path, drawing, meters, _point(origin)), level=level)
     except ValueError as error:
         message = str(error)
         raise ValueError(message if str(path) in message else f"{path}: {message}") from None
@@ -165,6 +167,7 @@ def drawn_layers(
     level: str | float | None = None,
     layers: Mapping[str, Sequence[str]] | None = None,
     meters: float | None = None,
+    origin: Sequence[float] = (0.0, 0.0),
 ) -> dict[str, Layer]:
     """Return what a file draws in each of its layers [m], even where it makes no plan yet.
 
@@ -185,7 +188,10 @@ def drawn_layers(
     if meters is None and shapes and not drawing.on_ground:
         x0, y0, x1, y1 = shapely.total_bounds(shapes).tolist()
         meters, _ = judge_unit((x0, y0, x1, y1), 0.0, drawing.unit, drawing.meters)
-    return {name: replace(one, shapes=_scaled(one.shapes, meters or 1.0)) for name, one in drawing.layers.items()}
+    return {
+        name: replace(one, shapes=_scaled(one.shapes, meters or 1.0, _point(origin)))
+        for name, one in drawing.layers.items()
+    }
 
 
 def _read(path: Path, meters: float | None, layers: Mapping[str, Sequence[str]] | None, draw: bool = False) -> Drawing:
@@ -267,7 +273,13 @@ def _is_json_plan(path: Path) -> bool:
     return is_vadere(content) or is_geojson(content) or is_project(content)
 
 
-def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
+def _point(origin: Sequence[float]) -> tuple[float, float]:
+    if isinstance(origin, str) or len(origin) != 2:
+        raise ValueError(f"origin is {origin!r}; it must be [x, y]")
+    return number("origin: x", origin[0]), number("origin: y", origin[1])
+
+
+def _plan(path: Path, drawing: Drawing, meters: float | None, origin: tuple[float, float]) -> FloorPlan:
     """Return a drawing as a plan in meters."""
     notes = list(drawing.notes)
     if not drawing.walkable:
@@ -277,15 +289,15 @@ def _plan(path: Path, drawing: Drawing, meters: float | None) -> FloorPlan:
         if meters is None:
             meters, note = _judged(drawing)
             notes += [note] if note else []
-        floor = simplified(_scaled(drawing.walkable, meters), notes)
+        floor = simplified(_scaled(drawing.walkable, meters, origin), notes)
         drawn = read_area(_collected(floor, notes), "walkable area")
-        doors = [replace(door, shape=_scaled([door.shape], meters)[0]) for door in drawing.doors]
-        obstacles = simplified(_scaled(drawing.obstacles, meters), notes)
+        doors = [replace(door, shape=_scaled([door.shape], meters, origin)[0]) for door in drawing.doors]
+        obstacles = simplified(_scaled(drawing.obstacles, meters, origin), notes)
         walls = walls_between(floor, drawing.rooms, doors, obstacles, notes)
         walkable = without_obstacles(drawn, [*obstacles, *walls], notes)
         walkable, leaving = open_doors(walkable, doors, obstacles, notes)
-        regions = regions_in(walkable, _named(drawing.regions, meters), drawing.starts, notes)
-        found = Drawing(exits=_named(drawing.exits, meters))
+        regions = regions_in(walkable, _named(drawing.regions, meters, origin), drawing.starts, notes)
+        found = Drawing(exits=_named(drawing.exits, meters, origin))
         for name, line in leaving:
             found.add("exit", "" if name in found.exits else name, line)
         exits = clear_exits(apart(found.exits, notes), drawn, walkable)
@@ -308,13 +320,15 @@ def _judged(drawing: Drawing) -> tuple[float, str]:
     return judge_unit(bounds, max(lines, default=0.0), drawing.unit, drawing.meters)
 
 
-def _scaled(shapes: Iterable[BaseGeometry], meters: float) -> list[BaseGeometry]:
+def _scaled(shapes: Iterable[BaseGeometry], meters: float, origin: tuple[float, float]) -> list[BaseGeometry]:
     flat = [shapely.force_2d(shape) for shape in shapes]
-    return flat if meters == 1.0 else [shapely.transform(shape, lambda points: meters * points) for shape in flat]
+    if meters == 1.0 and origin == (0.0, 0.0):
+        return flat
+    return [shapely.transform(shape, lambda points: meters * (points - origin)) for shape in flat]
 
 
-def _named(shapes: Mapping[str, BaseGeometry], meters: float) -> dict[str, BaseGeometry]:
-    return dict(zip(shapes, _scaled(shapes.values(), meters), strict=True))
+def _named(shapes: Mapping[str, BaseGeometry], meters: float, origin: tuple[float, float]) -> dict[str, BaseGeometry]:
+    return dict(zip(shapes, _scaled(shapes.values(), meters, origin), strict=True))
 
 
 def _collected(shapes: list[BaseGeometry], notes: list[str]) -> BaseGeometry:

@@ -55,8 +55,8 @@ class Editor {
     this.refresh();
     if (!this.about.served) return this.say("This page stands alone: Save hands back the project, crowd-env plan checks it.");
     const number = (this.asked += 1);
-    const { file, unit, level, layers } = this.project.geometry;
-    const read = JSON.stringify([file, unit, level, layers]);
+    const { file, unit, level, layers, origin } = this.project.geometry;
+    const read = JSON.stringify([file, unit, level, layers, origin]);
     this.say("checking ...");
     const shown = await this.ask("check", { content: this.project.content, layers: read !== this.read });
     if (number !== this.asked) return;
