@@ -4,12 +4,10 @@
 that --from names.  Verdicts of the table ``lin`` are written by hand, beside what ``crowd-env reproduce`` prints.
 """
 
-import itertools
 from collections.abc import Callable, Iterable
 from typing import Any
 
 from crowd_env import SCHEMES
-from crowd_env.analysis.figures import cell
 from crowd_env.core.checks import Plain, known
 from crowd_env.reproduce.pecol2011.room import PRINTED as FLOWS
 from crowd_env.reproduce.pecol2011.theatre import PRINTED as TIMES
@@ -17,7 +15,7 @@ from validation import facts, task_tables
 from validation.cases.case import DISC, share
 from validation.cases.standing import DENSITIES
 from validation.map import criteria, measured, passed, write_limits
-from validation.pages import MADE_BY, ROOT, Grid, Rows, grid, laid_out, read_table, read_toml, write_table
+from validation.pages import MADE_BY, Grid, Rows, grid, laid_out, read_table, write_table
 from validation.seeds import seeds
 from validation.sources import Source
 
@@ -106,21 +104,6 @@ def fastest(source: Source) -> Rows:
         line = f"crowd_env evaluate --scenario {place} --people {people} --walking hurried --policies shortest fastest"
         (row,) = (row for row in source(f"{line} --scheme dem --runs 12")["rows"] if row["policy"] == "fastest")
         yield {"place": place, "people": people, **_left(row)}
-
-
-def unseen(source: Source) -> Rows:
-    """One row a place of validation/unseen, which no training draws, under one of three laws in turn."""
-    places = sorted((ROOT / "validation" / "unseen").glob("*.toml"))
-    for place, law in zip(places, itertools.cycle(("hertz", "nsm2", "dem"))):
-        line = f"crowd_env evaluate --scenario {place.relative_to(ROOT)} --policies shortest evolution generalist"
-        rows = source(f"{line} --scheme {law} --runs 12")["rows"]
-        yield {"place": read_toml(place)["title"], "scheme": law, **{row["policy"]: _median(row) for row in rows}}
-
-
-def _median(row: Plain) -> str:
-    """Return when the last person is out [s], in the median, and in how many runs somebody is left inside."""
-    left = f"left in {row['unfinished_runs']}" if row["unfinished_runs"] else ""
-    return ", ".join(filter(None, (left, cell("{median_time:.1f}", row) if row["median_time"] is not None else "")))
 
 
 def algorithms(source: Source) -> Grid:
@@ -263,7 +246,6 @@ _ROWS: dict[str, Callable[[Source], Rows]] = {
     "cards": lambda _: task_tables.cards(),
     "facts": lambda _: facts.facts(),
     "fastest": fastest,
-    "unseen": unseen,
 }
 
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
-from crowd_env.core.checks import Plain, at, counted, known, texts
+from crowd_env.core.checks import Plain, at, counted, known, refuse, texts
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import SLIVER, Area, read_area, read_exits
 from crowd_env.geometry.placement import lattice
@@ -72,6 +73,8 @@ def scenario_from_plan(
         If shapes are dropped or repaired, and if the plan is so large that it may be in another unit.
     """
     named = exits if isinstance(exits, Mapping) else None
+    if named and not all(isinstance(one, str | Sequence | np.ndarray | BaseGeometry) for one in named.values()):
+        refuse("exits", exits, "names and their lines, areas or exits of the file")
     plan = read_plan(path, () if named else texts("exits", exits), unit=unit, level=level, layers=layers, origin=origin)
     with at(str(plan.path)):
         plan = with_own(plan, exits=named, regions=regions)
@@ -103,7 +106,7 @@ def scenario_on(
         warnings.warn(note, stacklevel=3)
     if not plan.exits:
         raise ValueError(
-            f"{plan.path}: a floor plan needs an exit: --exit 5,2,5,3, or one in geometry.exits of a project"
+            f"{plan.path}: a floor plan needs at least one exit: --exit 5,2,5,3, or one in geometry.exits of a project"
         )
     with at(str(plan.path)):
         geometry = Geometry.from_polygon(

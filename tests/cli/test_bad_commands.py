@@ -118,7 +118,7 @@ CASES = [
     (f"run geo.geojson {DOOR}", "geo.geojson no features"),
     (f"run plan.dxf {DOOR}", "plan.dxf DXF"),
     (f"run notes.dxf {DOOR}", "notes.dxf DXF"),
-    (f"run plan.xml {DOOR}", "XML well-known text"),
+    (f"run plan.xml {DOOR}", "XML begins with geometry of JuPedSim"),
     (f"run plan.svg {DOOR}", "XML well-known text"),
     (f"run sqlite.wkt {DOOR}", "SQLite well-known text"),
     (f"run zip.wkt {DOOR}", "zip well-known text"),

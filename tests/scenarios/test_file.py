@@ -250,7 +250,7 @@ MISTAKES = {
         ("options = { width = 1 }", r"my\.toml: unknown key 'options'; known: .*title"),
     ],
     "geometry": [
-        ("wals = []", r"my\.toml: geometry: unknown key 'wals'; known: file, level, layers, unit, walkable"),
+        ("wals = []", r"my\.toml: geometry: unknown key 'wals'; known: file, level, layers, unit, origin, walkable"),
         (
             "obstacles = [{ circle = [3, 3, -1] }]",
             r"geometry\.obstacles\[0\]: the radius of the circle is -1\.0 m; it must be > 0",

@@ -274,7 +274,7 @@ def _is_json_plan(path: Path) -> bool:
 
 
 def _point(origin: Sequence[float]) -> tuple[float, float]:
-    if isinstance(origin, str) or len(origin) != 2:
+    if len(origin) != 2:
         raise ValueError(f"origin is {origin!r}; it must be [x, y]")
     return number("origin: x", origin[0]), number("origin: y", origin[1])
 

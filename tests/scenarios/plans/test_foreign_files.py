@@ -138,7 +138,7 @@ def test_the_geometry_of_a_recording_of_jupedsim(version, tmp_path):
     path = recording(tmp_path / f"run{version}.sqlite", [f"GEOMETRYCOLLECTION ({ROOM.wkt})"], version)
     assert read_plan(path, [EAST]).walkable.equals(ROOM)
     assert make_scenario(path, exits=[EAST]).geometry.area == 48.0
-    with pytest.raises(ValueError, match="a floor plan needs an exit: --exit"):
+    with pytest.raises(ValueError, match="a floor plan needs at least one exit: --exit"):
         make_scenario(path)
 
 
@@ -264,7 +264,7 @@ def test_python_takes_what_the_command_line_takes(tmp_path):
     with pytest.warns(UserWarning, match="left out for those that are given"):
         assert make_scenario(path, exits=others, people=7, unit="cm").exits == ("exit-0",)
     with pytest.raises(
-        ValueError, match=r"has no option 'side'; known: exits, unit, level, layers, people, population, time_limit"
+        ValueError, match=r"has no option 'side'; known: exits, unit, level, layers, origin, people, population, time_limit"
     ):
         make_scenario(path, side=3.0)
 
