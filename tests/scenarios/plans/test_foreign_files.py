@@ -264,7 +264,8 @@ def test_python_takes_what_the_command_line_takes(tmp_path):
     with pytest.warns(UserWarning, match="left out for those that are given"):
         assert make_scenario(path, exits=others, people=7, unit="cm").exits == ("exit-0",)
     with pytest.raises(
-        ValueError, match=r"has no option 'side'; known: exits, unit, level, layers, origin, people, population, time_limit"
+        ValueError,
+        match=r"has no option 'side'; known: exits, unit, level, layers, origin, people, population, time_limit",
     ):
         make_scenario(path, side=3.0)
 
