@@ -5,6 +5,7 @@ import json
 import threading
 import time
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -238,7 +239,9 @@ def test_a_run_has_a_replay_and_a_report(server, project):
             time.sleep(0.2)
             found = json.loads(ask(server, "POST", f"/{server.token}/progress", {})[1])
         assert found["state"] == "done" and found["done"] == 2 and found["folder"].endswith(expected)
-        assert "evacuation time" in dict(found["rows"])
+        assert "evacuation time" in dict(found["rows"]) and isinstance(found["check"], str)
+        files = json.loads((project.parent / expected / "config.json").read_text())["files"]
+        assert {Path(file).name for file in files} == {"office.toml", "office.dxf"}
     for page in ("replay.html", "report.html"):
         assert ask(server, "GET", f"/{server.token}/{page}")[0] == 200
     assert project.exists()

@@ -119,6 +119,9 @@ def test_a_wider_exit_keeps_all_else(place):
         ("people=many", "people=many: 'many' is no number"),
         ("cohorts.guests.people=3", "key 'cohorts.guests.people' cannot be set: there is no 'guests'"),
         ("exit_width=30", "exit 'out' is not on the boundary of the walkable area"),
+        ("exit_width=-1,2", "exit_width is -1"),
+        ("exit_width=0,1", "exit_width is 0"),
+        ("people=x-1,x1", "people=x-1 is -1"),
     ],
 )
 def test_what_is_no_input_is_refused(place, given, said):
