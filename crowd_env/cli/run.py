@@ -110,7 +110,7 @@ def run(
         folder, kept = (None, []) if out is None else open_folder(context, out, here, place)
         check = check_place(place)
         places = places_of(check)
-        seen: dict[str, Recorder] = {"sections": CrossingRecorder(places)}
+        seen: dict[str, Recorder] = {"sections": CrossingRecorder(places)} if places else {}
         if out is not None:
             seen["crowding"] = CrowdingRecorder(place.geometry)
             if recorded:
@@ -129,7 +129,7 @@ def run(
             until=share,
             seed=seed,
             workers=workers,
-            recorder=Recorders(**seen),
+            recorder=Recorders(**seen) if seen else None,
             recorded=recorded,
             kept=kept,
             keep=None if folder is None else keep_in(folder),

@@ -18,9 +18,7 @@ class EpisodeMetrics(NamedTuple):
 
     evacuation_time: float  #: s, when the last pedestrian got out; nan if one did not
     mean_exit_time: float  #: s, from the start or the entry, over pedestrians that got out
-    unfinished: (
-        int  #: people inside, or waiting outside to come in, at the time limit or when the exits were found blocked
-    )
+    unfinished: int  #: people inside or waiting to come in at the time limit, or when the exits were found blocked
     blocked_since: float  #: s, last exit before the exits blocked for good, 0 if there was none; nan if they did not
     flow: float  #: 1/s, least-squares slope of the number out against time; nan with fewer than 3 exits
     contact_impulse: float  #: N s, contact impulse magnitudes per person, summed over the episode

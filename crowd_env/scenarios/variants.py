@@ -10,7 +10,6 @@ from crowd_env.core.arrays.state import segment_lengths
 from crowd_env.core.checks import known
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.cohorts import Cohorts
-from crowd_env.scenarios.distributions import Distribution
 from crowd_env.scenarios.population import BOUNDS
 from crowd_env.scenarios.scenario import Scenario
 
@@ -35,9 +34,8 @@ def _times(name: str, value: Any, factor: float) -> Any:
         raise ValueError(f"{name} is not set: give numbers, not factors")
     if name == "people":
         return max(1, round(factor * value))
-    law: Distribution = value
-    moved = {one.name: factor * getattr(law, one.name) for one in fields(law) if one.name != "sigma"}  # type: ignore[arg-type]
-    return replace(law, **moved)  # type: ignore[type-var]
+    moved = {one.name: factor * getattr(value, one.name) for one in fields(value) if one.name != "sigma"}
+    return replace(value, **moved)  # a distribution
 
 
 def with_exit_widths(place: Scenario, width_of: Callable[[float], float]) -> Scenario:
