@@ -160,9 +160,7 @@ def exit_names(scenario: Scenario, exit_index: Ints) -> np.ndarray:
 def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> Plain:
     """Return figures of each exit, the busiest first, ready for JSON.
 
-    ``people`` took it in all runs, ``share`` is of the people out in a run, ``first`` and ``last`` are when it was first
-    and last used [s].  ``flow_per_meter`` is its flow over its `entered_lengths` [1/(s m)], ``peak_flow_per_meter`` its
-    `peak_flow`; a handful of people have none.
+    ``share`` is of the people out in a run; flows are over its `entered_lengths`, see `passing`.
     """
     taken = [exit_names(scenario, episode.exit_index) for episode in episodes]
     out = np.array([(names != "").sum() for names in taken])
@@ -171,15 +169,28 @@ def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> Plain:
         count = np.array([(names == name).sum() for names in taken])
         of_run = np.divide(count, out, out=np.full(len(out), np.nan), where=out > 0)
         times = [np.sort(one.exit_time[names == name]) for one, names in zip(episodes, taken, strict=True)]
-        flows = [one if len(one) >= HANDFUL else one[:0] for one in times]
-        of_each = {
-            "first": [float(one[0]) if len(one) else np.nan for one in times],
-            "last": [float(one[-1]) if len(one) else np.nan for one in times],
-            "flow_per_meter": [flow_slope(one) / width for one in flows],
-            "peak_flow_per_meter": [peak_flow(one) / width for one in flows],
-        }
-        figures = {name: named(np.array(values)) for name, values in of_each.items()}
-        found[name] = {"people": int(count.sum()), "share": named(of_run), **figures}
+        found[name] = {"share": named(of_run), **passing(times, width)}
+    return busiest_first(found)
+
+
+def passing(times: Sequence[Floats], width: float) -> Plain:
+    """Return figures of people who pass a line of ``width`` [m], from the ascending times [s] of each run, ready for JSON.
+
+    ``people`` pass it in all runs, ``first`` and ``last`` are when [s].  ``flow_per_meter`` is the flow [1/(s m)],
+    ``peak_flow_per_meter`` the `peak_flow`; a handful of people have none.
+    """
+    flows = [one if len(one) >= HANDFUL else one[:0] for one in times]
+    of_each = {
+        "first": [one[0] if len(one) else np.nan for one in times],
+        "last": [one[-1] if len(one) else np.nan for one in times],
+        "flow_per_meter": [flow_slope(one) / width for one in flows],
+        "peak_flow_per_meter": [peak_flow(one) / width for one in flows],
+    }
+    return {"people": sum(map(len, times)), **{name: named(np.array(values)) for name, values in of_each.items()}}
+
+
+def busiest_first(found: Mapping[str, Plain]) -> Plain:
+    """Return what people pass in the order of their number, see `passing`."""
     return dict(sorted(found.items(), key=lambda one: -one[1]["people"]))
 
 

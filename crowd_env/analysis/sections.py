@@ -5,21 +5,21 @@ of the plan, such as "to +x" or "to -x+y", so that nobody has to know from which
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from crowd_env.analysis.figures import HANDFUL, named, peak_flow
+from crowd_env.analysis.figures import busiest_first, passing
 from crowd_env.analysis.passages import distances
 from crowd_env.analysis.plan_check import PlanCheck, spot
 from crowd_env.core.arrays.state import Bools, Floats, Ints, segment_lengths
 from crowd_env.core.checks import Plain
 from crowd_env.envs.crowd import CrowdEnv, Step
-from crowd_env.envs.metrics import flow_slope
 from crowd_env.envs.rollout import Episode
 
 _TO_AND_FRO = 2.0  # s; a crossing that is taken back within this time is none
 _SAME_PLACE = 0.3  # m; a passage whose middle is so near to a door is that door
+_AT_ONCE = 64  # looks
 _SIDEWAYS = 0.38  # sine of 22.5 degrees; less of an axis does not name a direction
 
 
@@ -79,29 +79,38 @@ class CrossingRecorder:
 
     def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Forget the batch before, and look at the first moment of this one."""
-        state = env.simulation.state
-        self._position, self._time = state.position.copy(), state.time.copy()
         self._crossed: list[Floats] = []
+        self._seen = [self._look(env, env.active)]
 
     def add(self, env: CrowdEnv, step: Step) -> None:
-        """Look where people were and where they are."""
-        state = env.simulation.state
-        moved = np.flatnonzero(
-            (env.active | step.terminated | step.truncated) & (state.position != self._position).any(1)
-        )
-        before, after = self._position[moved], state.position[moved]
-        person, line, part, sign = crossings(before, after, self._lines)
-        since, until = (time[env.env_of_person[moved[person]]] for time in (self._time, state.time))
-        columns = since + part * (until - since), moved[person], self._place[line], sign
-        self._crossed.append(np.column_stack(columns))
-        self._position[:], self._time[:] = state.position, state.time
+        """Look where people are; many looks are gone through at once."""
+        self._seen.append(self._look(env, env.active | step.terminated | step.truncated))
+        if len(self._seen) > _AT_ONCE:
+            self._count(env)
 
     def record(self, env: CrowdEnv, e: int) -> Floats:
         """Return the crossings of the evacuation in environment ``e``, which has just ended."""
+        self._count(env)
         people = env.people(e)
         every = np.concatenate([np.empty((0, 4)), *self._crossed])
         own = every[(every[:, 1] >= people.start) & (every[:, 1] < people.stop)]
         return np.asarray(own - [0.0, people.start, 0.0, 0.0])
+
+    @staticmethod
+    def _look(env: CrowdEnv, there: Bools) -> tuple[Floats, Floats, Bools]:
+        return env.simulation.state.position.copy(), env.simulation.state.time.copy(), there
+
+    def _count(self, env: CrowdEnv) -> None:
+        """Go through all looks but the last, which the next ones begin with."""
+        position, time, there = (np.array(column) for column in zip(*self._seen, strict=True))
+        low, high = np.minimum(position[:-1], position[1:]), np.maximum(position[:-1], position[1:])
+        near = (low <= self._lines.max(axis=(0, 1))) & (high >= self._lines.min(axis=(0, 1)))
+        look, moved = np.nonzero(near.all(axis=2) & (low < high).any(axis=2) & there[1:])
+        person, line, part, sign = crossings(position[look, moved], position[look + 1, moved], self._lines)
+        look, moved = look[person], moved[person]
+        since, until = (time[k, env.env_of_person[moved]] for k in (look, look + 1))
+        self._crossed.append(np.column_stack([since + part * (until - since), moved, self._place[line], sign]))
+        self._seen = self._seen[-1:]
 
 
 def crossings(before: Floats, after: Floats, lines: Floats) -> tuple[Ints, Ints, Floats, Ints]:
@@ -152,32 +161,19 @@ def for_good(crossed: Floats) -> Floats:
 def flows_at(places: Sequence[Place], episodes: Sequence[Episode]) -> Plain:
     """Return figures of each place, ready for JSON; of the runs in which people were counted.
 
-    For each direction ``people`` is over all runs, ``first`` and ``last`` are times [s], ``flow_per_meter`` and
-    ``peak_flow_per_meter`` [1/(s m)] as of an exit: the slope of the number against time, and the most in 10 s.
+    Each direction has those of an exit, see `crowd_env.analysis.figures.passing`.
     """
     every = [for_good(one.crossings) for one in episodes if one.crossings is not None]
     return {one.name: _flow_at(one, k, every) for k, one in enumerate(places)}
 
 
 def _flow_at(place: Place, k: int, every: Sequence[Floats]) -> Plain:
-    towards: dict[str, Any] = {}
-    for name, sign in zip(place.directions, (1.0, -1.0), strict=True):
-        times = [one[_of(one, k, sign), 0] for one in every]
-        flows = [one if len(one) >= HANDFUL else one[:0] for one in times]
-        of_each = {
-            "first": [one[0] if len(one) else np.nan for one in times],
-            "last": [one[-1] if len(one) else np.nan for one in times],
-            "flow_per_meter": [flow_slope(one) / place.length for one in flows],
-            "peak_flow_per_meter": [peak_flow(one) / place.length for one in flows],
-        }
-        found = {figure: named(np.array(values)) for figure, values in of_each.items()}
-        towards[name] = {"people": sum(map(len, times)), **found}
-    busiest = dict(sorted(towards.items(), key=lambda one: -one[1]["people"]))
-    return {"length": place.length, "line": place.lines.tolist(), "runs": len(every), "towards": busiest}
-
-
-def _of(crossed: Floats, k: int, sign: float) -> Bools:
-    return np.asarray((crossed[:, 2] == k) & (crossed[:, 3] == sign))
+    ways = zip(place.directions, (1.0, -1.0), strict=True)
+    towards = {
+        name: passing([one[(one[:, 2] == k) & (one[:, 3] == sign), 0] for one in every], place.length)
+        for name, sign in ways
+    }
+    return {"length": place.length, "line": place.lines.tolist(), "runs": len(every), "towards": busiest_first(towards)}
 
 
 def rows_of(places: Sequence[Place], episode: Episode) -> list[tuple[object, ...]]:

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from crowd_env.core.arrays.state import Floats, Ints
+from crowd_env.analysis.results.folder import inside
+from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import Plain
 from crowd_env.rendering.canvas import hex_of, name_panel, new_figure, quiet_axes, series, without_formulas
 from crowd_env.rendering.libraries import Axes, Figure
@@ -50,7 +51,9 @@ def egress_curves(
         time = np.minimum(grid, (until or {}).get(label, np.inf))
         passed = np.array([np.searchsorted(times, time, side="right") for times in every])
         come = (entries or {}).get(label, [None] * len(every))
-        count = passed if out else np.array([_come_by(*one, time) for one in zip(every, come, strict=True)]) - passed
+        count = (
+            passed if out else np.array([inside(ends, time, begin) for ends, begin in zip(every, come, strict=True)])
+        )
         axes.fill_between(time, *np.quantile(count, (0.05, 0.95), axis=0), color=series(k), alpha=0.16, linewidth=0)
         style = ("-", (0, (5, 2)), (0, (1, 1.3)), (0, (6, 2, 1, 2)))[k % 4]  # also told apart in black and white
         axes.plot(time, count.mean(axis=0), color=series(k), linewidth=2.0, linestyle=style)
@@ -76,13 +79,8 @@ def share_figure(shares: Mapping[str, Plain], exits: Sequence[str]) -> Figure:
     for k, (label, of_exit) in enumerate(shares.items()):
         rows = [row for row, name in enumerate(exits) if name in of_exit]
         known = [of_exit[exits[row]] for row in rows]
-        found = 100.0 * np.array([(one["mean"], *one["ci95"]) for one in known], dtype=np.float64).reshape(
-            -1, 3
-        )  # None is nan
         at = np.array(rows) + (k - 0.5 * (len(shares) - 1)) * thick
-        axes.barh(at, np.nan_to_num(found[:, 0]), 0.86 * thick, color=series(k), alpha=0.75, label=_shown(label))
-        around = np.abs(np.nan_to_num(found[:, 1:] - found[:, :1]))
-        axes.errorbar(found[:, 0], at, xerr=around.T, fmt="none", ecolor=hex_of(INK), elinewidth=1.1, capsize=2.5)
+        _bars(axes, at, 0.86 * thick, 100.0 * _means(known), color=series(k), label=_shown(label))
     axes.set_yticks(range(len(exits)), labels=exits)
     axes.set_ylim(len(exits) - 0.5, -0.5)
     axes.set_xlim(0.0, 100.0)
@@ -100,16 +98,23 @@ def effect_figure(rows: Sequence[Plain], *, title: str = "") -> Figure:
     figure = new_figure((_SIZE[0], 1.1 + 0.34 * len(rows)), dpi=_DPI)
     axes = quiet_axes(figure.add_subplot(), "change of T95 [s]", "")
     name_panel(axes, title, fontsize=11.5, fontweight="bold", pad=10)
-    found = np.array([(one["mean"], *one["ci95"]) for row in rows if (one := row["t95_difference"])], dtype=np.float64)
-    at = np.arange(len(rows))
-    colors = [series(0) if value < 0.0 else series(1) for value in found[:, 0]]
-    axes.barh(at, np.nan_to_num(found[:, 0]), 0.7, color=colors, alpha=0.75)
-    around = np.abs(np.nan_to_num(found[:, 1:] - found[:, :1]))
-    axes.errorbar(found[:, 0], at, xerr=around.T, fmt="none", ecolor=hex_of(INK), elinewidth=1.1, capsize=2.5)
+    found, at = _means([row["t95_difference"] for row in rows]), np.arange(len(rows))
+    _bars(axes, at, 0.7, found, color=[series(0) if value < 0.0 else series(1) for value in found[0]])
     axes.axvline(0.0, color=hex_of(QUIET), linewidth=1.0)
     axes.set_yticks(at, labels=[f"{row['name']} = {row['value']}" for row in rows])
     axes.set_ylim(len(rows) - 0.5, -0.5)
     return without_formulas(figure)
+
+
+def _means(figures: Sequence[Plain]) -> Floats:
+    """Return means and both ends of their 95 % intervals (3, K); nan where one is not known."""
+    return np.array([(one["mean"], *one["ci95"]) for one in figures], dtype=np.float64).reshape(-1, 3).T
+
+
+def _bars(axes: Axes, at: ArrayLike, thick: float, found: Floats, **style: Any) -> None:
+    axes.barh(at, np.nan_to_num(found[0]), thick, alpha=0.75, **style)
+    around = np.abs(np.nan_to_num(found[1:] - found[0]))
+    axes.errorbar(found[0], at, xerr=around, fmt="none", ecolor=hex_of(INK), elinewidth=1.1, capsize=2.5)
 
 
 def learning_curve(
@@ -171,12 +176,6 @@ def _exit_times(label: str, curves: Iterable[ArrayLike]) -> list[Floats]:
     if not runs:
         raise ValueError(f"{label!r} has no evacuation; give at least one array of exit times")
     return runs
-
-
-def _come_by(exits: Floats, entries: Floats | None, time: Floats) -> Ints:
-    """Return how many people have come by ``time`` (T,) [s]."""
-    come = np.zeros(len(exits)) if entries is None else np.sort(entries)
-    return np.searchsorted(come, time, side="right")
 
 
 def _shown(label: str) -> str:

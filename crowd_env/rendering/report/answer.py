@@ -15,26 +15,16 @@ _FEW = 5  # runs or fewer say little of how many are needed
 
 def answer(runs: Sequence[Runs]) -> Plain:
     """Return the sentences, the table and the exits of the first section."""
+    named_runs = [(one.name if len(runs) > 1 else "", one) for one in runs]
+    found = ((name, doubts(one.figures)) for name, one in named_runs)
     return {
-        "said": [{"name": one.name if len(runs) > 1 else "", "text": _sentence(one)} for one in runs],
-        "doubts": [(f"{one.name}: " if len(runs) > 1 else "") + said for one in runs if (said := doubts(one.figures))],
+        "said": [{"name": name, "text": _sentence(one)} for name, one in named_runs],
+        "doubts": [f"{name}: {said}" if name else said for name, said in found if said],
         "rows": table(_ROWS, runs),
-        "sections": [
-            {"name": one.name if len(runs) > 1 else "", "rows": rows} for one in runs if (rows := _sections(one))
-        ],
-        "sections_head": _SECTIONS_HEAD,
-        "exits": [{"name": one.name if len(runs) > 1 else "", "rows": _exits(one)} for one in runs],
-        "exits_head": (
-            "exit",
-            "width\n[m]",
-            "people",
-            "first\n[s]",
-            "last\n[s]",
-            "flow\n[1/(s m)]",
-            "peak\n[1/(s m)]",
-            "queue",
-            "wait\n[s]",
-        ),
+        "sections": [{"name": name, "rows": rows} for name, one in named_runs if (rows := _sections(one))],
+        "sections_head": ("section", "length\n[m]", "direction", *_PASSING_HEAD),
+        "exits": [{"name": name, "rows": _exits(one)} for name, one in named_runs],
+        "exits_head": ("exit", "width\n[m]", *_PASSING_HEAD, "queue", "wait\n[s]"),
     }
 
 
@@ -133,24 +123,10 @@ def _exits(one: Runs) -> list[tuple[str, ...]]:
     rows = []
     for name, found in one.figures["exits"].items():
         k = one.scenario.exits.index(name)
-        times = (number(found[key]["mean"], digits=1) for key in ("first", "last"))
-        flows = (number(found[key]["mean"]) for key in ("flow_per_meter", "peak_flow_per_meter"))
         line = [[float(getattr(seen, key)[k]) for seen in one.crowding] for key in ("queue", "wait")]
         queue = (number(named(np.array(values))["mean"], digits=1) for values in line)
-        rows.append((name, f"{widths[name]:.2f}", f"{found['people'] / runs:.1f}", *times, *flows, *queue))
+        rows.append((name, f"{widths[name]:.2f}", *_passing(found, runs), *queue))
     return rows
-
-
-_SECTIONS_HEAD = (
-    "section",
-    "length\n[m]",
-    "direction",
-    "people",
-    "first\n[s]",
-    "last\n[s]",
-    "flow\n[1/(s m)]",
-    "peak\n[1/(s m)]",
-)
 
 
 def _sections(one: Runs) -> list[tuple[str, ...]]:
@@ -159,11 +135,17 @@ def _sections(one: Runs) -> list[tuple[str, ...]]:
     for name, found in one.figures["sections"].items():
         for way, taken in found["towards"].items():
             if taken["people"]:
-                times = (number(taken[key]["mean"], digits=1) for key in ("first", "last"))
-                flows = (number(taken[key]["mean"]) for key in ("flow_per_meter", "peak_flow_per_meter"))
-                people = f"{taken['people'] / found['runs']:.1f}"
-                rows.append((name, f"{found['length']:.2f}", way, people, *times, *flows))
+                rows.append((name, f"{found['length']:.2f}", way, *_passing(taken, found["runs"])))
     return rows
+
+
+_PASSING_HEAD = ("people", "first\n[s]", "last\n[s]", "flow\n[1/(s m)]", "peak\n[1/(s m)]")
+
+
+def _passing(found: Plain, runs: int) -> tuple[str, ...]:
+    times = (number(found[key]["mean"], digits=1) for key in ("first", "last"))
+    flows = (number(found[key]["mean"]) for key in ("flow_per_meter", "peak_flow_per_meter"))
+    return (f"{found['people'] / runs:.1f}", *times, *flows)
 
 
 def share_words(found: Plain | None) -> str:
