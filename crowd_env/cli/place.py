@@ -78,6 +78,13 @@ class CrowdOptions:
     time_limit: float | None = None
 
     @classmethod
+    def among(cls, given: Plain, **more: Any) -> "CrowdOptions":
+        """Return the options among what a command was given, by their names; a task has a scheme of its own."""
+        found = {one.name: value for one in fields(cls) if (value := given.get(one.name)) is not None} | more
+        task = named_task(found["scenario"])
+        return cls(**found if task is None else {"scheme": task.scheme, **found})
+
+    @classmethod
     def of_config(cls, arguments: Plain) -> "CrowdOptions":
         """Return the options that the arguments of a config hold.
 
@@ -111,12 +118,6 @@ class CrowdOptions:
             if isinstance(geometry, Mapping) and isinstance(geometry.get("file"), str) and geometry["file"]:
                 return split_level(file.parent / geometry["file"])[0]
         return None
-
-
-def usual_scheme(place: str) -> str:
-    """Return the contact scheme under which a place is run unless the command names another: that of a task."""
-    task = named_task(place)
-    return "nsm2" if task is None else task.scheme
 
 
 def named_now(arguments: Plain) -> Plain:

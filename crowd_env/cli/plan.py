@@ -77,7 +77,7 @@ def plan(
 
     crowd-env plan office.dxf --edit
     """
-    wanted = Path("plan.png") if out is None else out
+    given, wanted = dict(locals()), Path("plan.png") if out is None else out
     picture: Path | None = wanted
     with friendly_errors():
         if edit:
@@ -85,10 +85,7 @@ def plan(
                 raise ValueError(f"--edit is for one place, but {len(place)} are given")
             if out is not None and out.suffix != ".html":
                 raise ValueError(f"--out {out}: with --edit it must be a page, .html, that stands alone")
-            options_of = CrowdOptions(
-                scenario=place[0], exit=exit, unit=unit, layers=layers, people=people, starts=starts, set=set
-            )
-            _edit(options_of, save, out)
+            _edit(CrowdOptions.among(given, scenario=place[0]), save, out)
             return
         try:
             check_picture("--out", wanted, (".png",), makes_folder=True)
@@ -99,23 +96,14 @@ def plan(
             picture = None
         if save is not None:
             check_suffix(save, (".toml",))
-        for option, given in (("--exit", exit), ("--starts", starts), ("--layers", layers), ("--save", save)):
-            if given and len(place) > 1:
-                raise ValueError(f"{option} is for one floor plan, but {len(place)} places are given")
+        for option in ("exit", "starts", "layers", "save"):
+            if given[option] and len(place) > 1:
+                raise ValueError(f"--{option} is for one floor plan, but {len(place)} places are given")
         checks, told = [], []
         with progress_bar("plans", 2 * len(place)) as progress:
             for name in place:
                 with noted() as said:
-                    asked = CrowdOptions(
-                        scenario=name,
-                        exit=exit,
-                        unit=unit,
-                        section=section,
-                        layers=layers,
-                        people=people,
-                        starts=starts,
-                        set=set,
-                    )
+                    asked = CrowdOptions.among(given, scenario=name)
                     checks.append(_check(asked, seed))
                     if save is not None:
                         text = _project(asked, save).text

@@ -21,7 +21,7 @@ from crowd_env.analysis.results.crowding import CrowdingRecorder
 from crowd_env.analysis.sections import CrossingRecorder, flows_at, places_of
 from crowd_env.cli import options
 from crowd_env.cli.console import show_table
-from crowd_env.cli.place import CrowdOptions, Setting, setting_of, usual_scheme
+from crowd_env.cli.place import CrowdOptions, Setting, setting_of
 from crowd_env.cli.results_folder import again, config_of, keep_in, open_folder, write_results
 from crowd_env.core.checks import Range, counted, whole
 from crowd_env.core.console import friendly_errors, interrupted, literal_console, noted, progress_bar, say
@@ -76,21 +76,9 @@ def run(
     as_json: options.AsJson = False,
 ) -> None:
     """Evacuate a place many times and report how it went; keep the runs in a folder."""
-    asked = CrowdOptions(
-        scenario=scenario,
-        exit=exit,
-        unit=unit,
-        section=section,
-        people=people,
-        starts=starts,
-        walking=walking,
-        routing=routing,
-        policy=policy,
-        scheme=usual_scheme(scenario) if scheme is None else scheme,
-        set=set,
-        time_limit=time_limit,
-    )
+    given = dict(locals())
     with friendly_errors():
+        asked = CrowdOptions.among(given)
         for name in ("scheme", "policy"):  # a folder that somebody sent is data
             text, source = getattr(asked, name), context.get_parameter_source(name)
             if str(getattr(source, "name", "")) != "COMMANDLINE" and names_own(str(text)):

@@ -16,7 +16,7 @@ from crowd_env.analysis.results.folder import decode, encode
 from crowd_env.analysis.sweep import HEADS, TIMES, Variant, by_effect, cells, figures_of, write_sweep
 from crowd_env.cli import options
 from crowd_env.cli.console import show_table
-from crowd_env.cli.place import CrowdOptions, Setting, setting_of, usual_scheme
+from crowd_env.cli.place import CrowdOptions, Setting, setting_of
 from crowd_env.cli.results_folder import config_of
 from crowd_env.cli.run import evacuate
 from crowd_env.core.checks import POSITIVE, Plain, number, whole
@@ -85,20 +85,9 @@ def sweep(
 
     Without an input the usual ones are varied, about the place as it is: a sensitivity analysis.
     """
-    asked = CrowdOptions(
-        scenario=scenario,
-        exit=exit,
-        unit=unit,
-        people=people,
-        starts=starts,
-        walking=walking,
-        routing=routing,
-        policy=policy,
-        scheme=usual_scheme(scenario) if scheme is None else scheme,
-        set=set,
-        time_limit=time_limit,
-    )
+    options_of = dict(locals())
     with friendly_errors():
+        asked = CrowdOptions.among(options_of)
         whole("runs", runs)
         given = _inputs(inputs or ())
         with noted():
