@@ -106,7 +106,12 @@ def _drawn(drawing: FloorPlan) -> Plain:
     """Return the named shapes of a drawing, and where people start there."""
     shapes = {"exits": drawing.exits, "regions": drawing.regions}
     named = {key: {name: _lines_of(shape) for name, shape in group.items()} for key, group in shapes.items()}
-    return {**named, "starts": dict(drawing.starts), "title": drawing.title, "meters": drawing.meters}
+    return {
+        **named,
+        "starts": {name: start.people for name, start in drawing.starts.items()},
+        "title": drawing.title,
+        "meters": drawing.meters,
+    }
 
 
 def _shown(check: PlanCheck, whole: bool) -> Plain:

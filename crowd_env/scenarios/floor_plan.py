@@ -139,8 +139,11 @@ def with_own(
         plan = replace(plan, walkable=read_area(floor, "walkable area"))
     if exits is not None:
         today = {shape: name for name, shape in exits.items() if isinstance(shape, str) and shape in plan.exits}
-        goals = {start: tuple(today[one] for one in to if one in today) for start, to in plan.goals.items()}
-        plan = replace(plan, exits=read_exits(_taken("exits", exits, plan.exits, plan)), goals=goals)
+        starts = {
+            name: start._replace(exits=tuple(today[one] for one in start.exits if one in today))
+            for name, start in plan.starts.items()
+        }
+        plan = replace(plan, exits=read_exits(_taken("exits", exits, plan.exits, plan)), starts=starts)
     own = _taken("regions", {} if regions is None else regions, plan.regions, plan)
     renamed = {
         shape: name for name, shape in (regions or {}).items() if isinstance(shape, str) and shape in plan.regions
@@ -149,9 +152,7 @@ def with_own(
     return replace(
         plan,
         regions=rest | {name: read_area(shape, f"region {name!r}") for name, shape in own.items()},
-        starts={renamed.get(name, name): many for name, many in plan.starts.items()},
-        goals={renamed.get(name, name): to for name, to in plan.goals.items()},
-        arrivals={renamed.get(name, name): groups for name, groups in plan.arrivals.items()},
+        starts={renamed.get(name, name): start for name, start in plan.starts.items()},
     )
 
 
@@ -202,14 +203,15 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
     """
     if fields.get("starts") is not None or not plan.starts:
         return Population(**{"people": PEOPLE if people is None else people, **fields})
-    coming = {} if people is not None or fields.get("arrivals") else plan.arrivals
+    come = people is None and not fields.get("arrivals")
+    coming = {name: start for name, start in plan.starts.items() if come and start.arrivals}
     late = [
         Population(
-            **{"exits": plan.goals.get(name, ()), **fields, "start_region": name},
-            people=sum(many for _, many in groups),
-            arrivals=Arrivals(timetable=tuple(groups)),
+            **{"exits": start.exits, **fields, "start_region": name},
+            people=sum(many for _, many in start.arrivals),
+            arrivals=Arrivals(timetable=tuple(start.arrivals)),
         )
-        for name, groups in coming.items()
+        for name, start in coming.items()
     ]
     areas = {name: area_on(plan, name) for name in plan.starts if name not in coming}
     if not areas:
@@ -224,7 +226,7 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
             f"left out: {narrow} that bodies do not fit into beside the others, {listed(small)}", stacklevel=2
         )
         room = {name: many for name, many in room.items() if many}
-    said = {name: many for name in room if (many := plan.starts[name]) is not None}
+    said = {name: many for name in room if (many := plan.starts[name].people) is not None}
     if len(said) == len(room) and all(many <= room[name] for name, many in said.items()):
         shares, usual = said, sum(said.values())
     else:
@@ -233,10 +235,10 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
         if people is None:
             shares = {name: max(1, many) for name, many in room.items()}
             if said or usual < PEOPLE:
-                said = {name: many for name, many in plan.starts.items() if many is not None}
+                said = {name: one.people for name, one in plan.starts.items() if one.people is not None}
                 wanted = f"the file says {sum(said.values())} people" if said else f"{PEOPLE} people may not fit"
                 warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --people decides", stacklevel=2)
-    goals = {name: {} if fields.get("route") else {"exits": plan.goals.get(name, ())} for name in shares}
+    goals = {name: {} if fields.get("route") else {"exits": plan.starts[name].exits} for name in shares}
     parts = [Population(**{**goals[name], **fields, "people": n, "start_region": name}) for name, n in shares.items()]
     there = _joined(parts).changed(people=usual if people is None else people)
     return _joined([*there.parts, *late])
@@ -252,7 +254,7 @@ def _room(plan: FloorPlan, radius: float, beside: bool) -> dict[str, int]:
     Empty if the drawing makes no valid place.
     """
     areas = [shape for shape in plan.exits.values() if "Polygon" in shape.geom_type]
-    starts = {name: plan.regions[name] for name in plan.starts if name not in plan.arrivals}
+    starts = {name: plan.regions[name] for name, start in plan.starts.items() if not start.arrivals}
     try:
         with warnings.catch_warnings():  # its warnings appear where the plan becomes a place
             warnings.simplefilter("ignore")

@@ -1,9 +1,10 @@
 """A floor plan as read from a file, in the file's units, and the plan in meters made from it."""
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import shapely
 from shapely.geometry.base import BaseGeometry
@@ -28,6 +29,16 @@ class Door:
     name: str = ""
     width: float | None = None
     leads_out: bool = False
+
+
+class Start(NamedTuple):
+    """What a file says of the people who start in a region."""
+
+    people: int | None = None  # None if it does not say how many
+    exits: tuple[str, ...] = ()  # that they take; all if there are none here
+    arrivals: Sequence[
+        tuple[float, int]
+    ] = ()  # (time [s], people) of groups that come; all are there at the start without
 
 
 @dataclass
@@ -56,10 +67,7 @@ class Drawing:
     obstacles : areas that people do not walk on.
     exits : name -> lines on the edge of the walkable area, or areas that people walk into.
     regions : name -> area.
-    starts : name of a region in which people start -> how many of them, None if the file does not say.
-    goals : name of such a region -> the exits that people take from there; all if it is not among them.
-    arrivals : name of such a region -> (time [s], people) of the groups that come there; all are there at the start if it is
-        not among them.
+    starts : name of a region in which people start -> what is said of them.
     unit : the file's, as a word for messages, if it names one.
     meters : how many meters that unit is, if it is known.
     on_ground : whether the coordinates are meters for sure, projected from degrees.
@@ -74,9 +82,7 @@ class Drawing:
     obstacles: list[BaseGeometry] = field(default_factory=list)
     exits: dict[str, BaseGeometry] = field(default_factory=dict)
     regions: dict[str, BaseGeometry] = field(default_factory=dict)
-    starts: dict[str, int | None] = field(default_factory=dict)
-    goals: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    arrivals: dict[str, list[tuple[float, int]]] = field(default_factory=dict)
+    starts: dict[str, Start] = field(default_factory=dict)
     unit: str | None = None
     meters: float | None = None
     on_ground: bool = False
@@ -84,7 +90,7 @@ class Drawing:
     notes: list[str] = field(default_factory=list)
     layers: dict[str, "Layer"] = field(default_factory=dict)
 
-    def add(self, role: str, name: str, shape: BaseGeometry, people: int | None = None) -> None:
+    def add(self, role: str, name: str, shape: BaseGeometry, start: Start | None = None) -> None:
         """Add a shape in a role of `crowd_env.scenarios.plans.roles`: shapes of one name make one exit or region, shapes
         without a name are numbered.
         """
@@ -104,11 +110,7 @@ class Drawing:
                 name = name or _numbered(role, self.regions)
                 _join(self.regions, name, shape)
                 if role == "start":
-                    self.starts[name] = people
-
-    def shapes(self) -> list[BaseGeometry]:
-        """Return all shapes."""
-        return [*self.walkable, *self.obstacles, *self.exits.values(), *self.regions.values()]
+                    self.starts[name] = start or Start()
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,9 +123,7 @@ class FloorPlan:
     walkable : walkable area [m]; obstacles are cut out.
     exits : name -> line on the edge of the walkable area, or area that people walk into [m].
     regions : name -> area [m].
-    starts : name of a region in which people start -> how many of them, None if the file does not say.
-    goals : name of such a region -> the exits that people take from there; all if it is not among them.
-    arrivals : name of such a region -> (time [s], people) of the groups that come there.
+    starts : name of a region in which people start -> what is said of them.
     notes : a sentence on each shape that was dropped, or read in another way than may be meant.
     level : of the file, if one was chosen.
     meters : how many meters a unit of the file was taken for.
@@ -133,9 +133,7 @@ class FloorPlan:
     walkable: Area
     exits: Mapping[str, BaseGeometry]
     regions: Mapping[str, Area] = field(default_factory=dict)
-    starts: Mapping[str, int | None] = field(default_factory=dict)
-    goals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    arrivals: Mapping[str, list[tuple[float, int]]] = field(default_factory=dict)
+    starts: Mapping[str, Start] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     level: str | None = None
     meters: float = 1.0

@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from crowd_env.core.checks import Plain, counted, number
 from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.parsing import from_wkt
-from crowd_env.scenarios.plans.floor_plan import Drawing
+from crowd_env.scenarios.plans.floor_plan import Drawing, Start
 
 _GEOMETRY = "geometry.wkt"  # beside config.json
 _LEFT_OUT = {"zones": "speed of zones", "checkpoints": "waiting at checkpoints"}
@@ -54,12 +54,13 @@ def read_project(content: Plain, path: Path) -> Drawing:
             ("start", "distributions"),
         ):
             for name, one in content.get(key, {}).items():
-                many = one.get("parameters", {}).get("number") if role == "start" else None
-                drawing.add(role, name, Polygon(_points(name, one["coordinates"])), many)
+                own = Start(one.get("parameters", {}).get("number")) if role == "start" else None
+                drawing.add(role, name, Polygon(_points(name, one["coordinates"])), own)
         for journey in (*content.get("journeys", ()), *content.get("journeys_v2", ())):
             first, *_, last = journey["stages"]
             if first in drawing.starts and last in drawing.exits:
-                drawing.goals[first] = (*drawing.goals.get(first, ()), last)
+                start = drawing.starts[first]
+                drawing.starts[first] = start._replace(exits=(*start.exits, last))
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"it has another form than a project of JuPedSim's: {error}") from None
     left = [words for key, words in _LEFT_OUT.items() if content.get(key)]

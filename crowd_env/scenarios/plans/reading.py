@@ -97,6 +97,13 @@ def split_level(path: str | Path) -> tuple[Path, str | None]:
     )
 
 
+def _file_and_level(path: str | Path, level: str | float | None) -> tuple[Path, str | None]:
+    """Return the file, and the name of the level that is given or a part of the path."""
+    file, named = split_level(path)
+    chosen = named if level is None else level
+    return file, None if chosen is None else level_name(chosen)
+
+
 def read_plan(
     path: str | Path,
     exits: Sequence[str] = (),
@@ -127,8 +134,7 @@ def read_plan(
     ModuleNotFoundError
         If the library that reads such files is not installed.
     """
-    path, named = split_level(path_of("the file of the floor plan", path))
-    level = level_name(named if level is None else level) if (named, level) != (None, None) else None
+    path, level = _file_and_level(path_of("the file of the floor plan", path), level)
     meters = None if unit is None else unit_in_meters(unit)
     try:
         require_file(path)
@@ -180,9 +186,8 @@ def drawn_layers(
     ModuleNotFoundError
         If the library that reads such files is not installed.
     """
-    path, named = split_level(path)
+    path, level = _file_and_level(path, level)
     meters = meters if unit is None else unit_in_meters(unit)
-    level = level_name(named if level is None else level) if (named, level) != (None, None) else None
     drawing = _at_level(_read(path, meters, layers, draw=True), path, level)
     shapes = [shape for layer in drawing.layers.values() for shape in layer.shapes]
     if meters is None and shapes and not drawing.on_ground:
@@ -303,11 +308,13 @@ def _plan(path: Path, drawing: Drawing, meters: float | None, origin: tuple[floa
         exits = clear_exits(apart(found.exits, notes), drawn, walkable)
     notes += [str(warning.message) for warning in said if issubclass(warning.category, UserWarning)]
     own = {name: f"{name} (area)" if name in exits else name for name in regions}  # no region has the name of an exit
-    starts = {own[name]: people for name, people in drawing.starts.items() if name in regions}
+    starts = {
+        own[name]: start._replace(exits=tuple(one for one in start.exits if one in exits))
+        for name, start in drawing.starts.items()
+        if name in regions
+    }
     regions = {own[name]: shape for name, shape in regions.items()}
-    leave = {own[name]: tuple(one for one in to if one in exits) for name, to in drawing.goals.items() if name in own}
-    come = {own[name]: groups for name, groups in drawing.arrivals.items() if name in own}
-    return FloorPlan(path, walkable, exits, regions, starts, leave, come, tuple(notes), meters=meters)
+    return FloorPlan(path, walkable, exits, regions, starts, tuple(notes), meters=meters)
 
 
 def _judged(drawing: Drawing) -> tuple[float, str]:

@@ -7,7 +7,7 @@ import shapely
 from shapely.geometry import Point, Polygon, box
 
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Plain, number
-from crowd_env.scenarios.plans.floor_plan import Drawing
+from crowd_env.scenarios.plans.floor_plan import Drawing, Start
 
 _MOST_COME = 1000  # people of a source over time; more than these are rarely meant to be simulated one by one
 _BOX = ("x", "y", "width", "height")
@@ -24,7 +24,7 @@ def read_vadere(content: Plain, meters: float | None) -> Drawing:
     """Read the topography of a scenario, releases 1 to 4; targets that are no way out are regions."""
     places = content["scenario"]["topography"]
     try:
-        drawing = Drawing(unit="m", meters=1.0)
+        drawing, late = Drawing(unit="m", meters=1.0), False
         _add_bounds(drawing, places["attributes"])
         kinds = ("obstacles", "targets", "sources")
         obstacles, targets, sources = ([_plain(one) for one in places.get(kind, ())] for kind in kinds)
@@ -33,20 +33,19 @@ def read_vadere(content: Plain, meters: float | None) -> Drawing:
             role = "exit" if _absorbs(target) else "region"
             drawing.add(role, f"target-{target['id']}", _shape(target, f"target {target['id']}"))
         for source in sources:
-            drawing.add("start", f"source-{source['id']}", _shape(source, f"source {source['id']}"), _people(source))
-        ways = {f"source-{source['id']}": _way(source, targets) for source in sources if source.get("targetIds")}
-        drawing.goals = {name: way[-1:] for name, way in ways.items() if way}
-        if not all(ways.values()):
-            drawing.notes.append("left out: to which targets the people of a source walk; they choose among all exits")
-        if any(len(way) > 1 for way in ways.values()):
-            drawing.notes.append(
-                "left out: the targets that people of a source walk to before the one that they leave by"
-            )
-        come = {f"source-{source['id']}": _timetable(source) for source in sources}
-        drawing.arrivals = {name: groups for name, groups in come.items() if groups}
-        if not all(_at_once(source) or groups for source, groups in zip(sources, come.values(), strict=True)):
-            late = "that people of a source come one after the other; they stand there at the start"
-            drawing.notes.append(f"left out: {late}")
+            name, own = f"source-{source['id']}", Start(_people(source), _way(source, targets)[-1:], _timetable(source))
+            drawing.add("start", name, _shape(source, f"source {source['id']}"), own)
+            late |= not (_at_once(source) or own.arrivals)
+        ways = [_way(source, targets) for source in sources if source.get("targetIds")]
+        for left_out, what in (
+            (not all(ways), "to which targets the people of a source walk; they choose among all exits"),
+            (
+                any(len(way) > 1 for way in ways),
+                "the targets that people of a source walk to before the one that they leave by",
+            ),
+            (late, "that people of a source come one after the other; they stand there at the start"),
+        ):
+            drawing.notes += [f"left out: {what}"] * left_out
     except (AttributeError, KeyError, TypeError) as error:
         raise ValueError(f"its topography lacks or has in another form than Vadere's: {error}") from None
     for what in _LEFT_OUT:
@@ -101,26 +100,30 @@ def _absorbs(target: Plain) -> bool:
 
 def _way(source: Plain, targets: Iterable[Plain]) -> tuple[str, ...]:
     """Return the targets that people of a source walk to in turn, up to the first by which people leave; () = none."""
-    leave, ids = {target["id"] for target in targets if _absorbs(target)}, source["targetIds"]
+    leave, ids = {target["id"] for target in targets if _absorbs(target)}, source.get("targetIds", ())
     last = next((k for k, one in enumerate(ids) if one in leave), -1)
     return tuple(f"target-{one}" for one in ids[: last + 1])
 
 
+def _said(source: Plain, new: str, old: str, usual: Any = None) -> Any:
+    """Return what a source says under the key of a release with spawners, or under that of an older one."""
+    return source.get("spawner", {}).get(new, source.get(old, usual))
+
+
 def _at_once(source: Plain) -> bool:
-    spawner = source.get("spawner", {})
-    begin = spawner.get("constraintsTimeStart", source.get("startTime"))
-    return bool(begin == spawner.get("constraintsTimeEnd", source.get("endTime")))
+    begin = _said(source, "constraintsTimeStart", "startTime")
+    return bool(begin == _said(source, "constraintsTimeEnd", "endTime"))
 
 
 def _timetable(source: Plain) -> list[tuple[float, int]]:
     """Return (time [s], people) of the groups of a source that come later at equal intervals; none of any other source."""
-    spawner, old = source.get("spawner", {}), source.get("distributionParameters") or [0.0]
-    law = str(spawner.get("distribution", {}).get("type") or source.get("interSpawnTimeDistribution", ""))
-    every = spawner.get("distribution", {}).get("updateFrequency", old[0])
-    begin = spawner.get("constraintsTimeStart", source.get("startTime", 0.0))
-    end = spawner.get("constraintsTimeEnd", source.get("endTime", begin))
-    many = spawner.get("eventElementCount", source.get("spawnNumber", 1))
-    most = spawner.get("constraintsElementsMax", source.get("maxSpawnNumberTotal", -1))
+    distribution, old = _said(source, "distribution", "", {}), source.get("distributionParameters") or [0.0]
+    law = str(distribution.get("type") or source.get("interSpawnTimeDistribution", ""))
+    every = distribution.get("updateFrequency", old[0])
+    begin = _said(source, "constraintsTimeStart", "startTime", 0.0)
+    end = _said(source, "constraintsTimeEnd", "endTime", begin)
+    many = _said(source, "eventElementCount", "spawnNumber", 1)
+    most = _said(source, "constraintsElementsMax", "maxSpawnNumberTotal", -1)
     if (
         not end >= begin >= 0.0
         or end == 0.0
@@ -138,10 +141,9 @@ def _timetable(source: Plain) -> list[tuple[float, int]]:
 
 def _people(source: Plain) -> int | None:
     """Return the number of people of a source, if the file has a total."""
-    spawner, once = source.get("spawner", {}), _at_once(source)
-    most = spawner.get("constraintsElementsMax", source.get("maxSpawnNumberTotal"))
-    each = spawner.get("eventElementCount", source.get("spawnNumber"))
-    for count in (most, each if once else None):
+    most = _said(source, "constraintsElementsMax", "maxSpawnNumberTotal")
+    each = _said(source, "eventElementCount", "spawnNumber")
+    for count in (most, each if _at_once(source) else None):
         if isinstance(count, int) and not isinstance(count, bool) and count > 0:
             return count
     return None

@@ -9,6 +9,7 @@ from cases import looped
 from plan_files import box_of, drawing, outline, room_drawing
 
 from crowd_env import make_scenario
+from crowd_env.scenarios.plans.floor_plan import Start
 from crowd_env.scenarios.plans.lines import enclosed
 from crowd_env.scenarios.plans.reading import read_plan
 
@@ -32,7 +33,7 @@ def test_layers_say_what_things_are_whatever_their_case(tmp_path):
     plan = read(document, tmp_path)
     assert plan.walkable.area == pytest.approx(58.0)
     assert {name: shape.geom_type for name, shape in plan.exits.items()} == {"North": "LineString", "exit-0": "Polygon"}
-    assert plan.starts == {"Hall": None, "start-0": None}
+    assert plan.starts == {"Hall": Start(), "start-0": Start()}
     assert plan.notes == ("left out: 1 thing on layers of other names, jps-journeys",)
 
 

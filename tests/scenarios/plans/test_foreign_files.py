@@ -12,6 +12,7 @@ from plan_files import EAST, ROOM, feature, geojson, room_drawing
 
 from crowd_env import CrowdEnv, make_scenario
 from crowd_env.scenarios.floor_plan import people_on
+from crowd_env.scenarios.plans.floor_plan import Start
 from crowd_env.scenarios.plans.reading import is_plan, read_plan
 
 EXIT = shapely.LineString([(8, 2), (8, 3.2)])
@@ -81,7 +82,7 @@ def test_features_say_what_they_are(tmp_path):
     plan = read_plan(path)
     assert plan.walkable.area == pytest.approx(47.0)
     assert list(plan.exits) == ["east", "exit-0"] and plan.exits["east"].length == pytest.approx(1.2)
-    assert list(plan.regions) == ["desk", "slow"] and plan.starts == {"desk": None}
+    assert list(plan.regions) == ["desk", "slow"] and plan.starts == {"desk": Start()}
     assert len(plan.notes) == 1 and plan.notes[0].startswith("left out: 1 feature without a word")
 
 
@@ -153,7 +154,10 @@ def test_a_scenario_of_vadere(tmp_path):
     plan = read_plan(vadere(tmp_path / "room.scenario", sources=[source(1, 1.0, 4), source(2, 5.0, 2)]))
     assert plan.walkable.bounds == (0.5, 0.5, 8.5, 6.5)
     assert plan.walkable.area == pytest.approx(48.0 - 1.0 - 2.5)
-    assert list(plan.exits) == ["target-3"] and plan.starts == {"source-1": 4, "source-2": 2}
+    assert list(plan.exits) == ["target-3"] and {name: one.people for name, one in plan.starts.items()} == {
+        "source-1": 4,
+        "source-2": 2,
+    }
     place = make_scenario(plan.path)
     assert [(part.people, part.start_region) for part in place.population.parts] == [(4, "source-1"), (2, "source-2")]
     assert make_scenario(plan.path, people=9).population.people == 9
@@ -293,7 +297,7 @@ def test_attributes_of_a_thing_may_lie_in_a_table_of_their_own(tmp_path):
     (tmp_path / "nested.scenario").write_text(json.dumps(content))
     flat, nested = (read_plan(one) for one in (path, tmp_path / "nested.scenario"))
     assert not flat.exits and list(nested.regions) == list(flat.regions) == ["target-3", "source-1"]
-    assert nested.starts == flat.starts == {"source-1": 4} and nested.walkable.equals(flat.walkable)
+    assert nested.starts == flat.starts == {"source-1": Start(4, (), [])} and nested.walkable.equals(flat.walkable)
 
 
 def test_people_of_a_source_walk_to_their_own_target(tmp_path):
@@ -324,7 +328,7 @@ def test_people_of_vadere_come_as_its_spawner_says(tmp_path):
     once = {"spawnNumber": 4, "startTime": 7.0, "endTime": 7.0}
     sources = [source(1, 1.0, spawner={**spawner, "constraintsElementsMax": -1}), source(2, 3.0, **older)]
     path = vadere(tmp_path / "room.scenario", sources=[*sources, source(3, 1.0, **once)])
-    assert read_plan(path).arrivals == {
+    assert {name: one.arrivals for name, one in read_plan(path).starts.items()} == {
         "source-1": [(1.0, 3), (3.0, 3), (5.0, 3)],
         "source-2": [(0.0, 2), (4.0, 2), (8.0, 1)],
         "source-3": [(7.0, 4)],

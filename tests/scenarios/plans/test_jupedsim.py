@@ -5,6 +5,7 @@ import json
 import pytest
 
 from crowd_env import make_scenario
+from crowd_env.scenarios.plans.floor_plan import Start
 from crowd_env.scenarios.plans.reading import read_plan
 
 ROOM = "POLYGON ((0 0, 10 0, 10 6, 0 6, 0 0), (4 2, 4 3, 5 3, 5 2, 4 2))"
@@ -40,7 +41,7 @@ def test_a_project_of_the_editor_has_people_that_walk_to_their_exit(tmp_path):
     path = project(tmp_path)
     (tmp_path / "geometry.wkt").write_text(ROOM)
     plan = read_plan(path)
-    assert plan.starts == {"jps-distributions_0": 12} and plan.goals == {"jps-distributions_0": ("jps-exits_0",)}
+    assert plan.starts == {"jps-distributions_0": Start(12, ("jps-exits_0",))}
     assert "jps-checkpoints_0" in plan.regions and any("waiting at checkpoints" in note for note in plan.notes)
     with pytest.warns(UserWarning, match="left out: speeds, radii"):
         place = make_scenario(path)
