@@ -69,13 +69,10 @@ def config_of(
         arguments[name] = str(given[name]).replace(str(file), str(file.absolute()), 1)
     config = run_config(
         place,
-        physics.law,
+        physics,
+        routing,
         runs,
         seed=seed,
-        dt=physics.dt,
-        strategy=str(routing.strategy),
-        rules=routing.signs,
-        max_drive=place.max_drive if physics.max_drive is None else physics.max_drive,
         command=["crowd-env", *sys.argv[1:]],
         arguments=arguments,
         files=[*files.values(), *filter(None, [options.drawing()])],

@@ -51,8 +51,7 @@ class Case:
     @cached_property
     def identity(self) -> Plain:
         """All that decides a run of a given seed, ready for JSON."""
-        options: dict[str, Any] = {"seed": 0, "dt": self.dt, "strategy": "shortest", "rules": self.rules}
-        config = run_config(self.place, self.scheme, 1, **options)
+        config = run_config(self.place, Physics(self.scheme, self.dt), Routing("shortest", self.rules), 1, seed=0)
         kept = "" if self.recorder is None else type(self.recorder).__name__
         decided = {name: value for name, value in config.items() if name not in (*FREE, "seed")}
         return {**decided, "decision_dt": self.decision_dt, "record": kept}

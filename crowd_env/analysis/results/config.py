@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import math
 import platform
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,8 +17,7 @@ from crowd_env.core.files.json_file import read_json
 from crowd_env.core.files.versions import versions_of
 from crowd_env.core.kernels import jit
 from crowd_env.core.version import __version__
-from crowd_env.envs.settings import physics_step
-from crowd_env.physics import ContactScheme
+from crowd_env.envs.settings import Routing, physics_step
 from crowd_env.physics.scheme import DECISION_DT
 from crowd_env.physics.settings import Physics
 from crowd_env.scenarios.scenario import Scenario
@@ -73,14 +71,11 @@ def require_data(where: str, kind: Any, content: Any) -> None:
 
 def run_config(
     scenario: Scenario,
-    scheme: ContactScheme,
+    physics: Physics,
+    routing: Routing,
     runs: int,
     *,
     seed: int,
-    dt: float | None,
-    strategy: str,
-    rules: bool,
-    max_drive: float = math.inf,
     command: Sequence[str] = (),
     arguments: Plain | None = None,
     files: Sequence[Path] = (),
@@ -90,8 +85,6 @@ def run_config(
     Parameters
     ----------
     scenario : with the behaviors of the run.
-    dt : s, physics step; None = the scheme's.
-    max_drive : N, of people; of no account to a scheme that does not drive them.
     command : the words of the command line.
     arguments : its options by their names, as it was given them.
     files : what it read.
@@ -101,17 +94,18 @@ def run_config(
     ValueError
         If a file cannot be read.
     """
+    scheme = physics.law
     return {
         "scenario": scenario.name,
         "population": plain(scenario.population.parts),
         "time_limit": scenario.time_limit,
         "blocked_after": plain(scenario.blocked_after),
         **scenario.plain_behaviors(),
-        "strategy": strategy,
-        "rules": rules,
-        "max_drive": plain(max_drive),
+        "strategy": str(routing.strategy),
+        "rules": routing.signs,
+        "max_drive": plain(scenario.max_drive if physics.max_drive is None else physics.max_drive),
         "scheme": {"name": scheme.info.name, **plain(scheme)},
-        "dt": physics_step(Physics(scheme, dt), scenario),
+        "dt": physics_step(physics, scenario),
         "decision_dt": DECISION_DT,
         "seed": seed,
         "fingerprint": fingerprint(scenario),  # of plan, people, routes and rules: equal for equal ones

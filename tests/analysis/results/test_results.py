@@ -20,7 +20,8 @@ from crowd_env.core.files.csv_table import read_table
 from crowd_env.core.files.store import difference as differs
 from crowd_env.envs.metrics import flow_slope
 from crowd_env.envs.rollout import run_episodes
-from crowd_env.physics import make_scheme
+from crowd_env.envs.settings import Routing
+from crowd_env.physics.settings import Physics
 
 NAN = float("nan")
 
@@ -32,8 +33,9 @@ def hall():
 
 
 def config(place, runs=3, scheme="dem", **changed):
-    options = {"seed": 2, "dt": None, "strategy": "nearest", "rules": True, **changed}
-    return run_config(place, make_scheme(scheme), runs, **options)
+    physics = Physics(scheme, changed.pop("dt", None))
+    routing = Routing(changed.pop("strategy", "nearest"), changed.pop("rules", True))
+    return run_config(place, physics, routing, runs, **{"seed": 2, **changed})
 
 
 @pytest.fixture(scope="module")
