@@ -18,6 +18,13 @@ HELD_UP = 0.5  # of the desired speed: slower since the sample before, after the
 SERVICE = {"A, B": 0.0, "C": 1 / 2.32, "D": 1 / 1.39, "E": 1 / 0.93, "F": 1 / 0.46}
 
 
+_KINDS: dict[str, Any] = {
+    **dict.fromkeys(("density", "pressure"), np.float32),
+    "zone_most": np.int64,
+    "left_out": np.int64,
+}
+
+
 class Crowding(NamedTuple):
     """What was collected of one evacuation; forces of decisions with a step that the solver did not finish are left out.
 
@@ -57,16 +64,11 @@ class CrowdingRecorder:
 
     def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Forget the batch before, and look at the first moment of this one."""
-        count, cells = env.num_envs, self.grid.shape[0] * self.grid.shape[1]
-        self._density, self._pressure = (np.zeros((count, cells), dtype=np.float32) for _ in range(2))
+        count, shapes = env.num_envs, self.shapes() | dict.fromkeys(("impact", "squeezed", "left_out"), ())
+        self._of = {name: np.zeros((count, *shape), dtype=_KINDS.get(name)) for name, shape in shapes.items()}
         self._impulse, self._whole = np.zeros(env.num_people), np.zeros(count, dtype=np.int64)
-        self._impact = np.zeros(count)
-        self._service, self._squeezed = np.zeros((count, len(SERVICE))), np.zeros(count)
-        self._zone_most = np.zeros((count, len(self._zones)), dtype=np.int64)
-        self._zone_last = np.zeros((count, len(self._zones)))
-        self._load, self._load_most = (np.zeros((count, len(self._pieces), *more)) for more in ((2,), ()))
-        self._nearest_piece = nearest_among(self._pieces)
-        self._left_out, self._unconverged = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+        self._load, self._nearest_piece = np.zeros((count, len(self._pieces), 2)), nearest_among(self._pieces)
+        self._unconverged = np.zeros(count, dtype=np.int64)
         self._held: list[Bools] = []
         self._span = max(round(LOAD_SPAN / env.decision_dt), 1)
         self._every, self._decisions = max(round(SAMPLE / env.decision_dt), 1), 0
@@ -80,10 +82,10 @@ class CrowdingRecorder:
         pressure = contact_pressure(simulation.results.impulse_magnitude, env.decision_dt, simulation.bodies.radius)
         broken = simulation.diagnostics.unconverged - self._unconverged > 0
         self._unconverged[:] = simulation.diagnostics.unconverged
-        self._left_out += broken
+        self._of["left_out"] += broken
         counts = (inside | step.terminated) & ~broken[env.env_of_person]
         pressure[~counts] = 0.0
-        np.maximum.at(self._impact, env.env_of_person, pressure)
+        np.maximum.at(self._of["impact"], env.env_of_person, pressure)
         self._whole += np.bincount(env.env_of_person[counts], minlength=env.num_envs) > 0
         # Means are over the decisions that count, but over half of the span at least.
         duration, ends = (
@@ -106,8 +108,8 @@ class CrowdingRecorder:
         crowd = env.env_of_person[who]
         pressure /= duration[crowd]
         place = self.grid.cell_of(env.simulation.state.position[who])[:, None] + self._felt
-        np.maximum.at(self._pressure, (crowd[:, None], place), pressure[:, None].astype(np.float32))
-        np.add.at(self._squeezed, crowd, duration[crowd] * (pressure > INJURY))
+        np.maximum.at(_rows(self._of["pressure"]), (crowd[:, None], place), pressure[:, None].astype(np.float32))
+        np.add.at(self._of["squeezed"], crowd, duration[crowd] * (pressure > INJURY))
         self._impulse[who] = 0.0
 
     def _press_on_walls(self, env: CrowdEnv, counts: Bools, duration: Floats, ends: bool) -> None:
@@ -121,7 +123,7 @@ class CrowdingRecorder:
         if ends:
             length = np.maximum(segment_lengths(self._pieces), 1.0)
             load = np.hypot(*np.moveaxis(self._load, -1, 0)) / (duration[:, None] * length)
-            np.maximum(self._load_most, load, out=self._load_most)
+            np.maximum(self._of["wall_load"], load, out=self._of["wall_load"])
             self._load[:] = 0.0
 
     def _look(self, env: CrowdEnv, inside: Bools) -> None:
@@ -133,15 +135,15 @@ class CrowdingRecorder:
         starting = time - duration < bodies.response_time + 1e-9
         self._held.append(inside & ~starting & (walked < HELD_UP * duration * env.simulation.history.local_speed))
         self._position[:] = state.position
-        density = 1.0 / self._measure(env, inside, self._density)[inside]
+        density = 1.0 / self._measure(env, inside, _rows(self._of["density"]))[inside]
         level = np.searchsorted(list(SERVICE.values()), density, side="right") - 1
-        np.add.at(self._service, (env.env_of_person[inside], level), duration)
+        np.add.at(self._of["service"], (env.env_of_person[inside], level), duration)
         for e in np.unique(env.env_of_person[inside]).tolist():
             people = env.people(e)
             at = self.grid.cell_of(state.position[people][inside[people]])
             count = self._zones[:, at].sum(axis=1)
-            self._zone_most[e] = np.maximum(self._zone_most[e], count)
-            self._zone_last[e][count > 0] = state.time[e] + duration
+            self._of["zone_most"][e] = np.maximum(self._of["zone_most"][e], count)
+            self._of["zone_empty"][e][count > 0] = state.time[e] + duration
 
     def record(self, env: CrowdEnv, e: int) -> Crowding:
         """Return what was collected of the evacuation in environment ``e``, which has just ended."""
@@ -153,24 +155,19 @@ class CrowdingRecorder:
         waits = [
             self._every * env.decision_dt * float(way.sum(axis=0).mean()) if way.shape[1] else np.nan for way in ways
         ]
-        stay = np.isnan(state.exit_time[people]).any() & (self._zone_last[e] >= state.time[e])
-        return Crowding(
-            density=self._density[e].reshape(self.grid.shape).copy(),
-            pressure=self._pressure[e].reshape(self.grid.shape).copy(),
-            impact=float(self._impact[e]),
-            service=self._service[e].copy(),
-            squeezed=float(self._squeezed[e]),
-            zone_most=self._zone_most[e].copy(),
-            zone_empty=np.where(stay, np.nan, self._zone_last[e]),
-            queue=np.array([int(way.sum(axis=1).max(initial=0)) for way in ways], dtype=np.int64),
-            wait=np.array(waits),
-            wall_load=self._load_most[e].copy(),
-            left_out=int(self._left_out[e]),
-        )
+        kept = {name: values[e].copy() for name, values in self._of.items()}
+        kept["zone_empty"][np.isnan(state.exit_time[people]).any() & (kept["zone_empty"] >= state.time[e])] = np.nan
+        queue = np.array([int(way.sum(axis=1).max(initial=0)) for way in ways], dtype=np.int64)
+        return Crowding(**{**kept, "queue": queue, "wait": np.array(waits), "left_out": int(kept["left_out"])})
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy has, here or in another process: it begins with no evacuation under way."""
         return {name: vars(self)[name] for name in ("grid", "_measure", "_felt", "_zones", "_pieces", "_exit_of_row")}
+
+
+def _rows(maps: np.ndarray) -> np.ndarray:
+    """Return maps (E, rows, columns) with the cells of each in a row."""
+    return maps.reshape(len(maps), -1)
 
 
 def crowding_of(content: Plain | None, shapes: dict[str, tuple[int, ...]]) -> Crowding | None:
