@@ -23,13 +23,7 @@ class CrowdBatch(Protocol):
     A row acts: of a `WalkingBatch` a pedestrian, else one controller an environment.
     """
 
-    @property
-    def num_envs(self) -> int:
-        """Number of environments E."""
-
-    @property
-    def decides(self) -> Literal["walking", "routing"]:
-        """The agents: pedestrians ("walking"), or one controller an environment ("routing")."""
+    num_envs: int
 
     @property
     def single_observation_space(self) -> gymnasium.Space[Any]:
@@ -38,6 +32,10 @@ class CrowdBatch(Protocol):
     @property
     def single_action_space(self) -> gymnasium.Space[Any]:
         """Action space of one row."""
+
+    @property
+    def decides(self) -> Literal["walking", "routing"]:
+        """The agents: pedestrians ("walking"), or one controller an environment ("routing")."""
 
     @property
     def finished(self) -> Bools:
@@ -53,6 +51,13 @@ class CrowdBatch(Protocol):
 class WalkingBatch(CrowdBatch, Protocol):
     """Evacuations in which each of P pedestrians acts: `CrowdEnv`, `MixedEnv`, `GeneratedCrowds`."""
 
+    env_of_person: Ints  # (P,) environment of each slot
+    decision_dt: float  # s
+    autoreset: bool  # whether an environment that ends starts a new episode in the same step
+    layout: ObservationLayout  # columns of an observation
+    action_kind: ActionKind  # meaning of an action
+    reward_weights: RewardWeights  # weights of the terms of the reward
+
     @property
     def decides(self) -> Literal["walking"]:
         """Each row is a pedestrian."""
@@ -60,10 +65,6 @@ class WalkingBatch(CrowdBatch, Protocol):
     @property
     def num_people(self) -> int:
         """Number of slots P."""
-
-    @property
-    def env_of_person(self) -> Ints:
-        """Environment of each slot (P,)."""
 
     @property
     def active(self) -> Bools:
@@ -76,26 +77,6 @@ class WalkingBatch(CrowdBatch, Protocol):
     @property
     def action_mask(self) -> Masks | None:
         """Choices of each slot that count now (P, n); None where all always do."""
-
-    @property
-    def decision_dt(self) -> float:
-        """Decision step [s]."""
-
-    @property
-    def autoreset(self) -> bool:
-        """Whether an environment that ends starts a new episode in the same step."""
-
-    @property
-    def layout(self) -> ObservationLayout:
-        """Columns of an observation."""
-
-    @property
-    def action_kind(self) -> ActionKind:
-        """Meaning of an action."""
-
-    @property
-    def reward_weights(self) -> RewardWeights:
-        """Weights of the terms of the reward."""
 
     @property
     def scenario_of_env(self) -> list[Scenario]:

@@ -65,7 +65,7 @@ def write_queue_shown(k: int, begin: int, end: int, view: View, plan: Plan, out:
     sort(sorted_lengths, count)
     for n in range(index(begin), index(end)):
         i = view.listed[n]
-        nearer = count_below(sorted_lengths, count, length[i, k])
+        nearer = np.searchsorted(sorted_lengths[:count], length[i, k])
         out[i, plan.column.queues_shown + k] = nearer / (nearer + SHOWN_SCALE)
 
 
@@ -92,16 +92,3 @@ def sink(values: Floats, root: int, count: int) -> None:
         values[hole] = values[child]
         hole = child
     values[hole] = value
-
-
-@inner_kernel
-def count_below(values: Floats, count: int, limit: float) -> int:
-    """Return how many of the first ``count`` values, which ascend, are below a limit."""
-    low, high = 0, count
-    while low < high:
-        middle = (low + high) // 2
-        if values[middle] < limit:
-            low = middle + 1
-        else:
-            high = middle
-    return low
