@@ -10,13 +10,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
-from crowd_env.core.arrays.state import Floats
-from crowd_env.core.files.json_file import json_number
 from crowd_env.core.files.store import Store, claimed
 from crowd_env.envs.settings import arguments_of
 
 from .. import make_policy
-from ..evaluation.comparison import clearing_times, last_times, mean_times
+from ..evaluation.comparison import clearing_times, last_times, mean_times, rounded
 from ..evaluation.entries import RULE, policy_entry
 from ..evaluation.evaluation import VALIDATION_SEED, Evaluation, evaluate
 from ..evaluation.folder import digest_of, source_stamp
@@ -171,21 +169,17 @@ def _trained(job: Job, plan: Plan, store: Store) -> tuple[Policy, Plain]:
 def checkpoint(result: Evaluation) -> Plain:
     """Return the figures of a checkpoint: ``order`` says which is better, fewer runs unfinished first, then sooner out."""
     unfinished = int((result.column("unfinished") > 0).sum())
-    return {"clearing_times": _listed(clearing_times(result)), "order": [unfinished, float(last_times(result).mean())]}
+    return {"clearing_times": rounded(clearing_times(result)), "order": [unfinished, float(last_times(result).mean())]}
 
 
 def _final(policy: Policy, task: str, plan: Plan) -> Plain:
     """Return the times of a policy in the task as it stands, on held-out draws."""
     judge = make_task(task)
     (result,) = compare([policy_entry(policy, judge)], judge.place(), [judge.scheme], runs=plan.runs)
-    times = {"clearing_times": _listed(clearing_times(result)), "mean_exits": _listed(mean_times(result))}
+    times = {"clearing_times": rounded(clearing_times(result)), "mean_exits": rounded(mean_times(result))}
     return {"held_out": times, "constants": result.constants}
 
 
 def _load() -> float | None:
     """Return how many processes wait for the processors, a mean of the last minute; None where no system knows."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-
-
-def _listed(times: Floats) -> list[float | None]:
-    return [json_number(round(float(one), 3)) for one in times]

@@ -29,6 +29,11 @@ def clearing_times(result: Evaluation) -> Floats:
     return np.array(result.exit_times).max(axis=1)
 
 
+def rounded(times: Floats) -> list[float | None]:
+    """Return times [s] ready for JSON, to a thousandth; None for nan."""
+    return [json_number(round(float(one), 3)) for one in times]
+
+
 def clearing_means(result: Evaluation) -> Floats:
     """Return the mean exit time of each run (runs,) [s]; nan where somebody was left inside."""
     return np.array(result.exit_times).mean(axis=1)

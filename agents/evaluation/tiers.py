@@ -13,14 +13,13 @@ from crowd_env import Scenario
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import known
 from crowd_env.core.console import say
-from crowd_env.core.files.json_file import json_number
 from crowd_env.core.files.store import Store
 
 from .. import PRETRAINED, starts_from
 from ..plain import Plain
 from ..tasks.lower_bounds import bound_time
 from ..tasks.tiers import SETTINGS, TIERS, Setting
-from .comparison import clearing_times, order_of, paired
+from .comparison import clearing_times, order_of, paired, rounded
 from .credible import credibility
 from .entries import RULE
 from .evaluation import Evaluation
@@ -83,7 +82,7 @@ def _figures(result: Evaluation) -> Plain:
     """Return when the last person of each run was out [s], and what says whether that can be believed."""
     row = result.row()
     kept = {name: row[name] for name in _KEPT} | {"flow": row["flow"]["mean"], "hurry": row["hurry"]["max"]}
-    return {"last_time": [json_number(round(float(one), 3)) for one in clearing_times(result)], **kept}
+    return {"last_time": rounded(clearing_times(result)), **kept}
 
 
 class Standing(NamedTuple):

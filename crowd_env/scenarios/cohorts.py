@@ -157,6 +157,11 @@ class Cohorts:
 People: TypeAlias = Population | Cohorts
 
 
+def people_of(parts: Sequence[Population]) -> People:
+    """Return people of several kinds; of one kind they are no cohorts."""
+    return parts[0] if len(parts) == 1 else Cohorts(tuple(parts))
+
+
 def extreme_bodies(people: People) -> Bodies:
     """Return bodies with a stable step no longer than that of any draw.
 

@@ -15,7 +15,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import SLIVER, Area, read_area, read_exits
 from crowd_env.geometry.placement import lattice
 from crowd_env.scenarios.arrivals import Arrivals
-from crowd_env.scenarios.cohorts import Cohorts, People, as_people
+from crowd_env.scenarios.cohorts import People, as_people, people_of
 from crowd_env.scenarios.plans.floor_plan import FloorPlan, listed
 from crowd_env.scenarios.plans.reading import read_plan
 from crowd_env.scenarios.population import Population
@@ -215,7 +215,7 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
     ]
     areas = {name: area_on(plan, name) for name in plan.starts if name not in coming}
     if not areas:
-        return _joined(late)
+        return people_of(late)
     most = _room(plan, Population(**{"people": 1, **fields}).radius.high, beside=people is None)
     spread = {name: max(1, int(_CROWDED * area)) for name, area in areas.items()}
     room = {name: min(many, most.get(name, many)) for name, many in spread.items()}
@@ -240,12 +240,8 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
                 warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --people decides", stacklevel=2)
     goals = {name: {} if fields.get("route") else {"exits": plan.starts[name].exits} for name in shares}
     parts = [Population(**{**goals[name], **fields, "people": n, "start_region": name}) for name, n in shares.items()]
-    there = _joined(parts).changed(people=usual if people is None else people)
-    return _joined([*there.parts, *late])
-
-
-def _joined(parts: Sequence[Population]) -> People:
-    return parts[0] if len(parts) == 1 else Cohorts(tuple(parts))
+    there = people_of(parts).changed(people=usual if people is None else people)
+    return people_of([*there.parts, *late])
 
 
 def _room(plan: FloorPlan, radius: float, beside: bool) -> dict[str, int]:

@@ -21,7 +21,7 @@ from crowd_env.core.checks import Range, known, whole
 from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.route_set import Target
 from crowd_env.routing.spec import DoorEvent
-from crowd_env.scenarios.cohorts import Cohorts, People
+from crowd_env.scenarios.cohorts import People, people_of
 from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
 from crowd_env.scenarios.file import Line
 from crowd_env.scenarios.population import Population
@@ -131,7 +131,7 @@ def draw_place(
     place = Scenario(
         "generated-v0",
         geometry,
-        Cohorts(tuple(cohorts)) if len(cohorts) > 1 else cohorts[0],
+        people_of(cohorts),
         float(np.ceil(60.0 + walk + queue + late)),
         f"place {seed}: {about}",
         f"drawn by version {VERSION} of crowd_env.scenarios.generated from the seed {seed}",

@@ -24,7 +24,7 @@ from crowd_env.routing.route_set import RoutePlan, RouteSet, Target
 from crowd_env.routing.spec import OUT, ControlRule, DoorEvent, Gate, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.routing.strategies import STRATEGIES
-from crowd_env.scenarios.cohorts import Cohorts, People, as_people
+from crowd_env.scenarios.cohorts import People, as_people, people_of
 from crowd_env.scenarios.groups import same_route
 from crowd_env.scenarios.population import Population, require_names, require_room
 from crowd_env.scenarios.sections import Section, require_sections
@@ -246,12 +246,11 @@ class Scenario:
         """Return the place as `crowd_env.geometry.geometry.turning` moves it, with starts, arrivals and attractions."""
         turn = turning(angle, mirrored)
         moved = [part.moved(turn) for part in self.population.parts]
-        crowd = Cohorts(tuple(moved)) if len(moved) > 1 else moved[0]
         points = turn(np.array([(one.x, one.y) for one in self.pulls.attractions]).reshape(-1, 2))
         return replace(
             self,
             geometry=self.geometry.turned(angle, mirrored),
-            population=crowd,
+            population=people_of(moved),
             pulls=self.pulls.moved(points),
             sections=tuple(one.moved(turn(np.array(one.line))) for one in self.sections),
         )
@@ -314,8 +313,7 @@ class Scenario:
 
     def draw_stays(self, rng: np.random.Generator, routes: Sequence[str]) -> tuple[Floats, Floats] | None:
         """Draw how long (N,) [s] and where (N, 2) [m] people wait on these ``routes`` (N,); None if none wait."""
-        waits = any(part.wait is not None for part in self.population.parts)
-        halts = [route for route in self.routes if route.via is not None and (waits or route.until)]
+        halts = [route for route in self.routes if route.via is not None and (self._waits or route.until)]
         if not halts:
             return None
         lengths = (
@@ -337,8 +335,12 @@ class Scenario:
     @property
     def goes_on(self) -> bool:
         """Whether a crowd at rest may walk on by itself: people come in, wait, or pass gates."""
-        waits = any(part.wait is not None for part in self.population.parts) or any(one.until for one in self.routes)
-        return self.has_arrivals or waits or bool(self.gates)
+        held = self._waits or any(one.until for one in self.routes)
+        return self.has_arrivals or held or bool(self.gates)
+
+    @property
+    def _waits(self) -> bool:
+        return any(part.wait is not None for part in self.population.parts)
 
     def choose(
         self,

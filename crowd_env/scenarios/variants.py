@@ -9,7 +9,7 @@ import numpy as np
 from crowd_env.core.arrays.state import segment_lengths
 from crowd_env.core.checks import known
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.scenarios.cohorts import Cohorts
+from crowd_env.scenarios.cohorts import people_of
 from crowd_env.scenarios.population import BOUNDS
 from crowd_env.scenarios.scenario import Scenario
 
@@ -26,7 +26,7 @@ def with_times(place: Scenario, name: str, factor: float) -> Scenario:
     """
     known("number of people", name, ("people", *BOUNDS))
     parts = [part.changed(**{name: _times(name, getattr(part, name), factor)}) for part in place.population.parts]
-    return replace(place, population=Cohorts(tuple(parts)) if len(parts) > 1 else parts[0])
+    return replace(place, population=people_of(parts))
 
 
 def _times(name: str, value: Any, factor: float) -> Any:
