@@ -174,7 +174,7 @@ def exits_of(scenario: Scenario, episodes: Sequence[Episode]) -> Plain:
 
 
 def passing(times: Sequence[Floats], width: float) -> Plain:
-    """Return figures of people who pass a line of ``width`` [m], from the ascending times [s] of each run, ready for JSON.
+    """Return figures of people passing a line of ``width`` [m], from the ascending times [s] of each run, ready for JSON.
 
     ``people`` pass it in all runs, ``first`` and ``last`` are when [s].  ``flow_per_meter`` is the flow [1/(s m)],
     ``peak_flow_per_meter`` the `peak_flow`; a handful of people have none.

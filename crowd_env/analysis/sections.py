@@ -161,7 +161,7 @@ def for_good(crossed: Floats) -> Floats:
 def flows_at(places: Sequence[Place], episodes: Sequence[Episode]) -> Plain:
     """Return figures of each place, ready for JSON; of the runs in which people were counted.
 
-    Each direction has those of an exit, see `crowd_env.analysis.figures.passing`.
+    Each direction has the figures of an exit, see `crowd_env.analysis.figures.passing`.
     """
     every = [for_good(one.crossings) for one in episodes if one.crossings is not None]
     return {one.name: _flow_at(one, k, every) for k, one in enumerate(places)}

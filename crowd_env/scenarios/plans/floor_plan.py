@@ -32,7 +32,7 @@ class Door:
 
 
 class Start(NamedTuple):
-    """What a file says of the people who start in a region."""
+    """The people that start in a region, as far as the file knows them."""
 
     people: int | None = None  # None if it does not say how many
     exits: tuple[str, ...] = ()  # that they take; all if there are none here
@@ -67,7 +67,7 @@ class Drawing:
     obstacles : areas that people do not walk on.
     exits : name -> lines on the edge of the walkable area, or areas that people walk into.
     regions : name -> area.
-    starts : name of a region in which people start -> what is said of them.
+    starts : name of a region in which people start -> these people, as far as the file knows them.
     unit : the file's, as a word for messages, if it names one.
     meters : how many meters that unit is, if it is known.
     on_ground : whether the coordinates are meters for sure, projected from degrees.
@@ -123,7 +123,7 @@ class FloorPlan:
     walkable : walkable area [m]; obstacles are cut out.
     exits : name -> line on the edge of the walkable area, or area that people walk into [m].
     regions : name -> area [m].
-    starts : name of a region in which people start -> what is said of them.
+    starts : name of a region in which people start -> these people, as far as the file knows them.
     notes : a sentence on each shape that was dropped, or read in another way than may be meant.
     level : of the file, if one was chosen.
     meters : how many meters a unit of the file was taken for.

@@ -106,7 +106,7 @@ def _way(source: Plain, targets: Iterable[Plain]) -> tuple[str, ...]:
 
 
 def _said(source: Plain, new: str, old: str, usual: Any = None) -> Any:
-    """Return what a source says under the key of a release with spawners, or under that of an older one."""
+    """Return what stands in a source under the key of a release with spawners, or under that of an older one."""
     return source.get("spawner", {}).get(new, source.get(old, usual))
 
 
