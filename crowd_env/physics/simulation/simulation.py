@@ -15,7 +15,7 @@ from crowd_env.core.checks import NOT_NEGATIVE, known, whole
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.geometry.entrances import Entries
-from crowd_env.geometry.geometry import Boundary, Geometry, join_boundaries
+from crowd_env.geometry.geometry import Boundary, Geometry, join_all_surfaces, join_boundaries
 from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.geometry.wall_grid import make_wall_grid
 from crowd_env.physics.contacts import ContactList, rows_of
@@ -34,6 +34,7 @@ from crowd_env.physics.simulation.checkpoint import (
 )
 from crowd_env.physics.simulation.entrances import Entrances
 from crowd_env.physics.simulation.gates import Gates
+from crowd_env.physics.simulation.heights import Heights
 from crowd_env.physics.simulation.stepper import Stepper
 from crowd_env.physics.social_force import social_forces_of_walls
 from crowd_env.physics.spatial_order import SortedCrowd, between
@@ -134,6 +135,7 @@ class Simulation:
         # (P,) found outside of the walkable area after any call since the start of the environment, by position alone,
         # whatever the contacts.  All should be False.
         self.escaped = np.zeros(len(bodies.radius), dtype=bool)
+        self._heights = Heights(self.world.surface, which, self.history.height_due)
         self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
         self._sorted = SortedCrowd(batch) if SortedCrowd.is_needed(bodies) else None
         desire = desire_of(walking.others)
@@ -164,7 +166,8 @@ class Simulation:
         history.followed[:] = self.state.route
         for e in range(len(self.state.time)):
             history.is_gate[e, self._gates.doors_of(e)] = True
-        world = World(boundary, by_reference(self.planner.field), geometry_of_env, guidance, walls)
+        surface = join_all_surfaces(self.geometries)
+        world = World(boundary, by_reference(self.planner.field), geometry_of_env, guidance, walls, surface)
         results = allocate_results(len(bodies.radius), len(self.state.time))
         return Batch(world, params, record(**acts), bodies, self.state, control, results, history, workspace)
 
@@ -232,12 +235,13 @@ class Simulation:
                 self.close_doors(e, closed)
             self.planner.update(self.bodies, self.state)
             self._admit()
+            self._look_up_heights()
             inside = self.inside
             if self._sorted is not None:
                 self._sorted.update(self.history.contacts, self.workspace.neighbors)
             busy = inside + self.entrances.coming if self.entrances.are_used else inside
             tasks: list[tuple[Any, Ints]] = [(self._sorted, busy), (self._door_schedule, busy), (self.entrances, busy)]
-            tasks += [(self.planner, inside), (self._gates, inside)]
+            tasks += [(self.planner, inside), (self._gates, inside), (self._heights, inside)]
             waits = [task.steps_until_due(self.state.time, self.dt, n) for task, n in tasks if task is not None]
             waits += [1] if self.listeners else []
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
@@ -264,6 +268,14 @@ class Simulation:
         for e in self._gates.update(self.bodies, self.state, direction, admitted):
             self.history.admitted[:] = admitted if self._sorted is None else admitted[self._sorted.slot]
             invalidate_lists(self.workspace.neighbors, e)
+
+    def _look_up_heights(self) -> None:
+        """Look up the heights of people in buildings, by which neighbors are listed."""
+        height = self.history.height if self._sorted is None else self.in_slots(self.history.height)
+        for e in self._heights.update(self.bodies, self.state, height):
+            invalidate_lists(self.workspace.neighbors, e)
+            if self._sorted is not None:
+                self.history.height[:] = height[self._sorted.slot]
 
     def _finish(self, target: int, then: Callable[[int, int], object] | None) -> Callable[[int, int], object]:
         """Return what is done after step ``target``: the clock of an empty place goes on while people are to come."""
@@ -316,6 +328,7 @@ class Simulation:
         velocity: Floats | None = None,
         route: Ints | int = 0,
         entries: Sequence[Entries | None] | None = None,
+        sheet: Ints | int = 0,
     ) -> None:
         """Begin a new episode in environment ``e`` with the same number of people; other environments are not touched.
 
@@ -342,7 +355,7 @@ class Simulation:
         stand = arguments.vectors("position", position, count)
         walk = None if velocity is None else arguments.vectors("velocity", velocity, count)
         routes = arguments.routes_of(route, self._routes_of_person[people])
-        start = make_state(stand, walk)
+        start = make_state(stand, walk, sheet=sheet)
         arrays = (*self.bodies[:-1], *self.state[:-1])
         for array, values in zip(arrays, (*bodies[:-1], *start[:-1]), strict=True):
             array[people] = values
