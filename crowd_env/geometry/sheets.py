@@ -4,6 +4,7 @@ All that reads a `Geometry` reads the layout: an area in as many parts as there 
 any place.  A seam is a line on which two sheets meet; in the layout it lies twice.  Kernels alone read true coordinates.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -85,7 +86,9 @@ def lay_out(areas: Sequence[Area]) -> Floats:
 
 def laid_out_area(sheets: Sequence[Sheet]) -> Area:
     """Return the area of the layout."""
-    return shapely.MultiPolygon([part for sheet in sheets for part in shapely.get_parts(_moved(sheet.area, sheet, 1.0))])
+    return shapely.MultiPolygon(
+        [part for sheet in sheets for part in shapely.get_parts(_moved(sheet.area, sheet, 1.0))]
+    )
 
 
 def sheets_at(points: ArrayLike, sheets: Sequence[Sheet]) -> Ints:
@@ -188,9 +191,9 @@ def _cut_at_slopes(walls: Floats, sheets: Sequence[Sheet]) -> tuple[Floats, Ints
             on = ends[shapely.dwithin(shapely.points(ends), line, SLIVER)]
             at |= {float(s) for s in (on - a) @ (b - a) / length if SLIVER < s < length - SLIVER}
         cuts = sorted(at)
-        cuts = [cuts[0], *(s for before, s in zip(cuts, cuts[1:], strict=False) if s - before > SLIVER)]
+        cuts = [cuts[0], *(s for before, s in itertools.pairwise(cuts) if s - before > SLIVER)]
         points = [a if s == 0.0 else b if s == length else a + (b - a) * (s / length) for s in cuts]
-        pieces += [np.array(pair) for pair in zip(points, points[1:], strict=False)]
+        pieces += [np.array(pair) for pair in itertools.pairwise(points)]
         rows += [row] * (len(points) - 1)
     return np.array(pieces), np.array(rows, dtype=np.int64)
 
@@ -213,7 +216,9 @@ def require_seams(sheets: Sequence[Sheet], seams: Sequence[Seam]) -> None:
         where = f"the seam between {names} at {place(seam.line[0])}"
         found = [heights(surface, np.full(2, s), seam.line) for s in (seam.left, seam.right)]
         if np.abs(found[0] - found[1]).max() > 0.01:
-            raise ValueError(f"{where}: one is at {found[0][0]:.2f} m, the other at {found[1][0]:.2f} m; they must meet")
+            raise ValueError(
+                f"{where}: one is at {found[0][0]:.2f} m, the other at {found[1][0]:.2f} m; they must meet"
+            )
         for s, side in ((seam.left, 1.0), (seam.right, -1.0)):
             along, _ = tangents(seam.line[None])
             middle = seam.line.mean(axis=0)

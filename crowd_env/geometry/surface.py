@@ -115,6 +115,17 @@ def join_surfaces(parts: Sequence[Surface]) -> Surface:
     return Surface(**columns)
 
 
+Ground = tuple[float, float, int, int]
+"""Of one sheet: its offset to the layout (2) [m], and its first wall and one past its last, as rows of `Boundary.wall`."""
+
+
+@inner_kernel
+def ground_of(surface: Surface, g: int, sheet: int) -> Ground:
+    """Return the ground of a sheet of place ``g``."""
+    s = surface.sheet_start[g] + sheet
+    return surface.offset[s, 0], surface.offset[s, 1], surface.wall_start[s], surface.wall_start[s + 1]
+
+
 @inner_kernel
 def has_sheets(surface: Surface, g: int) -> bool:
     """Whether place ``g`` has more than one sheet, or a slope."""

@@ -157,7 +157,6 @@ class Simulation:
         self._uses = uses
         control = allocate_control(len(bodies.radius), self.driving, not self.allow_unstable)
         headway = self.behaviors[Headway.NAME]
-        walls = make_wall_grid(boundary, None if headway is None else headway.sight + 1.0)
         workspace = allocate_workspace(bodies, uses=uses, discs=len(params.outline.radius))
         signs = int(np.diff(guidance.rule.start).max(initial=0))
         doors = max(len(place.doors) for place in self.geometries)
@@ -167,6 +166,7 @@ class Simulation:
         for e in range(len(self.state.time)):
             history.is_gate[e, self._gates.doors_of(e)] = True
         surface = join_all_surfaces(self.geometries)
+        walls = make_wall_grid(boundary, None if headway is None else headway.sight + 1.0, surface)
         world = World(boundary, by_reference(self.planner.field), geometry_of_env, guidance, walls, surface)
         results = allocate_results(len(bodies.radius), len(self.state.time))
         return Batch(world, params, record(**acts), bodies, self.state, control, results, history, workspace)
@@ -184,6 +184,14 @@ class Simulation:
     def inside(self) -> Ints:
         """Number of people still inside, per environment (E,)."""
         return np.add.reduceat(self.state.active.astype(np.int64), self.bodies.env_start[:-1])
+
+    @property
+    def laid_out(self) -> Floats:
+        """Where people are in the layout of their place (P, 2) [m]: in a place of one sheet, their positions."""
+        surface, first = self.world.surface, self.world.surface.sheet_start[self.world.geometry_of_env]
+        if not surface.offset.any():
+            return self.state.position
+        return self.state.position + surface.offset[np.repeat(first, np.diff(self.bodies.env_start)) + self.state.sheet]
 
     @cached_property
     def has_groups(self) -> bool:
@@ -250,7 +258,8 @@ class Simulation:
                 listen()
         add_diagnostics(self.diagnostics, self.results.diagnostics)
         state, geometry_of_env = self.state, self.world.geometry_of_env
-        mark_outside(self._border, geometry_of_env, self.bodies.env_start, state.active, state.position, self.escaped)
+        at = self.laid_out
+        mark_outside(self._border, geometry_of_env, self.bodies.env_start, state.active, at, self.escaped)
 
     def _let_in(self, only: int | None = None) -> None:
         """Let in the people that are due, into ``only`` one environment or all."""
