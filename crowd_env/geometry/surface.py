@@ -202,6 +202,15 @@ def heights(surface: Surface, sheet: Ints, points: Floats) -> Floats:
     return found
 
 
+@allocating_kernel
+def slopes_at(surface: Surface, s: int, points: Floats) -> Ints:
+    """Return the triangles (K,) that ``points`` (K, 2) of sheet ``s`` lie on; -1 = level."""
+    found = np.empty(len(points), dtype=np.int64)
+    for k in range(len(points)):
+        found[k] = slope_at(surface, s, points[k, 0], points[k, 1])
+    return found
+
+
 @inner_kernel
 def are_level(one: float, other: float) -> bool:
     """Whether two bodies at these heights [m] can touch."""
