@@ -162,7 +162,7 @@ def sheet_beyond(surface: Surface, g: int, sheet: int, x: float, y: float) -> in
             length = np.sqrt(tx * tx + ty * ty)
             behind = (ty * (x - ax) - tx * (y - ay)) / length
             along = (tx * (x - ax) + ty * (y - ay)) / length
-            if 0.0 < behind < BEHIND and -BEHIND < along < length + BEHIND:
+            if 0.0 < behind < BEHIND and 0.0 < along < length:
                 return surface.seam_to[k]
     return sheet
 
