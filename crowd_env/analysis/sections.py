@@ -80,21 +80,22 @@ class CrossingRecorder:
     def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Forget the batch before, and look at the first moment of this one."""
         state = env.simulation.state
-        self._position, self._time = state.position.copy(), state.time.copy()
+        self._position, self._time = env.simulation.laid_out.copy(), state.time.copy()
+        self._sheet = state.sheet.copy()
         self._crossed: list[Floats] = []
 
     def add(self, env: CrowdEnv, step: Step) -> None:
         """Look where people were and where they are."""
         state = env.simulation.state
-        moved = np.flatnonzero(
-            (env.active | step.terminated | step.truncated) & (state.position != self._position).any(1)
-        )
-        before, after = self._position[moved], state.position[moved]
+        position = env.simulation.laid_out
+        there = (env.active | step.terminated | step.truncated) & (state.sheet == self._sheet)
+        moved = np.flatnonzero(there & (position != self._position).any(1))
+        before, after = self._position[moved], position[moved]
         person, line, part, sign = crossings(before, after, self._lines)
         since, until = (time[env.env_of_person[moved[person]]] for time in (self._time, state.time))
         columns = since + part * (until - since), moved[person], self._place[line], sign
         self._crossed.append(np.column_stack(columns))
-        self._position[:], self._time[:] = state.position, state.time
+        self._position[:], self._time[:], self._sheet[:] = position, state.time, state.sheet
 
     def record(self, env: CrowdEnv, e: int) -> Floats:
         """Return the crossings of the evacuation in environment ``e``, which has just ended."""

@@ -482,6 +482,11 @@ class Geometry:
             seam_to=seams.to_sheet,
         )
 
+    @property
+    def of_layout(self) -> "Geometry":
+        """The layout as a place of one sheet."""
+        return replace(self, building=None)
+
     def laid_out(self, position: Floats, sheet: Ints) -> Floats:
         """Return where points (..., 2) [m] of sheets (...) lie in the layout; of one sheet, the points themselves."""
         return position if self.building is None else position + self.building.offsets[sheet]

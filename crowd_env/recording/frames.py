@@ -66,7 +66,7 @@ class FrameSampler:
         self._decision_dt, self._decisions, self._seen_at = env.decision_dt, 0, 0.0
         self._impulse = np.zeros(count)
         self._gone = np.zeros(count, dtype=bool)
-        self._last = env.simulation.state.position[self._people].copy()
+        self._last = env.simulation.laid_out[self._people].copy()
         self._leaving = np.zeros(count, dtype=bool)  # pedestrians that have got out, with one more row to come
         self._onward = np.zeros((count, 2))  # the position of that row
         self._empty = self._without_frames(env, facts)
@@ -139,7 +139,7 @@ class FrameSampler:
             for name, values in kind.rows(simulation).items()
         }
         time = self._time(env)
-        position, velocity = state.position[self._people].copy(), state.velocity[self._people].copy()
+        position, velocity = simulation.laid_out[self._people].copy(), state.velocity[self._people].copy()
         angle, exit_time = state.angle[self._people].copy(), state.exit_time[self._people].copy()
         exit_index = state.exit_index[self._people].copy()
         position[self._leaving] = self._onward[self._leaving]

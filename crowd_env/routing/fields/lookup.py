@@ -174,9 +174,9 @@ def _node_for(
             node = first + (c >> 1) * cols + (c & 1)
             px, py = field.origin[f, 0] - ox + (j + (c & 1)) * h, field.origin[f, 1] - oy + (i + (c >> 1)) * h
             square = (px - x) ** 2 + (py - y) ** 2
-            if field.travel_time[node] < np.inf and square < least:  # false for nan
-                if hidden or _sees(boundary.wall, w0, w1, x, y, px, py):
-                    best, least = node, square
+            known = field.travel_time[node] < np.inf  # false for nan
+            if known and square < least and (hidden or _sees(boundary.wall, w0, w1, x, y, px, py)):
+                best, least = node, square
         if best >= 0:
             return best
     return _nearest_node(field.travel_time, start, field.shape[f, 0], cols, i, j)
