@@ -60,7 +60,7 @@ from crowd_env.geometry.sheets import (
     wall_starts,
     walls_of,
 )
-from crowd_env.geometry.surface import Surface, join_surfaces, level_surface
+from crowd_env.geometry.surface import Surface, heights, join_surfaces, level_surface
 
 __all__ = ["Boundary", "Geometry", "box", "join_boundaries", "parse_exit"]
 
@@ -490,6 +490,10 @@ class Geometry:
     def laid_out(self, position: Floats, sheet: Ints) -> Floats:
         """Return where points (..., 2) [m] of sheets (...) lie in the layout; of one sheet, the points themselves."""
         return position if self.building is None else position + self.building.offsets[sheet]
+
+    def heights(self, points: Floats, sheet: Ints) -> Floats:
+        """Return the heights (K,) [m] of points (K, 2) [m] of sheets (K,), in true coordinates."""
+        return np.asarray(heights(self.surface, sheet, np.ascontiguousarray(points)))
 
     def on_sheets(self, points: Floats) -> tuple[Floats, Ints]:
         """Return the true coordinates (..., 2) [m] of points of the layout, and their sheets (...)."""

@@ -5,9 +5,9 @@ any place.  A seam is a line on which two sheets meet; in the layout it lies twi
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -57,6 +57,38 @@ class Seam:
     line: Floats
     left: int
     right: int
+
+
+def as_plain(building: Building) -> dict[str, Any]:
+    """Return the sheets and seams as plain data, as recordings keep them."""
+    return {
+        "sheets": [
+            {
+                "name": one.name,
+                "area": one.area.wkt,
+                "level": None if np.isnan(one.level) else one.level,
+                "offset": list(one.offset),
+                "slopes": [[slope.area.wkt, list(slope.plane), slope.up, slope.down] for slope in one.slopes],
+            }
+            for one in building.sheets
+        ],
+        "seams": [[np.asarray(one.line).tolist(), one.left, one.right] for one in building.seams],
+    }
+
+
+def from_plain(data: Mapping[str, Any]) -> tuple[list[Sheet], list[Seam]]:
+    """Return the sheets and seams of `as_plain`."""
+    sheets = [
+        Sheet(
+            one["name"],
+            shapely.from_wkt(one["area"]),
+            float("nan") if one["level"] is None else one["level"],
+            tuple(Slope(shapely.from_wkt(area), tuple(plane), up, down) for area, plane, up, down in one["slopes"]),
+            tuple(one["offset"]),
+        )
+        for one in data["sheets"]
+    ]
+    return sheets, [Seam(np.array(line, dtype=np.float64), left, right) for line, left, right in data["seams"]]
 
 
 def bare_surface(sheets: Sequence[Sheet]) -> Surface:
