@@ -59,6 +59,40 @@ class Seam:
     right: int
 
 
+@dataclass(frozen=True, eq=False)
+class Building:
+    """What a place of several sheets holds besides its layout.
+
+    Attributes
+    ----------
+    sheets : with their offsets.
+    seams : where they meet.
+    lines : (Y, 2, 2) the openings of seams in the layout [m], walkable area to the left; two for each seam.
+    seam : (Y,) the seam of each.
+    """
+
+    sheets: tuple[Sheet, ...]
+    seams: tuple[Seam, ...]
+    lines: Floats
+    seam: Ints
+
+    @property
+    def offsets(self) -> Floats:
+        """The offsets (S, 2) of the sheets [m]."""
+        return np.array([sheet.offset for sheet in self.sheets], dtype=np.float64)
+
+    @property
+    def from_sheet(self) -> Ints:
+        """The sheet (Y,) that each of ``lines`` is on."""
+        return sheets_at(self.lines.mean(axis=1), self.sheets)
+
+    @property
+    def to_sheet(self) -> Ints:
+        """The sheet (Y,) that each of ``lines`` leads to."""
+        both = np.array([(seam.left, seam.right) for seam in self.seams])[self.seam]
+        return np.where(both[:, 0] == self.from_sheet, both[:, 1], both[:, 0])
+
+
 def as_plain(building: Building) -> dict[str, Any]:
     """Return the sheets and seams as plain data, as recordings keep them."""
     return {
@@ -128,40 +162,6 @@ def sheets_at(points: ArrayLike, sheets: Sequence[Sheet]) -> Ints:
     xy = np.asarray(points, dtype=np.float64)
     boxes = [shapely.box(*np.add(sheet.area.bounds, [*sheet.offset, *sheet.offset])) for sheet in sheets]
     return np.argmin(shapely.distance(shapely.points(xy)[..., None], boxes), axis=-1).astype(np.int64)
-
-
-@dataclass(frozen=True, eq=False)
-class Building:
-    """What a place of several sheets holds besides its layout.
-
-    Attributes
-    ----------
-    sheets : with their offsets.
-    seams : where they meet.
-    lines : (Y, 2, 2) the openings of seams in the layout [m], walkable area to the left; two for each seam.
-    seam : (Y,) the seam of each.
-    """
-
-    sheets: tuple[Sheet, ...]
-    seams: tuple[Seam, ...]
-    lines: Floats
-    seam: Ints
-
-    @property
-    def offsets(self) -> Floats:
-        """The offsets (S, 2) of the sheets [m]."""
-        return np.array([sheet.offset for sheet in self.sheets], dtype=np.float64)
-
-    @property
-    def from_sheet(self) -> Ints:
-        """The sheet (Y,) that each of ``lines`` is on."""
-        return sheets_at(self.lines.mean(axis=1), self.sheets)
-
-    @property
-    def to_sheet(self) -> Ints:
-        """The sheet (Y,) that each of ``lines`` leads to."""
-        both = np.array([(seam.left, seam.right) for seam in self.seams])[self.seam]
-        return np.where(both[:, 0] == self.from_sheet, both[:, 1], both[:, 0])
 
 
 class Walls(NamedTuple):
