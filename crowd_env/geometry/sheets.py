@@ -14,6 +14,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
+from crowd_env.core.checks import known
 from crowd_env.geometry.boundary import solid_depth
 from crowd_env.geometry.parsing import SLIVER, Area, place, tangents
 from crowd_env.geometry.surface import BEHIND, BODY, Slope, Surface, heights, level_surface, triangles_of
@@ -119,6 +120,11 @@ class Building:
     def offsets(self) -> Floats:
         """The offsets (S, 2) of the sheets [m]."""
         return np.array([sheet.offset for sheet in self.sheets], dtype=np.float64)
+
+    def offset_of(self, name: str) -> Floats:
+        """Return the offset (2,) [m] of the sheet of this name; ValueError if it is unknown."""
+        names = [sheet.name for sheet in self.sheets]
+        return self.offsets[names.index(known("level", name, names))]
 
     @property
     def from_sheet(self) -> Ints:
