@@ -96,7 +96,7 @@ def sheets_at(points: ArrayLike, sheets: Sequence[Sheet]) -> Ints:
     """Return the sheet (...) in whose box of the layout ``points`` (..., 2) [m] lie, or the nearest box."""
     xy = np.asarray(points, dtype=np.float64)
     boxes = [shapely.box(*np.add(sheet.area.bounds, [*sheet.offset, *sheet.offset])) for sheet in sheets]
-    return np.argmin(shapely.distance(shapely.points(xy)[..., None], boxes), axis=-1).astype(np.int64)
+    return np.argmin(shapely.distance(np.asarray(shapely.points(xy))[..., None], boxes), axis=-1).astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)

@@ -83,11 +83,11 @@ def json_schema() -> Plain:
     of_plan = definitions["Plan"]["properties"].items()  # with the notes beside the fields of this class
     definitions["Storey"]["properties"] |= {name: one for name, one in of_plan if name != "jamb_radius"}
     del definitions["Storey"]["properties"]["jamb_radius"]
+    density = {"type": "number", **POSITIVE.in_schema(), "description": "1/m2, in place of the number of people."}
+    definitions["Population"]["properties"]["density"] = density
     of_level = {"type": "string", "description": "name of the level of these coordinates, in a building"}
     for name in ("Population", "Section", "Attraction"):
         definitions[name]["properties"]["level"] = of_level
-    density = {"type": "number", **POSITIVE.in_schema(), "description": "1/m2, in place of the number of people."}
-    definitions["Population"]["properties"]["density"] = density
     entries = {"type": "string", "description": "CSV file of recorded entries, in place of all other keys: time, x, y."}
     definitions["Arrivals"]["properties"]["file"] = entries
     for name, allowed in BOUNDS.items():
@@ -119,8 +119,7 @@ def json_schema() -> Plain:
         **scenario,
         "description": "A scenario of crowd_env. Lengths are in m, times in s, speeds in m/s, masses in kg.",
         "properties": scenario["properties"] | own,
-        "required": [],
-        "oneOf": [{"required": ["geometry"]}, {"required": [OF_BUILDING[0]]}],
+        "anyOf": [{"required": ["geometry"]}, {"required": [OF_BUILDING[0]]}],
         "definitions": definitions,
     }
 
