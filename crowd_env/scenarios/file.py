@@ -172,7 +172,7 @@ def scenario_of(content: Plain, path: Path) -> Scenario:
         check_keys(str(path), content, KEYS)
         given = None if set(OF_BUILDING) & set(content) else _plan(content)
         apart = ("$schema", "geometry", "population", "cohorts", *OF_BUILDING)
-        own = {key: value for key, value in content.items() if key not in apart}
+        own: dict[str, Any] = {key: value for key, value in content.items() if key not in apart}
         if isinstance(pulls := own.get("pulls"), Mapping):
             own["pulls"] = _today("pulls", pulls)
         own = {"name": legible(path.stem), **own}
@@ -221,15 +221,21 @@ def _building(content: Plain, path: Path) -> Geometry:
     if "geometry" in content:
         raise ValueError("geometry and levels: the plan of a building stands in its levels; give one of them")
     _needed(content, "levels")
-    tables = {key: content.get(key, ()) for key in OF_BUILDING}
-    for key, given in tables.items():
-        if not isinstance(given, list | tuple):
-            raise ValueError(f"{key} must be a list of tables: [[{key}]]")
-    levels, stairs, ramps = (
-        [from_table(f"{key}[{k}]", kind, table(f"{key}[{k}]", one, "keys and values")) for k, one in enumerate(given)]
-        for kind, (key, given) in zip((Storey, Stair, Ramp), tables.items(), strict=True)
+    levels, stairs, ramps = (_tables(content, key) for key in OF_BUILDING)
+    storeys = [_level(from_table(where, Storey, one), path) for where, one in levels]
+    return building(
+        storeys,
+        [from_table(where, Stair, one) for where, one in stairs],
+        [from_table(where, Ramp, one) for where, one in ramps],
     )
-    return building([_level(one, path) for one in levels], stairs, ramps)
+
+
+def _tables(content: Plain, key: str) -> list[tuple[str, Plain]]:
+    """Return the tables of a list, and where each stands."""
+    given = content.get(key, [])
+    if not isinstance(given, list):
+        raise ValueError(f"{key} must be a list of tables: [[{key}]]")
+    return [(f"{key}[{k}]", table(f"{key}[{k}]", one, "keys and values")) for k, one in enumerate(given)]
 
 
 def _level(storey: Storey, path: Path) -> Level:
@@ -247,7 +253,7 @@ def _level(storey: Storey, path: Path) -> Level:
         return Level(storey.name, storey.height, **{**shapes, "walkable": _needed(shapes, "walkable")})
 
 
-def _on_levels(own: Plain, offset_of: OffsetOf | None) -> Plain:
+def _on_levels(own: dict[str, Any], offset_of: OffsetOf | None) -> dict[str, Any]:
     """Return fields of a scenario, with sections and attractions moved from their levels to the layout."""
     if offset_of is None:
         return own

@@ -119,6 +119,7 @@ def json_schema() -> Plain:
         **scenario,
         "description": "A scenario of crowd_env. Lengths are in m, times in s, speeds in m/s, masses in kg.",
         "properties": scenario["properties"] | own,
+        "required": [],
         "anyOf": [{"required": ["geometry"]}, {"required": [OF_BUILDING[0]]}],
         "definitions": definitions,
     }

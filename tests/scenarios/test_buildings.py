@@ -1,4 +1,4 @@
-"""Buildings: what stairs are made of, where floor is cut out, speeds of the handbook, mistakes in a sentence, people get out."""
+"""Buildings: what stairs are made of, where floor is cut out, speeds of the handbook, refusals in a sentence, ways out."""
 
 import math
 import tomllib

@@ -496,6 +496,7 @@ def of_population(density=1.0, **key):
     return Population(**{"people": 10**4, **key})
 
 
+WAY = {"name": "a", "lower": "b", "upper": "c", "foot": (0.0, 0.0), "direction": 0.0}  # a stair or ramp
 # Table -> what it is made by, and the numbers of it that others bound too: these are refused by more than the schema.
 TABLES = {
     "": (lambda **key: replace(make_scenario("room-v0"), **key), ()),
@@ -521,13 +522,10 @@ TABLES = {
     "Population": (of_population, ("group_size",)),
     "Pulls": (None, ()),
     "Route": (partial(Route, "a", via="b"), ()),
-    "Ramp": (
-        partial(Ramp, **{"name": "a", "lower": "b", "upper": "c", "foot": (0.0, 0.0), "direction": 0.0, "length": 9.0}),
-        (),
-    ),
+    "Ramp": (partial(Ramp, **WAY, length=9.0), ()),
     "Section": (None, ()),
     "SpeedZone": (partial(SpeedZone, "a"), ()),
-    "Stair": (partial(Stair, **{"name": "a", "lower": "b", "upper": "c", "foot": (0.0, 0.0), "direction": 0.0}), ()),
+    "Stair": (partial(Stair, **WAY), ()),
     "Storey": (
         lambda level=0.0, **key: Level(**{"name": "a", "height": number("level", level), "walkable": ()} | key),
         (),
