@@ -14,6 +14,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Floats, Ints, row_starts
+from crowd_env.core.checks import known
 from crowd_env.geometry.boundary import solid_depth
 from crowd_env.geometry.parsing import SLIVER, Area, place, tangents
 from crowd_env.geometry.surface import BEHIND, BODY, Slope, Surface, heights, level_surface, triangles_of
@@ -80,6 +81,11 @@ class Building:
     def offsets(self) -> Floats:
         """The offsets (S, 2) of the sheets [m]."""
         return np.array([sheet.offset for sheet in self.sheets], dtype=np.float64)
+
+    def offset_of(self, name: str) -> Floats:
+        """Return the offset (2,) [m] of the sheet of this name; ValueError if it is unknown."""
+        names = [sheet.name for sheet in self.sheets]
+        return self.offsets[names.index(known("level", name, names))]
 
     @property
     def from_sheet(self) -> Ints:
@@ -161,7 +167,7 @@ def sheets_at(points: ArrayLike, sheets: Sequence[Sheet]) -> Ints:
     """Return the sheet (...) in whose box of the layout ``points`` (..., 2) [m] lie, or the nearest box."""
     xy = np.asarray(points, dtype=np.float64)
     boxes = [shapely.box(*np.add(sheet.area.bounds, [*sheet.offset, *sheet.offset])) for sheet in sheets]
-    return np.argmin(shapely.distance(shapely.points(xy)[..., None], boxes), axis=-1).astype(np.int64)
+    return np.argmin(shapely.distance(np.asarray(shapely.points(xy))[..., None], boxes), axis=-1).astype(np.int64)
 
 
 class Walls(NamedTuple):
