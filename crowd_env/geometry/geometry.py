@@ -460,7 +460,7 @@ class Geometry:
         if self.building is None:
             return None
         ground = self._with_floor(self.apron_depths)
-        return walls_of(ground.walls, ground.walkable, self.building.sheets, self.building.seams)
+        return walls_of(ground.walls, ground.two_sided, ground.walkable, self.building.sheets, self.building.seams)
 
     @cached_property
     def surface(self) -> Surface:

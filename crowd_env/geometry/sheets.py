@@ -13,8 +13,8 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from crowd_env.core.arrays.state import Floats, Ints, row_starts
-from crowd_env.geometry.boundary import solid_depth
+from crowd_env.core.arrays.state import Bools, Floats, Ints, row_starts
+from crowd_env.geometry.boundary import rings_of, solid_depth
 from crowd_env.geometry.parsing import SLIVER, Area, place, tangents
 from crowd_env.geometry.surface import BEHIND, BODY, Slope, Surface, heights, level_surface, triangles_of
 
@@ -89,7 +89,7 @@ class Building:
     @property
     def to_sheet(self) -> Ints:
         """The sheet (Y,) that each of ``lines`` leads to."""
-        both = np.array([(seam.left, seam.right) for seam in self.seams])[self.seam]
+        both = np.array([(seam.left, seam.right) for seam in self.seams], dtype=np.int64).reshape(-1, 2)[self.seam]
         return np.where(both[:, 0] == self.from_sheet, both[:, 1], both[:, 0])
 
 
@@ -174,14 +174,21 @@ class Walls(NamedTuple):
     height: Floats  # (W, 2)  m   of their ends
 
 
-def walls_of(walls: Floats, ground: Area, sheets: Sequence[Sheet], seams: Sequence[Seam]) -> Walls:
+def walls_of(
+    walls: Floats, two_sided: Bools, ground: Area, sheets: Sequence[Sheet], seams: Sequence[Seam]
+) -> Walls:
     """Return the walls (W, 2, 2) of the layout in true coordinates, cut where slopes begin and end.
 
-    ``ground`` is the walkable area of the layout with its aprons.
+    ``ground`` is the walkable area of the layout with its aprons.  The walls of a sheet follow each other as those of its area
+    alone: sums over them are the same.
     """
     pieces, rows = _cut_at_slopes(walls, sheets)
     sheet = sheets_at(pieces.mean(axis=1), sheets)
-    order = np.argsort(sheet, kind="stable")
+    place_of = np.full(len(pieces), np.inf)
+    for s, one in enumerate(sheets):
+        drawn = np.flatnonzero((sheet == s) & ~two_sided[rows])
+        place_of[drawn] = _places_on_border(pieces[drawn].mean(axis=1) - one.offset, one.area)
+    order = np.lexsort((place_of, sheet))
     pieces, rows, sheet = pieces[order], rows[order], sheet[order]
     offset = np.array([one.offset for one in sheets])[sheet]
     along, _ = tangents(pieces)
@@ -202,6 +209,17 @@ def walls_of(walls: Floats, ground: Area, sheets: Sequence[Sheet], seams: Sequen
         if here.any():
             depth[here] = solid_depth(true[here], shapely.union_all(floor))
     return Walls(true, rows, sheet, depth, height)
+
+
+def _places_on_border(points: Floats, area: Area) -> Floats:
+    """Return where on the border of an area, counted along its rings, points (K, 2) lie; inf = nowhere."""
+    edges = np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in itertools.chain(*rings_of(area))])
+    lines = shapely.linestrings(edges)
+    of_point, edge = shapely.STRtree(lines).query(shapely.points(points), predicate="dwithin", distance=SLIVER)
+    found = np.full(len(points), np.inf)
+    share = shapely.line_locate_point(lines[edge], shapely.points(points)[of_point], normalized=True)
+    np.minimum.at(found, of_point, edge + share)
+    return found
 
 
 def _moved(shape: Area, sheet: Sheet, sign: float) -> Area:
