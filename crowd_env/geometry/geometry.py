@@ -55,8 +55,10 @@ from crowd_env.geometry.sheets import (
     bare_surface,
     laid_out_area,
     places_of_ends,
-    require_seams,
+    require_sheets,
+    require_ways_out,
     sheets_at,
+    turned,
     wall_starts,
     walls_of,
 )
@@ -247,9 +249,11 @@ class Geometry:
         Raises
         ------
         ValueError
-            If two sheets do not meet at their seam.
+            In one sentence, if a sheet is no floor, two sheets do not meet at their seam, or one has no way out.
         """
-        require_seams(sheets, seams)
+        require_sheets(sheets, seams)
+        if others.get("jamb_radius"):
+            raise ValueError("jamb_radius must be 0 in a building")
         moved = laid_out_area(sheets)
         names = [f"{SEAM}{k}/{side}" for k in range(len(seams)) for side in ("left", "right")]
         lines = [seam.line + sheets[s].offset for seam in seams for s in (seam.left, seam.right)]
@@ -259,6 +263,7 @@ class Geometry:
         of_seam = [names.index(name) // 2 for name in made.exit_names if name in names]
         building = Building(tuple(sheets), tuple(seams), made.exits[is_seam], np.array(of_seam, dtype=np.int64))
         left = tuple(name for name in made.exit_names if name not in names)
+        require_ways_out(sheets, seams, made.exits[~is_seam])
         return replace(made, exits=made.exits[~is_seam], exit_names=left, building=building)
 
     def with_regions(self, regions: Mapping[str, Shape]) -> "Geometry":
@@ -290,6 +295,7 @@ class Geometry:
             regions={name: shapely.transform(shape, turn) for name, shape in self.regions.items()},
             left_out=tuple(shapely.transform(shape, turn) for shape in self.left_out),
             arcs=self.arcs._replace(center=turn(self.arcs.center), ends=ends),
+            building=None if self.building is None else turned(self.building, turn, lines),
         )
 
     def walls_when(self, closed: Collection[str] = ()) -> tuple[Floats, Bools]:
@@ -460,7 +466,7 @@ class Geometry:
         if self.building is None:
             return None
         ground = self._with_floor(self.apron_depths)
-        return walls_of(ground.walls, ground.walkable, self.building.sheets, self.building.seams)
+        return walls_of(ground.walls, ground.two_sided, ground.walkable, self.building.sheets, self.building.seams)
 
     @cached_property
     def surface(self) -> Surface:

@@ -90,7 +90,7 @@ def follow_rules(e: int, batch: Batch) -> None:
         return
     world, history, g = batch.world, batch.history, batch.world.geometry_of_env[e]
     notice_regions(e, g, world.guidance.region, world.surface, batch.bodies, batch.state, history)
-    apply_rules(e, g, world.field, world.guidance, world.surface, batch.bodies, batch.state, history)
+    apply_rules(e, g, world.field, world.guidance, batch.bodies, batch.state, history)
 
 
 @inner_kernel
@@ -119,7 +119,7 @@ def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: f
     looking_stop = _list_looking(rank_start, rank_stop, batch, dt < LOOK_EVERY, turn)
     f, rows, cols, start, keep, left, bottom, size = -1, 0, 0, 0, np.nan, 0.0, 0.0, 1.0
     aim, frame = -1, (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
-    sheet, on, surface, g = batch.state.sheet, -1, batch.world.surface, batch.world.geometry_of_env[e]
+    sheet, surface, g = batch.state.sheet, batch.world.surface, batch.world.geometry_of_env[e]
     ground = ground_of(surface, g, 0)
     for k in range(index(rank_start), looking_stop):
         i = looking[k]
@@ -129,12 +129,11 @@ def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: f
             fetch(cell, node)
             fetch(table, 2 * node)
             fetch(table, 2 * (node + cols))
-        mine = field_of_route[e, followed[i]]
-        if mine != f or sheet[i] != on:
-            f, on, ground = mine, sheet[i], ground_of(surface, g, sheet[i])
+        mine = field_of_route[e, followed[i]] + sheet[i]
+        if mine != f:
+            f, ground = mine, ground_of(surface, g, sheet[i])
             rows, cols, keep = field.shape[f, 0], field.shape[f, 1], field.margin[f]
-            left, bottom = field.origin[f, 0] - ground[0], field.origin[f, 1] - ground[1]
-            start, size = field.node_start[f], field.spacing[f]
+            start, left, bottom, size = field.node_start[f], field.origin[f, 0], field.origin[f, 1], field.spacing[f]
         plain, ex, ey = False, np.nan, np.nan
         is_uniform[i] = False
         if cols > 0:

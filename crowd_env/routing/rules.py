@@ -87,7 +87,6 @@ def apply_rules(
     g: int,
     field: FieldArrays,
     guidance: Guidance,
-    surface: Surface,
     bodies: Bodies,
     state: CrowdState,
     history: Any,
@@ -119,8 +118,8 @@ def apply_rules(
         route = _after_goals(e, guidance, own[i], region_bits[i])
         own[i] = route
         if any_on:
-            ox, oy, _, _ = ground_of(surface, g, state.sheet[i])
-            through = regions_ahead(field, field_of_route[e, route], position[i, 0] + ox, position[i, 1] + oy)
+            f = field_of_route[e, route] + state.sheet[i]
+            through = regions_ahead(field, f, position[i, 0], position[i, 1])
             for k in range(rule_begin, rule_end):
                 bit = 1 << rule.region[k]
                 if rule_on[e, k - rule_begin] and through & bit and not region_bits[i] & bit:
@@ -157,7 +156,7 @@ def _waits(e: int, i: int, guidance: Guidance, route: int, region_bits: int, tim
 
 @inner_kernel
 def regions_ahead(field: FieldArrays, f: int, x: float, y: float) -> int:
-    """Return the regions (bits) that the way from (x, y) of the layout by field ``f`` leads through."""
+    """Return the regions (bits) that the way from (x, y) by field ``f`` leads through."""
     if f < 0 or field.shape[f, 1] == 0:
         return 0
     rows, cols = field.shape[f, 0], field.shape[f, 1]

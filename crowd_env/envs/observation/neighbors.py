@@ -133,7 +133,7 @@ def route_from(e: int, i: int, j: int, view: View) -> tuple[float, float, float]
         return view.direction[j, 0], view.direction[j, 1], view.distance_to_go[j]
     position, radius = view.state.position, view.bodies.radius
     ground = ground_of(view.surface, view.geometry_of_env[e], view.state.sheet[j])
-    return way_at(view.field, view.boundary, f, position[j, 0], position[j, 1], radius[j], ground)
+    return way_at(view.field, view.boundary, f + view.state.sheet[j], position[j, 0], position[j, 1], radius[j], ground)
 
 
 @inner_kernel

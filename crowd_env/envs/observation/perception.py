@@ -75,10 +75,11 @@ def update_route_ahead(e: int, begin: int, end: int, view: View) -> None:
         i = view.listed[n]
         route, x, y, r = view.followed[i], position[i, 0], position[i, 1], radius[i]
         f, p = view.field_of_route[e, route], view.potential_of_route[e, route]
-        ground = ground_of(view.surface, g, view.state.sheet[i])
-        ex, ey, length = way_at(view.field, walls, f, x, y, r, ground)
+        sheet = view.state.sheet[i]
+        ground = ground_of(view.surface, g, sheet)
+        ex, ey, length = way_at(view.field, walls, f + sheet, x, y, r, ground)
         view.direction[i, 0], view.direction[i, 1] = ex, ey
-        left = length if p == f else travel_time_at(view.field, walls, p, x, y, r, ground)
+        left = length if p == f else travel_time_at(view.field, walls, p + sheet, x, y, r, ground)
         speed = max(desired_speed[i], SLOWEST)
         view.distance_to_go[i] = length
         travel_time[i] = length / speed if active[i] else 0.0
@@ -121,7 +122,7 @@ def write_own_features(e: int, begin: int, end: int, view: View, column: Columns
 @inner_kernel
 def write_opening(e: int, i: int, k: int, view: View, out: Rows) -> None:
     """Write the term `opening` of person ``i`` into two columns; 0 where no way is known."""
-    p = view.potential_of_route[e, view.followed[i]]
+    p = view.potential_of_route[e, view.followed[i]] + view.state.sheet[i]
     width, rest = bottleneck_at(view.openings, p, view.state.position[i, 0], view.state.position[i, 1])
     if width > 0.0:
         speed = max(view.bodies.desired_speed[i], SLOWEST)

@@ -38,13 +38,14 @@ def find_ways(e: int, i: int, view: View) -> None:
     seen to head for one exit, and may turn.
     """
     x, y, r, followed = view.state.position[i, 0], view.state.position[i, 1], view.bodies.radius[i], view.followed[i]
-    heads_for, best, ground = 0, -np.inf, ground_of(view.surface, view.geometry_of_env[e], view.state.sheet[i])
+    heads_for, best, sheet = 0, -np.inf, view.state.sheet[i]
+    ground = ground_of(view.surface, view.geometry_of_env[e], sheet)
     for k in range(view.ways.route.shape[1]):
         route = view.ways.route[e, k]
         f, p = view.field_of_route[e, route], view.potential_of_route[e, route]
-        ex, ey, length = way_at(view.field, view.boundary, f, x, y, r, ground)
+        ex, ey, length = way_at(view.field, view.boundary, f + sheet, x, y, r, ground)
         if p != f:
-            length = travel_time_at(view.field, view.boundary, p, x, y, r, ground)
+            length = travel_time_at(view.field, view.boundary, p + sheet, x, y, r, ground)
         view.length_of_way[i, k] = length
         likeness = ex * view.direction[i, 0] + ey * view.direction[i, 1]
         if followed == route or followed == view.ways.then[e, k]:

@@ -127,6 +127,9 @@ class Simulation:
         routes = (self.planner.guidance.field_of_route >= 0).sum(axis=1)
         self._routes_of_person = np.repeat(routes, np.diff(bodies.env_start))
         arguments.check_routes(state.route, self._routes_of_person)
+        sheets = np.array([1 if place.building is None else len(place.building.sheets) for place in self.geometries])
+        self._sheets_of_person = np.repeat(sheets[which], np.diff(bodies.env_start))
+        arguments.check_sheets(state.sheet, self._sheets_of_person)
         batch = self._build(boundary, which)
         self.world, self.results = batch.world, batch.results
         self.history, self.workspace = batch.history, batch.workspace
@@ -365,6 +368,7 @@ class Simulation:
         walk = None if velocity is None else arguments.vectors("velocity", velocity, count)
         routes = arguments.routes_of(route, self._routes_of_person[people])
         start = make_state(stand, walk, sheet=sheet)
+        arguments.check_sheets(start.sheet, self._sheets_of_person[people])
         arrays = (*self.bodies[:-1], *self.state[:-1])
         for array, values in zip(arrays, (*bodies[:-1], *start[:-1]), strict=True):
             array[people] = values

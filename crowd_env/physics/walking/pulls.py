@@ -196,12 +196,10 @@ def _is_ahead(e: int, i: int, c: int, apart: float, spacing: float, batch: Batch
         dx, dy = position[j, 0] - x, position[j, 1] - y
         if followed[j] == followed[i] and dx * dx + dy * dy > spacing * spacing:
             if left != left:
-                left = travel_time_at(field, boundary, f, x, y, radius, ground_of(surface, g, sheet[i]))
-            there = ground_of(surface, g, sheet[j])
-            is_behind = (
-                travel_time_at(field, boundary, f, position[j, 0], position[j, 1], radius, there) > left + spacing
-            )
-            if is_behind and (dx * dx + dy * dy > apart * apart or not _sees(e, i, dx, dy, batch)):
+                left = travel_time_at(field, boundary, f + sheet[i], x, y, radius, ground_of(surface, g, sheet[i]))
+            there, fj = ground_of(surface, g, sheet[j]), f + sheet[j]
+            other = travel_time_at(field, boundary, fj, position[j, 0], position[j, 1], radius, there)
+            if other > left + spacing and (dx * dx + dy * dy > apart * apart or not _sees(e, i, dx, dy, batch)):
                 return True
         j = walkers.following[j]
     return False

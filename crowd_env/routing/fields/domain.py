@@ -22,6 +22,7 @@ _SIZES = 5  # sizes of bodies, with ways for each where larger ones do not get o
 _OPEN_NODES = 1e6  # a larger place without narrow passages gets a coarser grid, of about this number of nodes ...
 _COARSEST = 0.3  # m; ... or of this spacing
 _MAX_NODES = 3e7
+_ALIGNED = 1e-6  # spacings; nodes of two sheets this near to each other are the same
 _MOST_DILATION = 0.4  # m, half a door: in the largest places
 _SMALL_BODY = 0.1  # m; the grid of smaller ones is not made coarser: their passages would not be seen
 SOURCE = 1.5  # spacings; nodes this near to an exit start the march
@@ -44,7 +45,7 @@ class Grid(NamedTuple):
 class Lattice(NamedTuple):
     """Nodes that all sheets of a building have in common."""
 
-    anchor: Floats  # (2,)  m
+    anchor: Floats  # (2,)  m   one of them, in the coordinates of the sheet
     spacing: float  # m
 
 
@@ -215,9 +216,10 @@ def _make_grid(plan: Plan, spacing: float) -> Grid:
     geometry = plan.geometry
     shape, origin = _nodes(geometry, spacing), np.array(geometry.bounds[:2])
     if plan.lattice is not None:
-        anchor = plan.lattice.anchor
-        origin = anchor + spacing * np.floor((origin - anchor) / spacing + 1e-9)
-        shape = (shape[0] + 1, shape[1] + 1)
+        off = (origin - plan.lattice.anchor) / spacing
+        if np.abs(off - np.rint(off)).max() > _ALIGNED:
+            origin = plan.lattice.anchor + spacing * np.floor(off)
+            shape = (shape[0] + 1, shape[1] + 1)
 
     def distance(segments: Floats, cap: float) -> Floats:
         return grid.capped_distance(segments, shape, origin, spacing, cap)

@@ -33,7 +33,7 @@ from crowd_env.routing.fields.domain import (
 from crowd_env.routing.fields.extension import extend_once, fill_from_nearest
 from crowd_env.routing.fields.lookup import FieldArrays
 from crowd_env.routing.fields.marching import Gate, gate, lead_through, march, march_on, march_through
-from crowd_env.routing.fields.sheets import SheetGround, field_of_sheets, lead_over_seams
+from crowd_env.routing.fields.sheets import NOWHERE, SheetGround, Window, field_of_sheets, lead_over_seams
 from crowd_env.routing.fields.string_pulling import make_targets, pull_strings
 
 
@@ -99,6 +99,10 @@ class NavigationField:
         Part of every travel time that is spent on aprons, beyond the exit lines: the least of all exits [s].
     rest
         (rows, cols) part of the travel time on the sheet of the node [s]; None = all of it.
+    windows
+        Where the nodes of each sheet of a building lie.
+    shift
+        (2,) from the coordinates of ``origin`` to those of the geometry [m]: of the field of one sheet.
     """
 
     travel_time: Floats
@@ -114,6 +118,8 @@ class NavigationField:
     fits: Floats | None = None
     behind: float = 0.0
     rest: Floats | None = None
+    windows: tuple[Window, ...] = ()
+    shift: tuple[float, float] = (0.0, 0.0)
 
     def nodes(self) -> Floats:
         """Return where the nodes lie (rows, cols, 2) [m]."""
@@ -135,10 +141,29 @@ class NavigationField:
         return np.where(fits >= np.asarray(radius) - 1e-9, near(self.travel_time), np.inf)
 
 
+def by_sheet(field: NavigationField | None) -> list[NavigationField | None]:
+    """Return the field of each sheet of a building in true coordinates; of another place, its field."""
+    if field is None or not field.windows:
+        return [field]
+    found: list[NavigationField | None] = []
+    for window in field.windows:
+        rows, cols = window.nodes
+        part = {name: getattr(field, name)[rows, cols] for name in ("travel_time", "direction", "direct", "cell")}
+        through = None if field.through is None else field.through[rows, cols]
+        others = {"through": through, "free": None, "fits": None, "rest": None, "windows": ()}
+        found.append(replace(field, **part, **others, origin=window.origin, shift=window.shift))
+    return found
+
+
 _NO_CODES = np.empty((0, 0), dtype=np.int64)
 _NO_FIELD = NavigationField(
     np.empty((0, 0)), np.empty((0, 0, 2)), _NO_CODES, _NO_CODES, origin=np.zeros(2), spacing=1.0, radius=np.nan
 )
+
+
+def no_ways(geometry: Geometry) -> NavigationField | None:
+    """Return no field, of a building one that leads nowhere on every sheet."""
+    return None if geometry.building is None else replace(_NO_FIELD, windows=(NOWHERE,) * len(geometry.building.sheets))
 
 
 def travel_time_field(
@@ -188,11 +213,14 @@ def travel_time_field(
 
     def solve(sheet: SheetGround, exits: list[str], lattice: Lattice | None) -> NavigationField:
         plan = make_plan(sheet.geometry, radius, exits, least, goal if sheet.has_goal else None, closed, seams=True)
-        start = np.array([sheet.start.get(name, 0.0) for name in plan.names])
-        here = [line for line in lines if sheet.geometry.contains(line.mean(axis=0))]
+        times = [sheet.start.get(name, 0.0) for name in plan.names]
+        start = np.array(times) if any(times) or sheet.speed_to is not None else None
+        here = [line - sheet.offset for line in lines]
+        here = [line for line in here if sheet.geometry.contains(line.mean(axis=0))]
         plan = plan._replace(one_way=bool(here), start=start, lattice=lattice)
         nodes, dilations = dilate(plan, choose_spacing(plan))
-        return _solve(plan, nodes, dilations, speed, here, sheet.speed_to)
+        of_sheet = None if speed is None else lambda points: speed(points + sheet.offset)
+        return _solve(plan, nodes, dilations, of_sheet, here, sheet.speed_to)
 
     if geometry.building is not None:
         return field_of_sheets(geometry, solve, exits, goal, closed)

@@ -1,6 +1,7 @@
 """Reading a travel-time field at a place: the functions that physics calls for every pedestrian at every step.
 
-All functions are free of allocation; ``f`` is the row of the field within the batch.
+All functions are free of allocation; ``f`` is the row of the field within the batch.  In a building a route has a row for each
+sheet, one behind the other, in true coordinates.
 """
 
 from typing import NamedTuple
@@ -150,10 +151,10 @@ def _time_of_nearest(field: FieldArrays, f: int, x: float, y: float, first: int)
 
 
 @inner_kernel
-def _ground(boundary: Boundary, g: int, ground: Ground | None) -> Ground:
+def _walls(boundary: Boundary, g: int, ground: Ground | None) -> tuple[int, int]:
     if ground is None:
-        return 0.0, 0.0, boundary.wall_start[g], boundary.wall_start[g + 1]
-    return ground
+        return boundary.wall_start[g], boundary.wall_start[g + 1]
+    return ground[2], ground[3]
 
 
 @inner_kernel
@@ -167,12 +168,12 @@ def _node_for(
     cols = field.shape[f, 1]
     start, h = field.node_start[f], field.spacing[f]
     i, j = (first - start) // cols, (first - start) % cols
-    ox, oy, w0, w1 = _ground(boundary, field.geometry[f], ground)
+    w0, w1 = _walls(boundary, field.geometry[f], ground)
     best, least = -1, np.inf
     for hidden in (False, True):  # better a node behind the wall than none
         for c in range(4):
             node = first + (c >> 1) * cols + (c & 1)
-            px, py = field.origin[f, 0] - ox + (j + (c & 1)) * h, field.origin[f, 1] - oy + (i + (c >> 1)) * h
+            px, py = field.origin[f, 0] + (j + (c & 1)) * h, field.origin[f, 1] + (i + (c >> 1)) * h
             square = (px - x) ** 2 + (py - y) ** 2
             known = field.travel_time[node] < np.inf  # false for nan
             if known and square < least and (hidden or _sees(boundary.wall, w0, w1, x, y, px, py)):
@@ -219,9 +220,9 @@ def way_at(
     rows, cols = field.shape[f, 0], field.shape[f, 1]
     if cols == 0:
         return 0.0, 0.0, np.nan
-    ox, oy, _, _ = _ground(boundary, field.geometry[f], ground)
-    left, bottom = field.origin[f, 0] - ox, field.origin[f, 1] - oy
-    first, u, v = quick_cell(field.node_start[f], rows, cols, left, bottom, field.spacing[f], x, y)
+    first, u, v = quick_cell(
+        field.node_start[f], rows, cols, field.origin[f, 0], field.origin[f, 1], field.spacing[f], x, y
+    )
     k = field.cell[first]
     if k >= 0:
         margin = field.margin[f]
@@ -240,7 +241,7 @@ def way_at(
             if not length >= 0.0:
                 length = field.travel_time[node]
             if not length >= 0.0:  # beside a wall, where a march on so fine a grid keeps out
-                length = _time_of_nearest(field, f, x + ox, y + oy, first)
+                length = _time_of_nearest(field, f, x, y, first)
         return ex, ey, length
     node = _node_for(field, boundary, f, x, y, first, ground)
     if node < 0:

@@ -16,7 +16,8 @@ import shapely
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.geometry.parsing import place
+from crowd_env.geometry.jambs import NO_ARCS
+from crowd_env.geometry.parsing import Area, place
 from crowd_env.geometry.sheets import SEAM, Building, bare_surface, sheets_at
 from crowd_env.geometry.surface import heights, slopes_at
 from crowd_env.routing.fields import grid
@@ -30,18 +31,29 @@ _SOONER = 0.05  # s; a seam that leads out sooner by less changes nothing
 _NEAR = 2.5  # spacings before a seam, within which people walk straight over it
 
 
+class Window(NamedTuple):
+    """Where the nodes of a sheet lie among those of the layout."""
+
+    nodes: tuple[slice, slice]  # rows, columns
+    origin: Floats  # (2,)  m   of the first of them, in true coordinates
+    shift: tuple[float, float]  # m   from there to the layout
+
+
+NOWHERE = Window(np.s_[0:0, 0:0], np.zeros(2), (0.0, 0.0))  # of a sheet without a way
+
+
 class SheetGround(NamedTuple):
-    """One sheet to solve.
+    """One sheet to solve, in true coordinates.
 
     The seams that its ways may lead over are exits, with the times from there on.
     """
 
     geometry: Geometry
+    offset: Floats  # (2,)  m   to the layout
     start: Mapping[str, float]  # s
     has_goal: bool
-    speed_to: Callable[
-        [str | None, Floats], Floats
-    ]  # relative speed (...) at points (..., 2) [m] of ways over this seam
+    # Relative speed (...) at points (..., 2) [m] of ways to this exit or over this seam; None = it is level.
+    speed_to: Callable[[str | None, Floats], Floats] | None
 
 
 def field_of_sheets(
@@ -102,18 +114,20 @@ class _Sheets:
         assert ground.building is not None
         self._building, self._wanted, self._goal, self._solve = ground.building, wanted, goal, solve
         self._parts = [part_of(ground, s) for s in range(len(self._building.sheets))]
-        self._from, self._to = self._building.from_sheet, self._building.to_sheet
+        self._from, self._to, self._offsets = (
+            self._building.from_sheet,
+            self._building.to_sheet,
+            self._building.offsets,
+        )
         self.found: dict[int, NavigationField] = {}
         self._used: dict[int, dict[str, float]] = {}
 
     def march(self, lattice: Lattice | None) -> float:
         """Find all fields; returns the least distance between nodes [m] of any."""
         self.found, self._used = {}, {s: {} for s in range(len(self._parts))}
-        region = None if self._goal is None else self._parts[0].regions[self._goal]
         heap: list[tuple[float, int]] = []
         for s, part in enumerate(self._parts):
-            has_goal = region is not None and shapely.intersection(part.walkable, region).area > 1e-6
-            if has_goal or any(name in self._wanted for name in part.exit_names):
+            if self._has_goal(s) or any(name in self._wanted for name in part.exit_names):
                 self._find(s, lattice, heap)
         while heap:
             time, k = heapq.heappop(heap)
@@ -125,15 +139,22 @@ class _Sheets:
         return min(field.spacing for field in self.found.values())
 
     def _find(self, s: int, lattice: Lattice | None, heap: list[tuple[float, int]]) -> None:
-        part, region = self._parts[s], self._goal
-        has_goal = region is not None and shapely.intersection(part.walkable, part.regions[region]).area > 1e-6
+        part, offset = self._parts[s], self._offsets[s]
+        if lattice is not None:
+            lattice = lattice._replace(anchor=lattice.anchor - offset)
         exits = [name for name in dict.fromkeys(part.exit_names) if name in self._wanted or name in self._used[s]]
-        sheet = SheetGround(part, self._used[s], has_goal, self._speed_of(s))
+        sheet = SheetGround(part, offset, self._used[s], self._has_goal(s), self._speed_of(s))
         self.found[s] = self._solve(sheet, exits, lattice)
         for k in np.flatnonzero(self._to == s).tolist():
             time = self._time_at(s, self._twin(k))
             if np.isfinite(time):
                 heapq.heappush(heap, (time, k))
+
+    def _has_goal(self, s: int) -> bool:
+        part = self._parts[s]
+        if self._goal is None:
+            return False
+        return bool(shapely.intersection(part.walkable, part.regions[self._goal]).area > 1e-6)
 
     def _twin(self, k: int) -> int:
         """Return the same seam on its other sheet."""
@@ -142,15 +163,18 @@ class _Sheets:
 
     def _time_at(self, s: int, k: int) -> float:
         """Return the travel time [s] on sheet ``s`` in the middle of its line ``k``."""
-        field, middle = self.found[s], self._building.lines[k].mean(axis=0)[None]
+        field, middle = self.found[s], (self._building.lines[k] - self._offsets[s]).mean(axis=0)[None]
         time = field.travel_time[grid.nearest_known(middle, field.travel_time, field.origin, field.spacing)]
         return float(time[0])
 
-    def _speed_of(self, s: int) -> Callable[[str | None, Floats], Floats]:
-        surface, building = bare_surface(self._building.sheets), self._building
+    def _speed_of(self, s: int) -> Callable[[str | None, Floats], Floats] | None:
+        surface, part = bare_surface(self._building.sheets), self._parts[s]
+        if not self._building.sheets[s].slopes:
+            return None
+        ends = dict(zip(part.exit_names, part.exits.mean(axis=1), strict=True))
 
         def speed_to(name: str | None, points: Floats) -> Floats:
-            flat = points.reshape(-1, 2) - building.offsets[s]
+            flat = points.reshape(-1, 2)
             on = slopes_at(surface, s, flat)
             found = np.ones(len(flat))
             sloped = on >= 0
@@ -158,9 +182,8 @@ class _Sheets:
                 plane = surface.plane[on[sloped]]
                 up, down = surface.up[on[sloped]], surface.down[on[sloped]]
                 falls = np.full(len(plane), True)
-                if name is not None and name.startswith(SEAM):
-                    line = building.lines[int(name.removeprefix(SEAM))] - building.offsets[s]
-                    end = heights(surface, np.full(1, s), line.mean(axis=0)[None])[0]
+                if name is not None:
+                    end = heights(surface, np.full(1, s), ends[name][None])[0]
                     falls = heights(surface, np.full(len(plane), s), flat[sloped]) >= end
                 rise = np.hypot(plane[:, 0], plane[:, 1])
                 found[sloped] = np.where(falls, down, up) / np.sqrt(1.0 + rise**2)
@@ -172,11 +195,9 @@ class _Sheets:
         """Return the fields of all sheets as one over the layout."""
         high = np.array(geometry.bounds[2:])
         some = next(iter(self.found.values()))
-        ends = {
-            s: field.origin + spacing * (np.array(field.travel_time.shape[::-1]) - 1) for s, field in self.found.items()
-        }
-        high = np.max([high, *ends.values()], axis=0)
-        low = np.min([anchor, *(field.origin for field in self.found.values())], axis=0)
+        first = {s: field.origin + self._offsets[s] for s, field in self.found.items()}
+        last = [at + spacing * (np.array(self.found[s].travel_time.shape[::-1]) - 1) for s, at in first.items()]
+        high, low = np.max([high, *last], axis=0), np.min([anchor, *first.values()], axis=0)
         cols, rows = (np.rint((high - low) / spacing).astype(int) + 2).tolist()
         names = list(geometry.exit_names)
         whole = {
@@ -188,10 +209,12 @@ class _Sheets:
             "fits": np.full((rows, cols), np.nan),
             "rest": np.full((rows, cols), np.nan),
         }
+        windows = [NOWHERE] * len(self._parts)
         for s, field in self.found.items():
-            col, row = np.rint((field.origin - low) / spacing).astype(int).tolist()
+            col, row = np.rint((first[s] - low) / spacing).astype(int).tolist()
             window = np.s_[row : row + field.travel_time.shape[0], col : col + field.travel_time.shape[1]]
-            rows_of = _rows_of(geometry, self._parts[s], names)
+            windows[s] = Window(window, field.origin, self._building.sheets[s].offset)
+            rows_of = _rows_of(geometry, self._parts[s], names, self._offsets[s])
             start = np.array([self._used[s].get(name, 0.0) for name in self._parts[s].exit_names])
             least = min([*self._used[s].values()], default=0.0)
             left = field.travel_time - np.where(field.direct >= 0, start[np.maximum(field.direct, 0)], least)
@@ -212,13 +235,13 @@ class _Sheets:
                     whole[name][window] = np.where(
                         inside[..., None] if value.ndim == 3 else inside | (name == "cell"), value, whole[name][window]
                     )
-        return replace(some, **whole, origin=low, spacing=spacing, behind=behind)
+        return replace(some, **whole, origin=low, spacing=spacing, behind=behind, windows=tuple(windows))
 
 
-def _rows_of(geometry: Geometry, part: Geometry, names: list[str]) -> Ints:
+def _rows_of(geometry: Geometry, part: Geometry, names: list[str], offset: Floats) -> Ints:
     """Return for each row of the exits of a sheet the row in the building; -1 for seams."""
     found = []
-    for line, name in zip(part.exits, part.exit_names, strict=True):
+    for line, name in zip(part.exits + offset, part.exit_names, strict=True):
         rows = [r for r, other in enumerate(names) if other == name]
         off = [float(np.hypot(*(geometry.exits[r].mean(axis=0) - line.mean(axis=0)))) for r in rows]
         found.append(rows[int(np.argmin(off))] if rows else -1)
@@ -231,7 +254,7 @@ def seam_name(k: int) -> str:
 
 
 def part_of(geometry: Geometry, s: int) -> Geometry:
-    """Return sheet ``s`` of a building as a place of its own, in the layout; its seams are exits."""
+    """Return sheet ``s`` of a building as a place of its own, in true coordinates; its seams are exits."""
     building = geometry.building
     assert isinstance(building, Building)
     parts = shapely.get_parts(geometry.walkable)
@@ -239,13 +262,21 @@ def part_of(geometry: Geometry, s: int) -> Geometry:
     walls = sheets_at(geometry.walls.mean(axis=1), building.sheets) == s
     exits = np.flatnonzero(sheets_at(geometry.exits.mean(axis=1), building.sheets) == s)
     seams = np.flatnonzero(building.from_sheet == s)
+    offset = building.offsets[s]
+
+    def moved(shape: Area) -> Area:
+        return shapely.transform(shape, lambda points: points - offset)
+
     return replace(
         geometry,
-        walkable=mine[0] if len(mine) == 1 else shapely.MultiPolygon(list(mine)),
-        walls=geometry.walls[walls],
+        walkable=moved(mine[0] if len(mine) == 1 else shapely.MultiPolygon(list(mine))),
+        regions={name: moved(region) for name, region in geometry.regions.items()},
+        left_out=(),
+        arcs=NO_ARCS,
+        walls=geometry.walls[walls] - offset,
         two_sided=geometry.two_sided[walls],
         door_of_wall=geometry.door_of_wall[walls],
-        exits=np.concatenate([geometry.exits[exits], building.lines[seams]]),
+        exits=np.concatenate([geometry.exits[exits], building.lines[seams]]) - offset,
         exit_names=(*(geometry.exit_names[k] for k in exits.tolist()), *map(seam_name, seams.tolist())),
         building=None,
         apron=0.0,
