@@ -489,6 +489,11 @@ class Geometry:
         )
 
     @property
+    def ways_on(self) -> Floats:
+        """The lines (Y, 2, 2) [m] over which people leave a part of the area: exits, and seams to other sheets."""
+        return self.exits if self.building is None else np.concatenate([self.exits, self.building.lines])
+
+    @property
     def of_layout(self) -> "Geometry":
         """The layout as a place of one sheet."""
         return replace(self, building=None)
