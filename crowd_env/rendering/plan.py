@@ -86,12 +86,14 @@ def draw_plan(geometry: Geometry, layout: Layout) -> Image:
 
 
 def _name_sheets(image: Image, building: Building, layout: Layout) -> None:
-    """Write the name of each sheet below its lower left corner."""
+    """Write the name of each level below its lower left corner."""
     import PIL.ImageDraw
     import PIL.ImageFont
 
     draw, font = PIL.ImageDraw.Draw(image), PIL.ImageFont.load_default(0.8 * layout.text)
     for name, corner in name_places(building):
+        if name in (sheet.name for sheet in building.sheets):
+            continue  # a stair is small, and its name long
         x, y = layout.pixels(corner).tolist()
         draw.text((x, y + layout.wall), name, fill=QUIET, font=font)
 
