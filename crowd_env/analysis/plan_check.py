@@ -135,7 +135,7 @@ def check_plan(
     )
     start_area = geometry.area if None in regions or not regions else sum(geometry.area_of(r) for r in regions)
     widths = geometry.exit_lengths
-    lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.exits, least) if widths else ())]
+    lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.ways_on, least) if widths else ())]
     passages = narrowest_passages(geometry, terrain, _starts(terrain, people, geometry, position)) if widths else {}
     there = np.repeat([part.arrivals is None for part in people.parts], [part.people for part in people.parts])
     if len(radius):  # arriving people are not drawn
@@ -218,7 +218,7 @@ def _of_stuck(geometry: Geometry, people: People) -> Iterable[str]:
         where = geometry.walkable if part.start_region is None else geometry.regions[part.start_region]
         radii = np.linspace(part.radius.low, part.radius.high, _SIZES).tolist()
         starts = where if part.starts is None and part.arrivals is None else part.spots(geometry)
-        for radius, (x, y) in stuck_bodies(geometry.walkable, geometry.exits, radii, starts):
+        for radius, (x, y) in stuck_bodies(geometry.walkable, geometry.ways_on, radii, starts):
             yield f"who starts around ({x:.2f}, {y:.2f}) and is {2 * radius:.2f} m wide or more cannot get out"
 
 
@@ -290,7 +290,7 @@ def cells(check: PlanCheck) -> dict[str, str]:
     lost = ["{:.3g} m2 around ({:.2f}, {:.2f})".format(area, *_inside(part)) for part, area in check.unreached]
     exits = [f"{name} {width:.2f} m" for name, width in check.widths.items()]
     rows = {
-        "plan": f"{geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m",
+        "plan": f"{geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m{_of_sheets(geometry)}",
         "  x, y": f"{x0:.2f} to {x1:.2f} m, {y0:.2f} to {y1:.2f} m",
         "exits": _rows(exits) if exits else "none yet: give --exit x1,y1,x2,y2, points on the edge",
         "narrowest passage": _rows([_passage(check, name) for name in check.passages]),
@@ -304,6 +304,16 @@ def cells(check: PlanCheck) -> dict[str, str]:
         "check": _rows(check.remarks),
     }
     return {label: cell for label, cell in rows.items() if cell}
+
+
+def _of_sheets(geometry: Geometry) -> str:
+    if geometry.building is None:
+        return ""
+    sheets = geometry.building.sheets
+    levels = sum(sheet.level == sheet.level for sheet in sheets)
+    return (
+        f": {counted(levels, 'level', 'levels')} and {counted(len(sheets) - levels, 'stair', 'stairs')}, side by side"
+    )
 
 
 def body_width(check: PlanCheck) -> str:

@@ -97,15 +97,16 @@ class CrossingRecorder:
         return np.asarray(own - [0.0, people.start, 0.0, 0.0])
 
     @staticmethod
-    def _look(env: CrowdEnv, there: Bools) -> tuple[Floats, Floats, Bools]:
-        return env.simulation.state.position.copy(), env.simulation.state.time.copy(), there
+    def _look(env: CrowdEnv, there: Bools) -> tuple[Floats, Floats, Ints, Bools]:
+        state = env.simulation.state
+        return env.simulation.laid_out.copy(), state.time.copy(), state.sheet.copy(), there
 
     def _count(self, env: CrowdEnv) -> None:
         """Go through all looks but the last, which the next ones begin with."""
-        position, time, there = (np.array(column) for column in zip(*self._seen, strict=True))
+        position, time, sheet, there = (np.array(column) for column in zip(*self._seen, strict=True))
         low, high = np.minimum(position[:-1], position[1:]), np.maximum(position[:-1], position[1:])
         near = (low <= self._lines.max(axis=(0, 1))) & (high >= self._lines.min(axis=(0, 1)))
-        look, moved = np.nonzero(near.all(axis=2) & (low < high).any(axis=2) & there[1:])
+        look, moved = np.nonzero(near.all(axis=2) & (low < high).any(axis=2) & there[1:] & (sheet[:-1] == sheet[1:]))
         person, line, part, sign = crossings(position[look, moved], position[look + 1, moved], self._lines)
         look, moved = look[person], moved[person]
         since, until = (time[k, env.env_of_person[moved]] for k in (look, look + 1))

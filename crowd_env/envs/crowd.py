@@ -448,8 +448,14 @@ class CrowdEnv(Restorable):
         for stand, come in zip(position, entries or (), strict=False):
             later = ~np.isnan(come.due)
             stand[later] = come.first_spots()[later]
-        standing = np.concatenate(position)
-        self.simulation.restart(chosen, join_bodies(bodies), standing, route=np.concatenate(routes), entries=entries)
+        places = [self.scenarios[kind].geometry for kind in kinds]
+        standing, sheet = zip(
+            *(place.on_sheets(stand) for place, stand in zip(places, position, strict=True)), strict=True
+        )
+        for place, come in zip(places, entries or (), strict=False):
+            come.spots[:], come.sheet[:] = place.on_sheets(come.spots)
+        start = {"route": np.concatenate(routes), "entries": entries, "sheet": np.concatenate(sheet)}
+        self.simulation.restart(chosen, join_bodies(bodies), np.concatenate(standing), **start)
         for k in (k for k, known in enumerate(usual) if known is None):
             e, scenario, strategy = chosen[k], self.scenarios[kinds[k]], self.strategies[kinds[k]]
             route_set = self.simulation.planner.route_set(e)  # as the doors stand at the start
@@ -464,7 +470,7 @@ class CrowdEnv(Restorable):
                 [names[k] for k in self.simulation.state.route[self.people(e)].tolist()] if self._halts[kind] else []
             )
             if taken and (stays := self.scenarios[kind].draw_stays(self._generators[e], taken)) is not None:
-                self.simulation.hold(e, *stays)
+                self.simulation.hold(e, stays[0], self.scenarios[kind].geometry.on_sheets(stays[1])[0])
         begun, transition = np.zeros(self.num_envs, dtype=bool), self._transition
         begun[chosen] = True
         people = begun[self.env_of_person]

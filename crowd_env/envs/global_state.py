@@ -128,7 +128,7 @@ class StateReader:
         state = np.zeros(layout.size, dtype=np.float32)
         people, exits, _ = layout.split(state)
         inside = crowd.active
-        columns = {"inside": inside, "position": crowd.position - self._corner, "velocity": crowd.velocity}
+        columns = {"inside": inside, "position": env.simulation.laid_out - self._corner, "velocity": crowd.velocity}
         columns |= {name: getattr(bodies, name) for name in _NOT_NEGATIVE[:-1]}
         columns |= {"route": crowd.route, "exit": self._leads_to[crowd.route]}
         for name, values in columns.items():

@@ -25,6 +25,7 @@ class Entries(NamedTuple):
     stop: Ints  # (N,)  one past the last of them
     first: Ints  # (N,)  the one that is tried first
     spots: Floats  # (K, 2)  m
+    sheet: Ints  # (K,)  that each spot is on
 
     def first_spots(self) -> Floats:
         """Return the spot (N, 2) [m] that each person tries first; without meaning for people that do not come in."""
@@ -34,7 +35,9 @@ class Entries(NamedTuple):
 def at_the_start(people: int) -> Entries:
     """Return the entries of people that are all there at the start."""
     none = np.zeros(people, dtype=np.int64)
-    return Entries(np.full(people, np.nan), none, none.copy(), none.copy(), np.zeros((1, 2)))
+    return Entries(
+        np.full(people, np.nan), none, none.copy(), none.copy(), np.zeros((1, 2)), np.zeros(1, dtype=np.int64)
+    )
 
 
 def join_entries(parts: Sequence[Entries]) -> Entries:

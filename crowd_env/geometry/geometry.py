@@ -46,6 +46,23 @@ from crowd_env.geometry.parsing import (
     tangents,
 )
 from crowd_env.geometry.parts import closed_off, is_within, join_near_parts, say_left_out, split_by_exits
+from crowd_env.geometry.sheets import (
+    SEAM,
+    Building,
+    Seam,
+    Sheet,
+    Walls,
+    bare_surface,
+    laid_out_area,
+    places_of_ends,
+    require_sheets,
+    require_ways_out,
+    sheets_at,
+    turned,
+    wall_starts,
+    walls_of,
+)
+from crowd_env.geometry.surface import Surface, heights, join_surfaces, level_surface
 
 __all__ = ["Boundary", "Geometry", "box", "join_boundaries", "parse_exit"]
 
@@ -109,6 +126,8 @@ class Geometry:
         The round jambs.
     apron
         How far behind the jambs of an exit people are bodies [m]; see `crowd_env.geometry.aprons`.
+    building
+        The sheets of a place of several: all else is then their layout, see `crowd_env.geometry.sheets`.
     """
 
     walkable: Area
@@ -123,6 +142,7 @@ class Geometry:
     left_out: tuple[Polygon, ...] = ()
     arcs: Arcs = NO_ARCS
     apron: float = field(default=0.0, metadata={UNSAID: 0.0})
+    building: Building | None = field(default=None, metadata={UNSAID: None})
 
     @classmethod
     def from_polygon(
@@ -222,6 +242,30 @@ class Geometry:
         """Return the geometry of the walkable area in the WKT ``text``; the ``others`` are parameters of `from_polygon`."""
         return cls.from_polygon(require_text("walkable area", text, "well-known text (WKT)"), **others)
 
+    @classmethod
+    def from_sheets(cls, sheets: Sequence[Sheet], seams: Sequence[Seam], **others: Any) -> "Geometry":
+        """Return the geometry of a building; the ``others`` are parameters of `from_polygon`, in the layout of `laid_out`.
+
+        Raises
+        ------
+        ValueError
+            In one sentence, if a sheet is no floor, two sheets do not meet at their seam, or one has no way out.
+        """
+        require_sheets(sheets, seams)
+        if others.get("jamb_radius"):
+            raise ValueError("jamb_radius must be 0 in a building")
+        moved = laid_out_area(sheets)
+        names = [f"{SEAM}{k}/{side}" for k in range(len(seams)) for side in ("left", "right")]
+        lines = [seam.line + sheets[s].offset for seam in seams for s in (seam.left, seam.right)]
+        exits = others.pop("exits", {})
+        made = cls.from_polygon(moved, exits={**exits, **dict(zip(names, lines, strict=True))}, **others)
+        is_seam = np.array([name in names for name in made.exit_names], dtype=bool)
+        of_seam = [names.index(name) // 2 for name in made.exit_names if name in names]
+        building = Building(tuple(sheets), tuple(seams), made.exits[is_seam], np.array(of_seam, dtype=np.int64))
+        left = tuple(name for name in made.exit_names if name not in names)
+        require_ways_out(sheets, seams, made.exits[~is_seam])
+        return replace(made, exits=made.exits[~is_seam], exit_names=left, building=building)
+
     def with_regions(self, regions: Mapping[str, Shape]) -> "Geometry":
         """Return the geometry with these regions in place of its own.
 
@@ -251,6 +295,7 @@ class Geometry:
             regions={name: shapely.transform(shape, turn) for name, shape in self.regions.items()},
             left_out=tuple(shapely.transform(shape, turn) for shape in self.left_out),
             arcs=self.arcs._replace(center=turn(self.arcs.center), ends=ends),
+            building=None if self.building is None else turned(self.building, turn, lines),
         )
 
     def walls_when(self, closed: Collection[str] = ()) -> tuple[Floats, Bools]:
@@ -369,11 +414,14 @@ class Geometry:
         """The arrays that kernels read, for this geometry alone (G = 1), with its aprons."""
         ground = self._with_floor(self.apron_depths)
         walls, two_sided, door_of_wall = ground.walls, ground.two_sided, ground.door_of_wall
+        if self._walls is not None:
+            walls = self._walls.walls
+            two_sided, door_of_wall = two_sided[self._walls.rows], door_of_wall[self._walls.rows]
         straight = len(walls) - self.arcs.chords
         ends = walls[:straight].reshape(-1, 2)
         on_arc = self.arcs.ends[self.arcs.ends >= 0]
         sharp = np.delete(np.arange(len(ends)), on_arc)
-        start, members = ends_together(ends[sharp])
+        start, members = ends_together((ends if self._walls is None else places_of_ends(self._walls))[sharp])
         members = sharp[members]
         # A leaf shares its ends with no permanent wall.
         doors = door_of_wall[members[start[:-1]] // 2]
@@ -386,7 +434,7 @@ class Geometry:
             wall=walls,
             tangent=tangent,
             length=length,
-            depth=solid_depth(walls, ground.walkable),
+            depth=solid_depth(walls, ground.walkable) if self._walls is None else self._walls.depth,
             two_sided=two_sided,
             wall_door=door_of_wall,
             wall_start=np.array([0, len(walls)], dtype=np.int64),
@@ -399,11 +447,71 @@ class Geometry:
             corner_wall_start=starts,
             corner_wall=members // 2,
             corner_wall_end=members % 2,
-            exit=self.exits,
+            exit=self._on_sheets(self.exits),
             apron=self.apron_depths,
-            aim=ends_of_aprons(self.exits, self.ways_behind),
+            aim=self._on_sheets(ends_of_aprons(self.exits, self.ways_behind)),
             exit_start=np.array([0, len(self.exits)], dtype=np.int64),
         )
+
+    def _on_sheets(self, lines: Floats) -> Floats:
+        """Return lines at the exits (X, 2, 2) of the layout in true coordinates."""
+        if self.building is None:
+            return lines
+        of_exit = sheets_at(self.exits.mean(axis=1), self.building.sheets)
+        return lines - self.building.offsets[of_exit][:, None]
+
+    @cached_property
+    def _walls(self) -> Walls | None:
+        """The walls, with those of aprons, in true coordinates and by sheet; None = there is one sheet."""
+        if self.building is None:
+            return None
+        ground = self._with_floor(self.apron_depths)
+        return walls_of(ground.walls, ground.two_sided, ground.walkable, self.building.sheets, self.building.seams)
+
+    @cached_property
+    def surface(self) -> Surface:
+        """Sheets and heights, as kernels read them, for this geometry alone (G = 1)."""
+        bound = self.boundary
+        level = level_surface(len(bound.wall), len(bound.corner), len(bound.exit))
+        if self.building is None or self._walls is None:
+            return level
+        of_corner = bound.corner_wall[bound.corner_wall_start[:-1]], bound.corner_wall_end[bound.corner_wall_start[:-1]]
+        seams = self.building
+        return bare_surface(self.building.sheets)._replace(
+            wall_start=wall_starts(self._walls.sheet, len(self.building.sheets)),
+            wall_height=self._walls.height,
+            corner_height=self._walls.height[of_corner],
+            exit_sheet=sheets_at(self.exits.mean(axis=1), seams.sheets),
+            seam_start=np.array([0, len(seams.lines)], dtype=np.int64),
+            seam=seams.lines - seams.offsets[seams.from_sheet][:, None],
+            seam_from=seams.from_sheet,
+            seam_to=seams.to_sheet,
+        )
+
+    @property
+    def ways_on(self) -> Floats:
+        """The lines (Y, 2, 2) [m] over which people leave a part of the area: exits, and seams to other sheets."""
+        return self.exits if self.building is None else np.concatenate([self.exits, self.building.lines])
+
+    @property
+    def of_layout(self) -> "Geometry":
+        """The layout as a place of one sheet."""
+        return replace(self, building=None)
+
+    def laid_out(self, position: Floats, sheet: Ints) -> Floats:
+        """Return where points (..., 2) [m] of sheets (...) lie in the layout; of one sheet, the points themselves."""
+        return position if self.building is None else position + self.building.offsets[sheet]
+
+    def heights(self, points: Floats, sheet: Ints) -> Floats:
+        """Return the heights (K,) [m] of points (K, 2) [m] of sheets (K,), in true coordinates."""
+        return np.asarray(heights(self.surface, sheet, np.ascontiguousarray(points)))
+
+    def on_sheets(self, points: Floats) -> tuple[Floats, Ints]:
+        """Return the true coordinates (..., 2) [m] of points of the layout, and their sheets (...)."""
+        if self.building is None:
+            return points, np.zeros(np.shape(points)[:-1], dtype=np.int64)
+        sheet = sheets_at(points, self.building.sheets)
+        return points - self.building.offsets[sheet], sheet
 
     @cached_property
     def _wall_tree(self) -> shapely.STRtree:
@@ -526,6 +634,11 @@ def join_boundaries(geometries: Sequence[Geometry]) -> Boundary:
             "chord_start": columns["chord_start"] + columns["wall_start"][:-1],
         }
     )
+
+
+def join_all_surfaces(geometries: Sequence[Geometry]) -> Surface:
+    """Return the surfaces of ``geometries`` one behind the other, as one batch reads them."""
+    return join_surfaces([place.surface for place in geometries])
 
 
 def _without_obstacles(area: Area, obstacles: list[Area]) -> Area:

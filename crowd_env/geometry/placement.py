@@ -105,7 +105,12 @@ def keeps_clear(geometry: Geometry, points: Floats, radius: float, region: str |
 
 
 def _walls_of(geometry: Geometry) -> Walls:
-    return geometry.walls, geometry.two_sided, geometry.exits
+    """Return what people keep off at the start; seams too, since others may stand behind them."""
+    walls, two_sided = geometry.walls, geometry.two_sided
+    if geometry.building is not None:
+        seams = geometry.building.lines
+        walls, two_sided = np.concatenate([walls, seams]), np.pad(two_sided, (0, len(seams)))
+    return walls, two_sided, geometry.exits
 
 
 @kernel

@@ -3,6 +3,7 @@
 A wall between two pedestrians hides them from each other.  The cells spare a look at all walls of a building.
 """
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +12,10 @@ import shapely
 from crowd_env.core.arrays.state import Bools, Floats, Ints, row_starts
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
+from crowd_env.geometry.surface import Ground, Surface
 
 CELL = 1.0  # m
+_BEHIND_SEAM = 2.0  # m; people further behind a seam than this are more than a body higher or lower, or nearly
 _MOST_CELLS = 1_000_000  # of one geometry: beyond, cells are larger
 
 
@@ -31,14 +34,18 @@ class WallGrid(NamedTuple):
     wall: Ints  # (K,)    rows of `Boundary.wall`
 
 
-def make_wall_grid(boundary: Boundary, reach: float | None) -> WallGrid:
+def make_wall_grid(boundary: Boundary, reach: float | None, surface: Surface | None = None) -> WallGrid:
     """Return the cells of every geometry, each with the walls that are nearer to it than ``reach`` [m]; None = no cells.
+
+    With a ``surface`` there is a grid for each sheet.  It holds the walls of the next sheets near their seams too.
 
     The leaves of doors are among them, of open ones too: readers of the grid check which are closed.
     """
-    parts: list[tuple[Floats, float, tuple[int, int], Ints, Ints]] = []
-    for first, stop in zip(boundary.wall_start[:-1], boundary.wall_start[1:], strict=True):
-        parts.append(_grid_of(boundary.wall[first:stop], int(first), reach))
+    starts = boundary.wall_start if surface is None else surface.wall_start
+    rows = [np.arange(first, stop) for first, stop in itertools.pairwise(starts)]
+    if surface is not None and reach is not None:
+        rows = _with_next_sheets(rows, boundary.wall, surface)
+    parts = [_grid_of(boundary.wall[row], row, reach) for row in rows]
     cells = [rows * columns for _, _, (rows, columns), _, _ in parts]
     counts = np.concatenate([part[3] for part in parts])
     return WallGrid(
@@ -51,7 +58,18 @@ def make_wall_grid(boundary: Boundary, reach: float | None) -> WallGrid:
     )
 
 
-def _grid_of(wall: Floats, first: int, reach: float | None) -> tuple[Floats, float, tuple[int, int], Ints, Ints]:
+def _with_next_sheets(rows: list[Ints], wall: Floats, surface: Surface) -> list[Ints]:
+    """Return the walls of each sheet, and those of the sheets behind its seams that are near them."""
+    found = [[row] for row in rows]
+    for g, (start, stop) in enumerate(zip(surface.seam_start[:-1], surface.seam_start[1:], strict=True)):
+        for k in range(start, stop):
+            here, there = (int(surface.sheet_start[g] + of[k]) for of in (surface.seam_from, surface.seam_to))
+            seam, walls = shapely.LineString(surface.seam[k]), shapely.linestrings(wall[rows[there]])
+            found[here].append(rows[there][shapely.dwithin(walls, seam, _BEHIND_SEAM)])
+    return [np.unique(np.concatenate(each)) for each in found]
+
+
+def _grid_of(wall: Floats, row: Ints, reach: float | None) -> tuple[Floats, float, tuple[int, int], Ints, Ints]:
     """Return origin, cell size, shape, the number of walls of each cell, and these walls, of one geometry."""
     if reach is None or not len(wall):
         return np.zeros(2), CELL, (0, 0), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
@@ -62,7 +80,7 @@ def _grid_of(wall: Floats, first: int, reach: float | None) -> tuple[Floats, flo
     cells = shapely.box(left.ravel(), bottom.ravel(), left.ravel() + size, bottom.ravel() + size)
     cell, near = shapely.STRtree(shapely.linestrings(wall)).query(cells, predicate="dwithin", distance=reach)
     order = np.lexsort((near, cell))
-    return low, size, (rows, columns), np.bincount(cell, minlength=len(cells)), first + near[order]
+    return low, size, (rows, columns), np.bincount(cell, minlength=len(cells)), row[near[order]]
 
 
 def pairs_within(points: Floats, distance: float) -> tuple[Ints, Ints]:
@@ -99,9 +117,9 @@ def is_hidden(
 
 
 @inner_kernel
-def is_in_sight(boundary: Boundary, g: int, door_open: Bools, x: float, y: float, dx: float, dy: float) -> bool:
-    """Whether no wall of geometry ``g``, however far, stands between (x, y) and the point (dx, dy) [m] from there."""
-    for k in range(index(boundary.wall_start[g]), index(boundary.wall_start[g + 1])):
+def is_in_sight(boundary: Boundary, ground: Ground, door_open: Bools, x: float, y: float, dx: float, dy: float) -> bool:
+    """Whether no wall of the sheet, however far, stands between (x, y) and the point (dx, dy) [m] from there."""
+    for k in range(index(ground[2]), index(ground[3])):
         if _hides(k, boundary, door_open, x, y, dx, dy):
             return False
     return True

@@ -37,7 +37,7 @@ def influences(social: SocialForce | None, batch: StructRef, desire: Any = None)
     return Influences(
         social=params,
         reach=arms if params is None else max(arms, params.cutoff),
-        regions=bool(batch.fields.world.guidance.region.shape.any()) or None,
+        regions=bool(batch.fields.world.guidance.region.shape.any() or len(batch.fields.world.surface.plane)) or None,
         walking=(driving and (acts.manner or acts.pulls)) or None,
         max_drive=batch.fields.behaviors.max_drive if driving and acts.max_drive else None,
         balance=(driving and acts.balance) or None,

@@ -8,6 +8,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.kernels.jit import index, inner_kernel
+from crowd_env.geometry.surface import has_sheets, sheet_beyond
 from crowd_env.physics.step import list_present
 from crowd_env.physics.workspace import Batch
 
@@ -34,7 +35,21 @@ def leave(e: int, rank_stop: int, batch: Batch, dt: float) -> int:
             x0, y0, x1, y1 = previous[i, 0], previous[i, 1], position[i, 0], position[i, 1]
             if _crossing(exit_line, k, x0, y0, x1, y1) <= 1.0:  # rare: the other arrays are read only then
                 gone |= mark_crossing(e, i, k - first, batch, dt, x0, y0, x1, y1)
+    if has_sheets(batch.world.surface, g):
+        for rank in range(index(rank_start), index(rank_stop)):
+            change_sheet(e, inside[rank], batch, position[inside[rank], 0], position[inside[rank], 1])
     return list_present(e, batch) if gone else rank_stop
+
+
+@inner_kernel
+def change_sheet(e: int, i: int, batch: Batch, x: float, y: float) -> None:
+    """Put pedestrian ``i`` at (x, y) on the sheet behind the seam that it has passed, and behind another one next to it."""
+    g, sheet, surface = batch.world.geometry_of_env[e], batch.state.sheet, batch.world.surface
+    if batch.state.active[i]:
+        before = sheet[i]
+        sheet[i] = sheet_beyond(surface, g, before, x, y)
+        if sheet[i] != before:
+            sheet[i] = sheet_beyond(surface, g, sheet[i], x, y)
 
 
 @inner_kernel
@@ -48,7 +63,7 @@ def mark_crossing(
     state, boundary, time = batch.state, batch.world.boundary, batch.state.time[e]
     k = boundary.exit_start[batch.world.geometry_of_env[e]] + exit_number
     part = _crossing(boundary.exit, k, x0, y0, x1, y1)
-    if not part <= 1.0:
+    if not part <= 1.0 or batch.world.surface.exit_sheet[k] != state.sheet[i]:
         return False
     moment, was_present = time + part * dt, state.present[i]
     if not (state.active[i] or (state.exit_time[i] > moment and state.exit_time[i] > time)):

@@ -64,7 +64,7 @@ def contact_forces(simulation: Simulation, e: int = 0) -> ContactForces:
     Forces from impulse solvers fluctuate from step to step; `mean_contact_forces` averages many steps.
     """
     people = slots_of(simulation.bodies, e)
-    position, radius = simulation.state.position[people].copy(), simulation.bodies.radius[people].copy()
+    position, radius = simulation.laid_out[people].copy(), simulation.bodies.radius[people].copy()
     angle, outline = simulation.state.angle[people].copy(), simulation.outline
     active, contacts = simulation.state.active[people].copy(), simulation.contacts(e)
     inside = _both_inside(active, contacts.i, contacts.j)
@@ -137,7 +137,7 @@ def crowd_pressure(simulation: Simulation, radius: float = 1.0) -> Floats:
     out, state = np.zeros(len(simulation.bodies.radius)), simulation.state
     for begin, end in pairwise(simulation.bodies.env_start):
         here = begin + np.flatnonzero(state.active[begin:end])
-        i, j = pairs_within(state.position[here], radius)
+        i, j = pairs_within(simulation.laid_out[here], radius)
         count = np.bincount(i)  # the pedestrian included
         x, y = state.velocity[here].T
         mean_x, mean_y, mean_square = (np.bincount(i, values[j]) / count for values in (x, y, x**2 + y**2))

@@ -7,7 +7,8 @@ import numpy as np
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.kernels.fetch import fetch
 from crowd_env.core.kernels.jit import index, inner_kernel
-from crowd_env.physics.driving_force import Influences
+from crowd_env.geometry.surface import ground_of, share_of_speed
+from crowd_env.physics.driving_force import Influences, asked_of
 from crowd_env.physics.walking.decide import decide
 from crowd_env.physics.workspace import LOOKUP_PERIOD, Batch
 from crowd_env.routing.fields.lookup import BLEND, blended_direction, exit_frame, quick_cell, through_exit, way_at
@@ -76,8 +77,10 @@ def is_decision_due(e: int, batch: Batch, dt: float) -> bool:
 
 @inner_kernel
 def has_regions(e: int, batch: Batch) -> bool:
-    """Whether there are regions, and so perhaps rules, in environment ``e``."""
-    return batch.world.guidance.region.shape[batch.world.geometry_of_env[e], 1] > 0
+    """Whether desired speeds change from place to place: there are regions, and so perhaps rules, or slopes."""
+    g, surface = batch.world.geometry_of_env[e], batch.world.surface
+    slopes = surface.slope_start[surface.sheet_start[g + 1]] > surface.slope_start[surface.sheet_start[g]]
+    return slopes or batch.world.guidance.region.shape[g, 1] > 0
 
 
 @inner_kernel
@@ -86,7 +89,7 @@ def follow_rules(e: int, batch: Batch) -> None:
     if not has_regions(e, batch):
         return
     world, history, g = batch.world, batch.history, batch.world.geometry_of_env[e]
-    notice_regions(e, g, world.guidance.region, batch.bodies, batch.state, history)
+    notice_regions(e, g, world.guidance.region, world.surface, batch.bodies, batch.state, history)
     apply_rules(e, g, world.field, world.guidance, batch.bodies, batch.state, history)
 
 
@@ -116,6 +119,8 @@ def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: f
     looking_stop = _list_looking(rank_start, rank_stop, batch, dt < LOOK_EVERY, turn)
     f, rows, cols, start, keep, left, bottom, size = -1, 0, 0, 0, np.nan, 0.0, 0.0, 1.0
     aim, frame = -1, (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)
+    sheet, surface, g = batch.state.sheet, batch.world.surface, batch.world.geometry_of_env[e]
+    ground = ground_of(surface, g, 0)
     for k in range(index(rank_start), looking_stop):
         i = looking[k]
         if turn >= 0 and cols > 0 and k + index(_AHEAD) < looking_stop:
@@ -124,9 +129,9 @@ def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: f
             fetch(cell, node)
             fetch(table, 2 * node)
             fetch(table, 2 * (node + cols))
-        mine = field_of_route[e, followed[i]]
+        mine = field_of_route[e, followed[i]] + sheet[i]
         if mine != f:
-            f = mine
+            f, ground = mine, ground_of(surface, g, sheet[i])
             rows, cols, keep = field.shape[f, 0], field.shape[f, 1], field.margin[f]
             start, left, bottom, size = field.node_start[f], field.origin[f, 0], field.origin[f, 1], field.spacing[f]
         plain, ex, ey = False, np.nan, np.nan
@@ -145,10 +150,28 @@ def update_steering(e: int, rank_start: int, rank_stop: int, batch: Batch, dt: f
                 plain, ex, ey = blended_direction(table, node, cols, u, v)
                 is_uniform[i] = _agree(table, node, cols)
         if not plain:  # in cells that a wall runs through
-            ex, ey, _ = way_at(field, boundary, f, position[i, 0], position[i, 1], radius[i])
+            ex, ey, _ = way_at(field, boundary, f, position[i, 0], position[i, 1], radius[i], ground)
         direction[i, 0], direction[i, 1] = ex, ey
     if len(batch.history.stay) > 0:
         _hold_at_spots(rank_start, rank_stop, batch)
+    if surface.slope_start[surface.sheet_start[g + 1]] > surface.slope_start[surface.sheet_start[g]]:
+        _slow_on_slopes(e, rank_start, rank_stop, batch)
+
+
+@inner_kernel
+def _slow_on_slopes(e: int, rank_start: int, rank_stop: int, batch: Batch) -> None:
+    """Change the desired speed of people on stairs and ramps, by the direction in which they mean to walk."""
+    surface, inside, local_speed = batch.world.surface, batch.workspace.inside, batch.history.local_speed
+    first, position = surface.sheet_start[batch.world.geometry_of_env[e]], batch.state.position
+    for rank in range(index(rank_start), index(rank_stop)):
+        i = inside[rank]
+        s = first + batch.state.sheet[i]
+        if surface.slope_start[s + 1] > surface.slope_start[s]:
+            ex, ey = asked_of(i, batch)
+            size = np.sqrt(ex * ex + ey * ey)
+            if size > 0.0:
+                share = share_of_speed(surface, s, position[i, 0], position[i, 1], ex / size, ey / size)
+                local_speed[i] *= share
 
 
 @inner_kernel

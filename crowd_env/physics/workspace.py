@@ -10,6 +10,7 @@ from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Indic
 from crowd_env.core.behaviors.behavior import Behavior, record
 from crowd_env.core.kernels.struct_ref import StructRef, struct_ref
 from crowd_env.geometry.geometry import Boundary
+from crowd_env.geometry.surface import Surface
 from crowd_env.geometry.wall_grid import WallGrid
 from crowd_env.physics.allocation import Arrays, allocate, shapes_of
 from crowd_env.physics.constraints import Constraints
@@ -34,6 +35,7 @@ class World(NamedTuple):
     geometry_of_env: Ints  # (E,)
     guidance: Guidance  # routes, regions and control rules
     wall_grid: WallGrid  # walls that may hide people from each other; empty without a headway
+    surface: Surface  # sheets and heights
 
 
 class Control(NamedTuple):
@@ -102,6 +104,8 @@ class History(NamedTuple):
     followed: Annotated[Ints, "P"]  # route followed: that of `CrowdState`, or of a control rule
     region_bits: Annotated[Ints, "P"]  # regions that contain the pedestrian
     local_speed: Annotated[Floats, "P"]  # m/s  desired speed there
+    height: Annotated[Floats, "P"]  # m    of the feet, when it was last looked up
+    height_due: Annotated[Floats, "E"]  # s    when it is looked up again
     rule_on: Annotated[Bools, "E R"]  # control rules of each environment
     rule_since: Annotated[Floats, "E R"]  # s  when they were switched on
     door_open: Annotated[Bools, "E D"]
@@ -283,7 +287,7 @@ def _memory(kind: type[Behavior], sizes: Mapping[str, int]) -> Any:
 
 def begin_history(chosen: Sequence[int], people: Ints, history: History, bodies: Bodies, route: Ints) -> None:
     """Reset the history of ``chosen`` environments: no contacts, no forces, no directions."""
-    for name in ("phase", "directions_known", "turn", "rule_on", "have_decided"):
+    for name in ("phase", "directions_known", "turn", "rule_on", "have_decided", "height_due"):
         getattr(history, name)[chosen] = 0
     history.contacts.number[chosen], history.door_open[chosen] = 0, True
     history.followed[people], history.region_bits[people] = route, 0

@@ -77,7 +77,7 @@ class ContactSums:
         found, outline = simulation.contacts(self._e), simulation.outline
         kept = np.flatnonzero((found.gap < 0.0) | (found.impulse != 0.0).any(axis=1))
         i, j, gap, normal = found.i[kept], found.j[kept], found.gap[kept], found.normal[kept]
-        position, radius = simulation.state.position[people], simulation.bodies.radius[people]
+        position, radius = simulation.laid_out[people], simulation.bodies.radius[people]
         key = (i << 40) | ((j + (1 << 23)) << 16)
         if outline is None or found.disc_i is None or found.disc_j is None:
             center, size = position[i], radius[i]

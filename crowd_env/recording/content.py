@@ -12,6 +12,7 @@ from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.behaviors.pulls import ALONE
 from crowd_env.core.checks import Plain, array
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.sheets import from_plain
 
 OF_PEOPLE = (
     "radius",
@@ -108,13 +109,24 @@ class Frames:
         """Time from one frame to the next [s]; the last frame may come sooner."""
         return float(self.facts.get("every") or (self.times[1] - self.times[0] if len(self.times) > 1 else 1.0))
 
+    def places(self) -> tuple[Floats, Floats, Ints]:
+        """Return where people are in a building: true coordinates (R, 2) [m], heights (R,) [m] and sheets (R,).
+
+        Positions of a recording are those of the layout, in which the sheets lie side by side.
+        """
+        true, sheet = self.geometry.on_sheets(self.position)
+        return true, self.geometry.heights(true, sheet), sheet
+
     @cached_property
     def geometry(self) -> Geometry:
         """The place; doors are walls."""
         with warnings.catch_warnings():  # its warnings appeared when the place was made
             warnings.simplefilter("ignore")
             lines = {str(k): line for k, (_, line) in enumerate(self.exits)}
-            made = Geometry.from_wkt(self.walkable, exits=lines)
+            if "building" in self.facts:
+                made = Geometry.from_sheets(*from_plain(self.facts["building"]), exits=lines)
+            else:
+                made = Geometry.from_wkt(self.walkable, exits=lines)
         inner = np.concatenate([self.thin_walls, *(line[None] for _, line in self.doors)])
         walls = np.concatenate([made.walls, inner])
         return replace(

@@ -12,6 +12,8 @@ from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.checks import Plain
 from crowd_env.core.files.versions import versions_of
 from crowd_env.envs.crowd import CrowdEnv
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.sheets import as_plain
 from crowd_env.physics.pressure import contact_pressure
 from crowd_env.physics.settings import kinds_of
 from crowd_env.physics.simulation.simulation import Simulation
@@ -52,6 +54,10 @@ def _of_memory(simulation: Simulation) -> dict[str, type[Behavior]]:
     return {name: kind for name, kind in kinds.items() if simulation.behaviors[name] is not None and kind.RECORDED}
 
 
+def _of_building(geometry: Geometry) -> dict[str, Any]:
+    return {} if geometry.building is None else {"building": as_plain(geometry.building)}
+
+
 class FrameSampler:
     """Makes the frames of environment ``e`` of a batch, each a recording of one frame.
 
@@ -66,7 +72,7 @@ class FrameSampler:
         self._decision_dt, self._decisions, self._seen_at = env.decision_dt, 0, 0.0
         self._impulse = np.zeros(count)
         self._gone = np.zeros(count, dtype=bool)
-        self._last = env.simulation.state.position[self._people].copy()
+        self._last = env.simulation.laid_out[self._people].copy()
         self._leaving = np.zeros(count, dtype=bool)  # pedestrians that have got out, with one more row to come
         self._onward = np.zeros((count, 2))  # the position of that row
         self._empty = self._without_frames(env, facts)
@@ -79,7 +85,7 @@ class FrameSampler:
         leaves = zip(geometry.door_of_wall[~fixed], geometry.walls[~fixed], strict=True)
         outline = env.simulation.outline
         return {
-            "facts": {**facts, "finished": False},
+            "facts": {**facts, "finished": False, **_of_building(geometry)},
             "walkable": geometry.walkable.wkt,
             "thin_walls": geometry.walls[geometry.two_sided & fixed].copy(),
             "doors": tuple((geometry.doors[k], line.copy()) for k, line in leaves),
@@ -139,7 +145,7 @@ class FrameSampler:
             for name, values in kind.rows(simulation).items()
         }
         time = self._time(env)
-        position, velocity = state.position[self._people].copy(), state.velocity[self._people].copy()
+        position, velocity = simulation.laid_out[self._people].copy(), state.velocity[self._people].copy()
         angle, exit_time = state.angle[self._people].copy(), state.exit_time[self._people].copy()
         exit_index = state.exit_index[self._people].copy()
         position[self._leaving] = self._onward[self._leaving]

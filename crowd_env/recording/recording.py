@@ -16,6 +16,8 @@ from crowd_env.recording.content import FrameContacts, Frames
 from crowd_env.recording.formats import FORMATS, check_writable, open_writer, require_library
 from crowd_env.recording.writer import part_of
 
+_LEAP = 3.0  # m between two frames: to another sheet of a building, whose layout sets them apart
+
 
 class Moment(NamedTuple):
     """K people at one time."""
@@ -104,7 +106,10 @@ class Recording(Frames):
         if angle is not None and first == 0:
             angle = self._steady_angle[then]  # bodies face their way from the first step on
         kept = {name: between(one) for name, one in self.memory.items()}
-        return Moment(person, between(self.position), between(self.velocity), pressure, angle, kept)
+        ahead = self.position[then] - self.position[here]
+        onto = np.hypot(*ahead.T)[:, None] > _LEAP  # another sheet
+        position = np.where(onto, self.position[here], between(self.position))
+        return Moment(person, position, between(self.velocity), pressure, angle, kept)
 
     def peak_time(self) -> float:
         """Return when people press each other most [s]; if they never do, when half of them are out."""

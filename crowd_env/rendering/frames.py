@@ -193,7 +193,7 @@ def draw_env(env: CrowdEnv, kept: list[Renderer], e: int = 0) -> np.ndarray:
     people, simulation = env.people(e), env.simulation
     radius, state = simulation.bodies.radius[people], simulation.state
     impulse = simulation.results.impulse_magnitude[people]
-    position, angle = state.position[people], state.angle[people]
+    position, angle = simulation.laid_out[people], state.angle[people]
     feet = places_of_feet(simulation)[people] if simulation.behaviors["balance"] else None
     return renderer.frame(
         position,

@@ -15,6 +15,7 @@ WALL: Color = (55, 65, 77)
 OBSTACLE: Color = (172, 180, 188)
 EXIT: Color = (38, 148, 98)
 EXIT_MAT: Color = (205, 233, 217)
+SEAM: Color = (214, 158, 46)  # where one comes to another sheet of a building
 INK: Color = (43, 51, 60)
 QUIET: Color = (116, 123, 131)
 FAINT: Color = (221, 217, 209)

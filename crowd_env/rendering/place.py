@@ -11,8 +11,8 @@ from crowd_env.analysis.plan_check import PlanCheck
 from crowd_env.core.checks import counted
 from crowd_env.rendering.canvas import draw_bodies, draw_floor, draw_lines, fill_rings, hex_of, mark
 from crowd_env.rendering.libraries import Axes, Line2D, PathPatch
-from crowd_env.rendering.palette import EXIT, EXIT_MAT, OBSTACLE, SERIES, WALL, Color
-from crowd_env.rendering.plan import exit_areas, exit_places, holes_of, shells_of
+from crowd_env.rendering.palette import EXIT, EXIT_MAT, OBSTACLE, QUIET, SEAM, SERIES, WALL, Color
+from crowd_env.rendering.plan import exit_areas, exit_places, holes_of, name_places, shells_of
 from crowd_env.scenarios.plans.floor_plan import listed
 
 DOOR: Color = (196, 120, 32)
@@ -82,6 +82,11 @@ def draw_place(axes: Axes, check: PlanCheck, *, widths: bool, edge: bool = True,
     if check.sections:
         names = textwrap.fill(f"people are counted: {', '.join(one.name for one in check.sections)}", _WIDEST)
         others.append(mark(names, color=hex_of(SECTION), linewidth=1.6, dashes=(5, 2)))
+    if geometry.building is not None:
+        draw_lines(axes, geometry.building.lines, SEAM, 4.5, 5, capstyle="butt")
+        for name, corner in name_places(geometry.building):
+            axes.annotate(name, corner, (0, -11), textcoords="offset points", fontsize=size, color=hex_of(QUIET))
+        others.append(mark("here one comes to another sheet", color=hex_of(SEAM), linewidth=4.5))
     exits = _name_exits(axes, check, widths, size)
     people = _draw_people(axes, check)
     return Layers(exits, regions, people, others)

@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.sheets import Building
 from crowd_env.rendering.libraries import Image, drawing_library
-from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, OBSTACLE, WALL, Color
+from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, OBSTACLE, QUIET, SEAM, WALL, Color
 
 _WALL_THICKNESS = 0.11  # m, as drawn; walls of the model have none
 _THIN_WALL = 0.04  # m, walls that are touched from both sides
@@ -73,12 +74,35 @@ def draw_plan(geometry: Geometry, layout: Layout) -> Image:
     fill([[mat] for mat in mats], EXIT_MAT)
     fill(_rings(geometry.walkable), FLOOR)
     line = float(np.clip(0.35 * layout.wall, 2.0, 4.0)) * pixel
+    if geometry.building is not None:
+        fill([[_strip(a, b, 0.0, layout.wall * pixel)] for a, b in geometry.building.lines], SEAM)
+        _name_sheets(image, geometry.building, layout)
     fill([[_strip(a, b, 0.0, line)] for a, b in geometry.exits], EXIT)
     half = 0.5 * max(_THIN_WALL, 2.0 * pixel)
     thin = geometry.walls[geometry.two_sided]
     along = half * (thin[:, 1] - thin[:, 0]) / np.linalg.norm(thin[:, 1] - thin[:, 0], axis=1)[:, None]
     fill([[_strip(a - d, b + d, -half, half)] for (a, b), d in zip(thin, along, strict=True)], WALL)
     return image
+
+
+def _name_sheets(image: Image, building: Building, layout: Layout) -> None:
+    """Write the name of each level below its lower left corner."""
+    import PIL.ImageDraw
+    import PIL.ImageFont
+
+    draw, font = PIL.ImageDraw.Draw(image), PIL.ImageFont.load_default(0.8 * layout.text)
+    for name, corner in name_places(building):
+        if name in (sheet.name for sheet in building.sheets):
+            continue  # a stair is small, and its name long
+        x, y = layout.pixels(corner).tolist()
+        draw.text((x, y + layout.wall), name, fill=QUIET, font=font)
+
+
+def name_places(building: Building) -> Iterator[tuple[str, Floats]]:
+    """Yield the name of each sheet, with its level if it has one, and its lower left corner (2,) in the layout [m]."""
+    for sheet in building.sheets:
+        level = f"  {sheet.level:+.2f} m" if sheet.level == sheet.level else ""
+        yield f"{sheet.name}{level}", np.add(sheet.area.bounds[:2], sheet.offset)
 
 
 def _fill(image: Image, layout: Layout, shapes: Sequence[Sequence[Floats]], color: Color) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from crowd_env.core.arrays.state import Ints, row_starts
-from crowd_env.routing.fields.field import NavigationField
+from crowd_env.routing.fields.field import NavigationField, by_sheet
 from crowd_env.routing.route_set import RouteSet, region_masks
 from crowd_env.routing.rules import MOST_REGIONS, Guidance, RegionArrays, RuleArrays
 
@@ -16,18 +16,24 @@ _REGION_CELLS = 4e6  # a place of more than 100 m x 100 m gets larger ones
 def add_fields(
     route_set: RouteSet | NavigationField | None, fields: list[NavigationField | None]
 ) -> tuple[list[int], list[int]]:
-    """Append the fields of a place to the batch's fields; return for each route the row of its field and of its potential."""
+    """Append the fields of a place to the batch's fields; return for each route the row of its field and of its potential.
+
+    In a building these are the rows of its first sheet.
+    """
     if not isinstance(route_set, RouteSet):
-        fields.append(route_set)
-        return [len(fields) - 1], [len(fields) - 1]
-    rows = [len(fields) + r for r in range(len(route_set.routes))]
-    fields += [route.field for route in route_set.routes]
+        row = len(fields)
+        fields += by_sheet(route_set)
+        return [row], [row]
+    rows = []
+    for route in route_set.routes:
+        rows.append(len(fields))
+        fields += by_sheet(route.field)
     potentials = list(rows)
     for r, route in enumerate(route_set.routes):
         # The field changes in place, or ends at the region.
         if route.congestion is not None or route.to_exit is not None:
             potentials[r] = len(fields)
-            fields.append(route.potential)
+            fields += by_sheet(route.potential)
     return rows, potentials
 
 

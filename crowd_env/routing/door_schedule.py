@@ -102,7 +102,7 @@ class DoorSchedule:
         geometry = self._geometries[e]
         assert event.at_least is not None
         if event.region is not None:
-            position = state.position[people][state.active[people]]
+            position = geometry.laid_out(state.position[people], state.sheet[people])[state.active[people]]
             return int(geometry.contains(position, event.region).sum()) >= event.at_least
         rows = [k for k, name in enumerate(geometry.exit_names) if name == event.exit]
         return int(np.isin(state.exit_index[people], rows).sum()) >= event.at_least

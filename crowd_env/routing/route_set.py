@@ -144,6 +144,10 @@ class RoutePlan:
         ground = self.geometry.with_ways_to(open_to)
         congestion = walls = None
         if strategy.follows_crowd:
+            if self.geometry.building is not None:
+                raise ValueError(
+                    f"route {name!r}: the {route.strategy} way does not know storeys; take another strategy"
+                )
             if self.one_way:
                 raise ValueError(
                     f"route {name!r}: the {route.strategy} way does not know one-way doors; take another strategy"

@@ -11,6 +11,7 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
 from crowd_env.core.kernels.jit import inner_kernel
+from crowd_env.geometry.surface import Surface, ground_of
 from crowd_env.routing.fields.lookup import FieldArrays
 
 MOST_REGIONS = 62  # bits of a mask
@@ -52,7 +53,9 @@ class Guidance(NamedTuple):
 
 
 @inner_kernel
-def notice_regions(e: int, g: int, region: RegionArrays, bodies: Bodies, state: CrowdState, history: Any) -> None:
+def notice_regions(
+    e: int, g: int, region: RegionArrays, surface: Surface, bodies: Bodies, state: CrowdState, history: Any
+) -> None:
     """Write each pedestrian's regions (bits) and its desired speed there [m/s] into the `History` of a step."""
     region_bits, local_speed = history.region_bits, history.local_speed
     rows, cols, mask, fixed, factor = region.shape[g, 0], region.shape[g, 1], region.mask, region.fixed, region.factor
@@ -63,8 +66,9 @@ def notice_regions(e: int, g: int, region: RegionArrays, bodies: Bodies, state: 
         region_bits[i] = 0
         if cols == 0 or not active[i]:
             continue
-        column = int(np.floor((position[i, 0] - left) / spacing))
-        row = int(np.floor((position[i, 1] - bottom) / spacing))
+        ox, oy, _, _ = ground_of(surface, g, state.sheet[i])
+        column = int(np.floor((position[i, 0] - (left - ox)) / spacing))
+        row = int(np.floor((position[i, 1] - (bottom - oy)) / spacing))
         bits = mask[start + min(max(row, 0), rows - 1) * cols + min(max(column, 0), cols - 1)]
         region_bits[i] = bits
         k = 0
@@ -79,7 +83,13 @@ def notice_regions(e: int, g: int, region: RegionArrays, bodies: Bodies, state: 
 
 @inner_kernel
 def apply_rules(
-    e: int, g: int, field: FieldArrays, guidance: Guidance, bodies: Bodies, state: CrowdState, history: Any
+    e: int,
+    g: int,
+    field: FieldArrays,
+    guidance: Guidance,
+    bodies: Bodies,
+    state: CrowdState,
+    history: Any,
 ) -> None:
     """Switch the rules of environment ``e`` on and off, and write the present route of each pedestrian, into the history."""
     region_bits, followed = history.region_bits, history.followed
@@ -108,7 +118,8 @@ def apply_rules(
         route = _after_goals(e, guidance, own[i], region_bits[i])
         own[i] = route
         if any_on:
-            through = regions_ahead(field, field_of_route[e, route], position[i, 0], position[i, 1])
+            f = field_of_route[e, route] + state.sheet[i]
+            through = regions_ahead(field, f, position[i, 0], position[i, 1])
             for k in range(rule_begin, rule_end):
                 bit = 1 << rule.region[k]
                 if rule_on[e, k - rule_begin] and through & bit and not region_bits[i] & bit:

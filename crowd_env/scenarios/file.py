@@ -2,11 +2,13 @@
 
 A file is data: its keys are the fields of `Scenario`, and the checks are the same as in Python.  Nothing is ignored.  A place
 with options of its own is a function that returns a `Scenario`.  The plan stands in the file, or in a drawing that it names:
-then the file is a project, which adds people, doors, zones and all else to the drawing.
+then the file is a project, which adds people, doors, zones and all else to the drawing.  A building has such a plan for each
+of its levels.
 """
 
 import json
 import tomllib
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import partial
@@ -16,11 +18,24 @@ from typing import Any, TypeAlias
 import numpy as np
 from shapely.geometry import Polygon
 
-from crowd_env.core.checks import POSITIVE, NotNegative, Plain, Positive, at, check_keys, from_table, number, table
+from crowd_env.core.arrays.state import Floats
+from crowd_env.core.checks import (
+    POSITIVE,
+    NotNegative,
+    Plain,
+    Positive,
+    array,
+    at,
+    check_keys,
+    from_table,
+    number,
+    table,
+)
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.atomic import legible
 from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.scenarios.buildings import Level, Ramp, Stair, building
 from crowd_env.scenarios.cohorts import Cohorts, People
 from crowd_env.scenarios.floor_plan import area_on, people_on, scenario_on, with_own
 from crowd_env.scenarios.plans.floor_plan import FloorPlan
@@ -32,7 +47,8 @@ from crowd_env.scenarios.shapes import circle, rectangle
 from crowd_env.scenarios.starts import check_starts, read_entries, read_starts
 
 SUFFIXES = (".toml", ".json")
-KEYS = ("$schema", *(field.name for field in fields(Scenario)), "cohorts")
+OF_BUILDING = ("levels", "stairs", "ramps")
+KEYS = ("$schema", *(field.name for field in fields(Scenario)), "cohorts", *OF_BUILDING)
 
 # Table of a file -> its older keys and what they are today.
 OLDER = {"": {"groups": "cohorts"}, "population": {"companions": "group_size"}, "pulls": {"companions": "groups"}}
@@ -41,6 +57,8 @@ _OF_DRAWING = ("level", "layers", "unit", "origin")  # keys of `Plan` that tell 
 _OWN = ("walkable", "exits", "regions")  # keys that add to a drawing
 
 Line: TypeAlias = list[tuple[float, float]]
+OffsetOf: TypeAlias = Callable[[str], Floats]
+"""Returns how far a level of a building is moved in the layout, from its name."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +113,28 @@ class Plan:
     """m, radius of all corners that jut into the walkable area; 0 = sharp."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Storey(Plan):
+    """A level of a building: a plan at a height; all levels share their coordinates."""
+
+    name: str
+    """name of the level; also that of a region, all its floor."""
+    height: float
+    """m, of its floor."""
+
+
+@dataclass(frozen=True)
+class House:
+    """A building, in place of the geometry."""
+
+    levels: tuple[Storey, ...]
+    """levels of a building, in place of the geometry; names of exits, regions and doors are unique in it."""
+    stairs: tuple[Stair, ...] = ()
+    """stairs of a building."""
+    ramps: tuple[Ramp, ...] = ()
+    """ramps of a building."""
+
+
 def read_scenario(path: Path, changes: Plain | None = None) -> Scenario:
     """Return the scenario in a file, checked: every route leads out, and the people fit.
 
@@ -130,24 +170,30 @@ def scenario_of(content: Plain, path: Path) -> Scenario:
     with at(str(path)):
         content = _today("", content)
         check_keys(str(path), content, KEYS)
-        given = _plan(content)
-        apart = ("$schema", "geometry", "population", "cohorts")
-        own = {key: value for key, value in content.items() if key not in apart}
+        given = None if set(OF_BUILDING) & set(content) else _plan(content)
+        apart = ("$schema", "geometry", "population", "cohorts", *OF_BUILDING)
+        own: dict[str, Any] = {key: value for key, value in content.items() if key not in apart}
         if isinstance(pulls := own.get("pulls"), Mapping):
             own["pulls"] = _today("pulls", pulls)
         own = {"name": legible(path.stem), **own}
-        shapes = _shapes(given)
-        if given.file:
+        shapes = {} if given is None else _shapes("geometry", given)
+        if given is not None and given.file:
             with at("geometry"):
                 plan = with_own(drawing_of(content, path), **{key: shapes.pop(key) for key in _OWN})
             crowd = _people(content, path.parent, partial(area_on, plan), partial(people_on, plan))
             scenario = scenario_on(plan, crowd, beside=shapes, **own)
         else:
-            with at("geometry"):
-                for key in ("walkable", "exits"):
-                    _needed(shapes, key)
-                geometry = Geometry.from_polygon(**shapes)
-            crowd = _people(content, path.parent, geometry.area_of)
+            if given is None:
+                geometry = _building(content, path)
+                offset_of = None if geometry.building is None else geometry.building.offset_of
+            else:
+                offset_of = None
+                with at("geometry"):
+                    for key in ("walkable", "exits"):
+                        _needed(shapes, key)
+                    geometry = Geometry.from_polygon(**shapes)
+            own = _on_levels(own, offset_of)
+            crowd = _people(content, path.parent, geometry.area_of, offset_of=offset_of)
             scenario = Scenario(**{"time_limit": 1.0, **own}, geometry=geometry, population=crowd)
             scenario = scenario if "time_limit" in own else scenario.with_enough_time()
         _require_ways(scenario)
@@ -162,9 +208,81 @@ def drawing_of(content: Plain, path: Path) -> FloorPlan:
     ValueError
         If it cannot be read or used as a plan.
     """
-    given = _plan(content)
+    return _drawing(_plan(content), path)
+
+
+def _drawing(given: Plan, path: Path) -> FloorPlan:
     drawn = {key: getattr(given, key) for key in _OF_DRAWING}
     return read_plan(path.parent / path_of("file", given.file), **drawn)
+
+
+def _building(content: Plain, path: Path) -> Geometry:
+    """Return the place of the levels, stairs and ramps in the content of a file."""
+    if "geometry" in content:
+        raise ValueError("geometry and levels: the plan of a building stands in its levels; give one of them")
+    _needed(content, "levels")
+    levels, stairs, ramps = (_tables(content, key) for key in OF_BUILDING)
+    storeys = [_level(from_table(where, Storey, one), path) for where, one in levels]
+    return building(
+        storeys,
+        [from_table(where, Stair, one) for where, one in stairs],
+        [from_table(where, Ramp, one) for where, one in ramps],
+    )
+
+
+def _tables(content: Plain, key: str) -> list[tuple[str, Plain]]:
+    """Return the tables of a list, and where each stands."""
+    given = content.get(key, [])
+    if not isinstance(given, list):
+        raise ValueError(f"{key} must be a list of tables: [[{key}]]")
+    return [(f"{key}[{k}]", table(f"{key}[{k}]", one, "keys and values")) for k, one in enumerate(given)]
+
+
+def _level(storey: Storey, path: Path) -> Level:
+    where = f"level {storey.name!r}"
+    if storey.jamb_radius:
+        raise ValueError(f"{where}: jamb_radius is {storey.jamb_radius!r}; in a building all corners are sharp: 0")
+    shapes = _shapes(where, storey)
+    del shapes["jamb_radius"]
+    with at(where):
+        if storey.file:
+            plan = with_own(_drawing(storey, path), **{key: shapes[key] for key in _OWN})
+            for note in plan.notes:
+                warnings.warn(f"{where}: {note}", stacklevel=2)
+            shapes |= {key: getattr(plan, key) for key in _OWN}
+        return Level(storey.name, storey.height, **{**shapes, "walkable": _needed(shapes, "walkable")})
+
+
+def _on_levels(own: dict[str, Any], offset_of: OffsetOf | None) -> dict[str, Any]:
+    """Return fields of a scenario, with sections and attractions moved from their levels to the layout."""
+    if offset_of is None:
+        return own
+
+    def moved(where: str, one: Any) -> Any:
+        given = table(where, one, "keys and values")
+        by = offset_of(_needed_level(where, given))
+        rest = {key: value for key, value in given.items() if key != "level"}
+        with at(where):
+            for key, c in (("x", 0), ("y", 1)):
+                if key in rest:
+                    rest[key] = number(key, rest[key]) + by[c]
+            if "line" in rest:
+                rest["line"] = (array("line", rest["line"], (None, 2)) + by).tolist()
+        return rest
+
+    given = dict(own)
+    if isinstance(sections := given.get("sections"), list):
+        given["sections"] = [moved(f"sections[{k}]", one) for k, one in enumerate(sections)]
+    if isinstance(pulls := given.get("pulls"), Mapping) and isinstance(points := pulls.get("attractions"), list):
+        there = [moved(f"pulls.attractions[{k}]", one) for k, one in enumerate(points)]
+        given["pulls"] = {**pulls, "attractions": there}
+    return given
+
+
+def _needed_level(where: str, given: Plain) -> str:
+    if "level" not in given:
+        raise ValueError(f"{where}: key 'level' is missing; in a building it names the level of these coordinates")
+    return str(given["level"])
 
 
 def floor_of(content: Plain, path: Path) -> Geometry:
@@ -175,8 +293,10 @@ def floor_of(content: Plain, path: Path) -> Geometry:
     ValueError
         If the floor is wrong, or what lies on it.
     """
+    if set(OF_BUILDING) & set(content):
+        return _building(content, path)
     given = _plan(content)
-    shapes = _shapes(given)
+    shapes = _shapes("geometry", given)
     if given.file:
         plan = with_own(drawing_of(content, path), shapes["walkable"], None, shapes["regions"])
         shapes |= {"walkable": plan.walkable, "regions": plan.regions}
@@ -239,16 +359,17 @@ def _needed(content: Plain, key: str) -> Any:
     return content[key]
 
 
-def _shapes(plan: Plan) -> dict[str, Any]:
-    """Return what stands in a file itself, as `Geometry.from_polygon` takes it."""
+def _shapes(where: str, plan: Plan) -> dict[str, Any]:
+    """Return what stands in a file itself, as `Geometry.from_polygon` takes it; ``where`` begins messages."""
     shapes: dict[str, Any] = {}
     for key, value in vars(plan).items():
         named = key in ("exits", "regions", "doors") and isinstance(value, Mapping)
-        if key in ("file", *_OF_DRAWING):
+        if key in ("file", *_OF_DRAWING, "name", "height"):
             continue
-        shapes[key] = (
-            {name: _shape(f"{key}.{name}", one) for name, one in value.items()} if named else _shape(key, value)
-        )
+        if named:
+            shapes[key] = {name: _shape(f"{where}.{key}.{name}", one) for name, one in value.items()}
+        else:
+            shapes[key] = _shape(f"{where}.{key}", value)
     return shapes
 
 
@@ -259,25 +380,27 @@ def _shape(where: str, value: Any) -> Any:
     if not isinstance(value, Mapping):
         return value
     form, size = ("box", 4) if "box" in value else ("circle", 3)
-    check_keys(f"geometry.{where}", value, ("box", "circle"))
+    check_keys(where, value, ("box", "circle"))
     given = value.get(form)
     if not isinstance(given, list) or len(given) != size or len(value) > 1:
-        raise ValueError(
-            f"geometry.{where}: it must be a box = [low x, low y, high x, high y] or circle = [x, y, radius]"
-        )
-    numbers = [number(f"geometry.{where}.{form}", one) for one in given]
+        raise ValueError(f"{where}: it must be a box = [low x, low y, high x, high y] or circle = [x, y, radius]")
+    numbers = [number(f"{where}.{form}", one) for one in given]
     if form == "circle":
         x, y, radius = numbers
-        number(f"geometry.{where}: the radius of the circle", radius, POSITIVE, "m")
+        number(f"{where}: the radius of the circle", radius, POSITIVE, "m")
         return Polygon(circle(x, y, radius))
     x0, y0, x1, y1 = numbers
     if not (x0 < x1 and y0 < y1):
-        raise ValueError(f"geometry.{where}: box is {given}; it must be [low x, low y, high x, high y]")
+        raise ValueError(f"{where}: box is {given}; it must be [low x, low y, high x, high y]")
     return Polygon(rectangle(x0, y0, x1, y1))
 
 
 def _people(
-    content: Plain, folder: Path, area_of: Callable[[str | None], float], usual: Callable[..., People] | None = None
+    content: Plain,
+    folder: Path,
+    area_of: Callable[[str | None], float],
+    usual: Callable[..., People] | None = None,
+    offset_of: OffsetOf | None = None,
 ) -> People:
     """Return the people of a file.
 
@@ -285,13 +408,14 @@ def _people(
     ----------
     area_of : returns the area [m2] of a start region; None = of all floor.
     usual : makes the people of a floor plan from fields that name neither cohorts nor a start.
+    offset_of : of a building.
     """
     shared = table("population", content.get("population", {}), "keys and values")
     if "cohorts" not in content:
         if usual is None:
             _needed(content, "population")
         if usual is None or {"starts", "start_region", "density"} & set(shared):
-            return _population(shared, "population", folder, area_of)
+            return _population(shared, "population", folder, area_of, offset_of)
         with at("population"):
             from_table("population", Population, {"people": 1, **_today("population", shared)})
             return usual(**with_profile(_today("population", shared)))
@@ -304,12 +428,14 @@ def _people(
         own = table(f"cohorts[{k}]", cohort, "keys and values")
         elsewhere = {"start_region"} if "starts" in own and "start_region" not in own else ()
         of_all = {name: value for name, value in shared.items() if name not in elsewhere}
-        parts.append(_population({**of_all, **with_profile(own)}, f"cohorts[{k}]", folder, area_of))
+        parts.append(_population({**of_all, **with_profile(own)}, f"cohorts[{k}]", folder, area_of, offset_of))
     with at("cohorts"):
         return Cohorts(tuple(parts))
 
 
-def _population(given: Plain, key: str, folder: Path, area_of: Callable[[str | None], float]) -> Population:
+def _population(
+    given: Plain, key: str, folder: Path, area_of: Callable[[str | None], float], offset_of: OffsetOf | None
+) -> Population:
     starts = given.get("starts")
     if "density" in given:
         if "people" in given:
@@ -327,8 +453,18 @@ def _population(given: Plain, key: str, folder: Path, area_of: Callable[[str | N
             check_keys("arrivals", arrivals, ("file",))
             times, starts = read_entries(_beside(folder, arrivals["file"]))
         given = {**given, "arrivals": {"times": times.tolist()}, "starts": starts}
+    if offset_of is None:
+        with at(key):
+            return population_of(key, _today("population", given))
+    level = given.get("level")
     with at(key):
-        return population_of(key, _today("population", given))
+        people = population_of(key, _today("population", {name: one for name, one in given.items() if name != "level"}))
+        if people.starts is None and (people.arrivals is None or people.arrivals.line is None):
+            if level is not None:
+                raise ValueError("level is for starts and lines of arrivals; start_region names the level of others")
+            return people
+        by = offset_of(_needed_level(key, given))
+        return people.moved(lambda points: points + by)
 
 
 def _beside(folder: Path, name: Any) -> Path:

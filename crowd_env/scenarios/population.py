@@ -207,9 +207,10 @@ class Population:
             return at_the_start(self.people)
         due, spots, own = self.arrivals.draw(rng, self.people), self.spots(geometry, room), np.arange(self.people)
         if self.starts is not None:
-            return Entries(due, own, own + 1, own.copy(), spots.copy())
+            return Entries(due, own, own + 1, own.copy(), spots.copy(), np.zeros(len(spots), dtype=np.int64))
         start, stop = np.zeros_like(own), np.full_like(own, len(spots))
-        return Entries(due, start, stop, rng.integers(len(spots), size=self.people), spots)
+        first = rng.integers(len(spots), size=self.people)
+        return Entries(due, start, stop, first, spots.copy(), np.zeros(len(spots), dtype=np.int64))
 
     def draw_bodies(self, rng: np.random.Generator) -> Bodies:
         """Draw the bodies alone, with the motivation of the run's manner."""

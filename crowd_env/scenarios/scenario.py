@@ -186,7 +186,8 @@ class Scenario:
         if strategy is None:
             said = self.routes or self.rules or self.one_way or self.target != "path" or len(self.exits) == 1
             x0, y0, x1, y1 = self.geometry.bounds
-            return "shortest" if said or (x1 - x0) * (y1 - y0) > _LARGE else "fastest"
+            large = self.geometry.building is not None or (x1 - x0) * (y1 - y0) > _LARGE
+            return "shortest" if said or large else "fastest"
         known = (*STRATEGIES, *(route.name for route in self.routes), *self.exits)
         if not isinstance(strategy, str) or strategy not in known:
             raise ValueError(f"{self.name}: unknown strategy {shown(strategy)}; known: {', '.join(known)}")

@@ -16,7 +16,7 @@ from crowd_env.core.checks import COUNT, POSITIVE, Plain
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.cohorts import Cohorts
 from crowd_env.scenarios.distributions import LAWS, Distribution
-from crowd_env.scenarios.file import OLDER, Line, Plan
+from crowd_env.scenarios.file import OF_BUILDING, OLDER, House, Line, Plan
 from crowd_env.scenarios.population import BOUNDS
 from crowd_env.scenarios.scenario import Scenario
 
@@ -76,11 +76,18 @@ class _InFiles(GenerateJsonSchema):
 def json_schema() -> Plain:
     """Return the JSON Schema of scenario files, in draft 7, the newest that most editors of TOML read."""
     scenario = _core(Scenario).json_schema(ref_template="#/definitions/{model}", schema_generator=_InFiles)
-    definitions = _draft_7(scenario.pop("$defs"))
+    house = _core(House).json_schema(ref_template="#/definitions/{model}", schema_generator=_InFiles)
+    definitions = _draft_7({**scenario.pop("$defs"), **house.pop("$defs")})
     del definitions["Population"]["required"]  # recorded starts have a number; cohorts share the rest
     definitions["Plan"]["anyOf"] = [{"required": ["walkable", "exits"]}, {"required": ["file"]}]
+    of_plan = definitions["Plan"]["properties"].items()  # with the notes beside the fields of this class
+    definitions["Storey"]["properties"] |= {name: one for name, one in of_plan if name != "jamb_radius"}
+    del definitions["Storey"]["properties"]["jamb_radius"]
     density = {"type": "number", **POSITIVE.in_schema(), "description": "1/m2, in place of the number of people."}
     definitions["Population"]["properties"]["density"] = density
+    of_level = {"type": "string", "description": "name of the level of these coordinates, in a building"}
+    for name in ("Population", "Section", "Attraction"):
+        definitions[name]["properties"]["level"] = of_level
     entries = {"type": "string", "description": "CSV file of recorded entries, in place of all other keys: time, x, y."}
     definitions["Arrivals"]["properties"]["file"] = entries
     for name, allowed in BOUNDS.items():
@@ -96,6 +103,7 @@ def json_schema() -> Plain:
             "items": {"$ref": "#/definitions/Population"},
             "description": "cohorts of people of different kinds",
         },
+        **_draft_7(house["properties"]),
     }
     properties = {
         "": own,
@@ -111,7 +119,8 @@ def json_schema() -> Plain:
         **scenario,
         "description": "A scenario of crowd_env. Lengths are in m, times in s, speeds in m/s, masses in kg.",
         "properties": scenario["properties"] | own,
-        "required": ["geometry"],
+        "required": [],
+        "anyOf": [{"required": ["geometry"]}, {"required": [OF_BUILDING[0]]}],
         "definitions": definitions,
     }
 

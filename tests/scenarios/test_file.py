@@ -36,6 +36,7 @@ from crowd_env.routing.fields.field import OneWay
 from crowd_env.routing.spec import ControlRule, DoorEvent, Gate, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios.arrivals import Arrivals
+from crowd_env.scenarios.buildings import Level, Ramp, Stair
 from crowd_env.scenarios.shapes import circle
 
 json_schema = late("crowd_env.scenarios.schema", "json_schema")
@@ -416,7 +417,7 @@ def test_every_key_has_a_note_and_no_table_takes_others():
 def test_people_have_the_keys_of_a_population():
     properties = json_schema()["definitions"]["Population"]["properties"]
     today = [name for name, one in properties.items() if not one.get("deprecated")]
-    assert today == [*(field.name for field in fields(Population)), "density"]
+    assert today == [*(field.name for field in fields(Population)), "density", "level"]
 
 
 def accepts(schema, value, whole):
@@ -495,6 +496,7 @@ def of_population(density=1.0, **key):
     return Population(**{"people": 10**4, **key})
 
 
+WAY = {"name": "a", "lower": "b", "upper": "c", "foot": (0.0, 0.0), "direction": 0.0}  # a stair or ramp
 # Table -> what it is made by, and the numbers of it that others bound too: these are refused by more than the schema.
 TABLES = {
     "": (lambda **key: replace(make_scenario("room-v0"), **key), ()),
@@ -520,8 +522,14 @@ TABLES = {
     "Population": (of_population, ("group_size",)),
     "Pulls": (None, ()),
     "Route": (partial(Route, "a", via="b"), ()),
+    "Ramp": (partial(Ramp, **WAY, length=9.0), ()),
     "Section": (None, ()),
     "SpeedZone": (partial(SpeedZone, "a"), ()),
+    "Stair": (partial(Stair, **WAY), ()),
+    "Storey": (
+        lambda level=0.0, **key: Level(**{"name": "a", "height": number("level", level), "walkable": ()} | key),
+        (),
+    ),
     "Uniform": (partial(Uniform, **{"low": 0.0, "high": 1.0}), ("low", "high")),
 }
 PROBES = (
@@ -610,7 +618,9 @@ def test_the_table_of_keys_in_the_documents_is_complete():
     schema = json_schema()
     definitions = schema["definitions"]
     geometry = [f"geometry.{key}" for key in definitions["Plan"]["properties"]]
-    known = [key for key in schema["properties"] if key not in ("$schema", "geometry", "groups")] + geometry
+    levels = ["levels.name", "levels.height"]
+    known = [key for key in schema["properties"] if key not in ("$schema", "geometry", "groups", "levels")]
+    known += geometry + levels
     assert sorted(key for keys, _ in key_rows() for key in keys) == sorted(known)
 
 
@@ -625,6 +635,8 @@ def test_the_table_of_keys_in_the_documents_is_complete():
         ("door_events", "DoorEvent"),
         ("one_way", "OneWay"),
         ("comfort", "Comfort"),
+        ("stairs", "Stair"),
+        ("ramps", "Ramp"),
     ],
 )
 def test_the_documents_name_every_key_of_a_table(key, table):

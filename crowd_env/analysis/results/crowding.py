@@ -107,7 +107,7 @@ class CrowdingRecorder:
         pressure = contact_pressure(self._impulse, 1.0, env.simulation.bodies.radius)[who]
         crowd = env.env_of_person[who]
         pressure /= duration[crowd]
-        place = self.grid.cell_of(env.simulation.state.position[who])[:, None] + self._felt
+        place = self.grid.cell_of(env.simulation.laid_out[who])[:, None] + self._felt
         np.maximum.at(_rows(self._of["pressure"]), (crowd[:, None], place), pressure[:, None].astype(np.float32))
         np.add.at(self._of["squeezed"], crowd, duration[crowd] * (pressure > INJURY))
         self._impulse[who] = 0.0
@@ -118,7 +118,7 @@ class CrowdingRecorder:
         given = simulation.results.wall_impulse + env.decision_dt * simulation.social_forces_of_walls()
         who = np.flatnonzero(counts & given.any(axis=1))
         if len(who):
-            piece = self._nearest_piece(simulation.state.position[who])
+            piece = self._nearest_piece(simulation.laid_out[who])
             np.add.at(self._load, (env.env_of_person[who], piece), given[who])
         if ends:
             length = np.maximum(segment_lengths(self._pieces), 1.0)
@@ -140,7 +140,7 @@ class CrowdingRecorder:
         np.add.at(self._of["service"], (env.env_of_person[inside], level), duration)
         for e in np.unique(env.env_of_person[inside]).tolist():
             people = env.people(e)
-            at = self.grid.cell_of(state.position[people][inside[people]])
+            at = self.grid.cell_of(env.simulation.laid_out[people][inside[people]])
             count = self._zones[:, at].sum(axis=1)
             self._of["zone_most"][e] = np.maximum(self._of["zone_most"][e], count)
             self._of["zone_empty"][e][count > 0] = state.time[e] + duration

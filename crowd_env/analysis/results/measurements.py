@@ -58,16 +58,16 @@ class Density:
     """Measures the floor that people have, and draws how dense they stand; see `crowd_env.geometry.voronoi`."""
 
     def __init__(self, geometry: Geometry, grid: Grid) -> None:
-        self._boundary = geometry.with_apron(0.0).boundary
+        self._boundary = geometry.with_apron(0.0).of_layout.boundary
         self._walls = make_wall_grid(self._boundary, 2.0 * REACH)
         self._rays, self._grid = make_rays(), grid
 
     def __call__(self, env: CrowdEnv, inside: Bools, density: NDArray[np.float32]) -> Floats:
         """Return the floor (P,) [m2] of people ``inside``, nan of others; raise ``density`` (E, cells) [1/m2] to theirs."""
-        state, start = env.simulation.state, env.simulation.bodies.env_start
+        start = env.simulation.bodies.env_start
         nearness, floor = np.empty((len(inside), self._rays.shape[1])), np.full(len(inside), np.nan)
         doors = env.simulation.history.door_open
-        seen = start, inside, state.position
+        seen = start, inside, env.simulation.laid_out
         measure_floor(self._boundary, self._walls, doors, *seen, self._rays, nearness, floor)
         draw_density(*seen, nearness, floor, self._grid.origin, CELL, density.reshape(-1, *self._grid.shape))
         return floor
@@ -214,7 +214,7 @@ class MeasurementRecorder:
     def _feel(self, env: CrowdEnv, inside: Bools, pressure: Floats, steps: Floats) -> None:
         """Sample the pressure (P,) of a decision that stands for ``steps`` (E,)."""
         felt, pressed = np.zeros((env.num_envs, self._sums.shape[1])), np.flatnonzero(inside & (pressure > 0.0))
-        at = self.grid.cell_of(env.simulation.state.position[pressed])[:, None] + self._felt
+        at = self.grid.cell_of(env.simulation.laid_out[pressed])[:, None] + self._felt
         np.maximum.at(felt, (env.env_of_person[pressed][:, None], at), pressure[pressed][:, None])
         self._add(1, env, inside, felt, steps)
 

@@ -51,6 +51,7 @@ class CrowdState(NamedTuple):
     exit_time: Floats  #: (P,) s, when the center crossed an exit line, interpolated within the step; nan before
     exit_index: Ints  #: (P,) row of Geometry.exits that was crossed; -1 before
     route: Ints  #: (P,) way that one means to take: a number among those of the place
+    sheet: Ints  #: (P,) storey or stair of the place; 0 where there is one
     time: Floats  #: (E,) s, clock of each environment
 
     def copy(self) -> "CrowdState":
@@ -124,13 +125,15 @@ def join_bodies(parts: Sequence[Bodies]) -> Bodies:
     return Bodies._make([*map(np.concatenate, columns), joined_starts(starts)])
 
 
-def make_state(position: Floats, velocity: Floats | None = None, *, environments: int = 1) -> CrowdState:
+def make_state(
+    position: Floats, velocity: Floats | None = None, *, sheet: Ints | int = 0, environments: int = 1
+) -> CrowdState:
     """Return a `CrowdState` at time zero with everyone inside; velocity defaults to rest.
 
     Raises
     ------
     ValueError
-        If position or velocity are not one (x, y) for each person, or there is no environment.
+        If position or velocity are not one (x, y) for each person, sheet not one number for each, or there is no environment.
     """
     position = np.atleast_2d(_numbers("position", position)).copy(order="C")
     if position.ndim != 2 or position.shape[1] != 2:
@@ -141,6 +144,9 @@ def make_state(position: Floats, velocity: Floats | None = None, *, environments
     velocity = np.atleast_2d(_numbers("velocity", velocity)).copy(order="C")
     if velocity.shape != (count, 2):
         raise ValueError(f"velocity has the shape {velocity.shape}; it must be ({count}, 2) as position")
+    sheets = np.asarray(sheet)
+    if sheets.shape not in ((), (count,)) or sheets.dtype.kind not in "iu":
+        raise ValueError(f"sheet is {_short(sheets)}; it must be a whole number, or ({count},) of them as position")
     if environments < 1:
         raise ValueError(f"environments is {environments}; it must be at least 1")
     return CrowdState(
@@ -153,6 +159,7 @@ def make_state(position: Floats, velocity: Floats | None = None, *, environments
         exit_time=np.full(count, np.nan),
         exit_index=np.full(count, -1, dtype=np.int64),
         route=np.zeros(count, dtype=np.int64),
+        sheet=np.array(np.broadcast_to(sheets, (count,)), dtype=np.int64),
         time=np.zeros(environments),
     )
 
@@ -199,8 +206,8 @@ def check_state(state: CrowdState, bodies: Bodies) -> None:
     """Raise ValueError unless all arrays fit these bodies and each other, and positions and velocities are finite."""
     count, environments = len(bodies.radius), len(bodies.env_start) - 1
     pair, one = (count, 2), (count,)
-    shapes = dict(zip(CrowdState._fields, (pair, pair, *[one] * 7, (environments,)), strict=True))
-    kinds = {"active": np.bool_, "present": np.bool_, "exit_index": np.int64, "route": np.int64}
+    shapes = dict(zip(CrowdState._fields, (pair, pair, *[one] * 8, (environments,)), strict=True))
+    kinds = {"active": np.bool_, "present": np.bool_, "exit_index": np.int64, "route": np.int64, "sheet": np.int64}
     for name, shape in shapes.items():
         _check_array(f"state.{name}", getattr(state, name), kinds.get(name, np.float64), shape)
     for name in ("position", "velocity", "angle", "spin"):

@@ -5,6 +5,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.envs.observation.view import SIGHT, SPEED_SCALE, Cells, Plan, Rows, View
+from crowd_env.geometry.surface import ground_of
 from crowd_env.physics.neighbors.lists import NeighborList, first_cell, sort_into_cells
 from crowd_env.routing.fields.lookup import way_at
 
@@ -131,7 +132,8 @@ def route_from(e: int, i: int, j: int, view: View) -> tuple[float, float, float]
     if view.field_of_route[e, view.followed[j]] == f:
         return view.direction[j, 0], view.direction[j, 1], view.distance_to_go[j]
     position, radius = view.state.position, view.bodies.radius
-    return way_at(view.field, view.boundary, f, position[j, 0], position[j, 1], radius[j])
+    ground = ground_of(view.surface, view.geometry_of_env[e], view.state.sheet[j])
+    return way_at(view.field, view.boundary, f + view.state.sheet[j], position[j, 0], position[j, 1], radius[j], ground)
 
 
 @inner_kernel

@@ -56,6 +56,7 @@ class Observer:
                 boundary=world.boundary,
                 door_open=history.door_open,
                 geometry_of_env=world.geometry_of_env,
+                surface=world.surface,
                 field=batch.world.field,
                 field_of_route=world.guidance.field_of_route,
                 potential_of_route=simulation.planner.potential_of_route,

@@ -23,6 +23,7 @@ from crowd_env.envs.observation.view import (
     View,
 )
 from crowd_env.envs.observation.ways import way_features
+from crowd_env.geometry.surface import ground_of
 from crowd_env.routing.fields.bottlenecks import bottleneck_at
 from crowd_env.routing.fields.lookup import travel_time_at, way_at
 
@@ -69,14 +70,16 @@ def update_route_ahead(e: int, begin: int, end: int, view: View) -> None:
     """
     position, active = view.state.position, view.state.active
     radius, desired_speed = view.bodies.radius, view.bodies.desired_speed
-    travel_time, potential, walls = view.travel_time, view.potential, view.boundary
+    travel_time, potential, walls, g = view.travel_time, view.potential, view.boundary, view.geometry_of_env[e]
     for n in range(index(begin), index(end)):
         i = view.listed[n]
         route, x, y, r = view.followed[i], position[i, 0], position[i, 1], radius[i]
         f, p = view.field_of_route[e, route], view.potential_of_route[e, route]
-        ex, ey, length = way_at(view.field, walls, f, x, y, r)
+        sheet = view.state.sheet[i]
+        ground = ground_of(view.surface, g, sheet)
+        ex, ey, length = way_at(view.field, walls, f + sheet, x, y, r, ground)
         view.direction[i, 0], view.direction[i, 1] = ex, ey
-        left = length if p == f else travel_time_at(view.field, walls, p, x, y, r)
+        left = length if p == f else travel_time_at(view.field, walls, p + sheet, x, y, r, ground)
         speed = max(desired_speed[i], SLOWEST)
         view.distance_to_go[i] = length
         travel_time[i] = length / speed if active[i] else 0.0
@@ -119,7 +122,7 @@ def write_own_features(e: int, begin: int, end: int, view: View, column: Columns
 @inner_kernel
 def write_opening(e: int, i: int, k: int, view: View, out: Rows) -> None:
     """Write the term `opening` of person ``i`` into two columns; 0 where no way is known."""
-    p = view.potential_of_route[e, view.followed[i]]
+    p = view.potential_of_route[e, view.followed[i]] + view.state.sheet[i]
     width, rest = bottleneck_at(view.openings, p, view.state.position[i, 0], view.state.position[i, 1])
     if width > 0.0:
         speed = max(view.bodies.desired_speed[i], SLOWEST)
@@ -173,13 +176,13 @@ def write_turned(out: Rows, i: int, k: int, x: float, y: float, ax: float, ay: f
 def cast_rays(e: int, begin: int, end: int, view: View, plan: Plan, out: Rows) -> None:
     """Write the free distance from each body's surface to the nearest wall along rays / 3 m."""
     g = view.geometry_of_env[e]
-    w0, w1 = view.boundary.wall_start[g], view.boundary.wall_start[g + 1]
     wall, wall_door, axis, turn, beam = view.boundary.wall, view.boundary.wall_door, view.axis, plan.turn, plan.beam
     rays, first = len(turn), plan.column.walls
     for n in range(index(begin), index(end)):
         i = view.listed[n]
         x, y, r = view.state.position[i, 0], view.state.position[i, 1], view.bodies.radius[i]
         reach = SIGHT + r
+        _, _, w0, w1 = ground_of(view.surface, g, view.state.sheet[i])
         for k in range(rays):
             c, s = turn[k, 0], turn[k, 1]
             beam[0, k] = c * axis[i, 0] - s * axis[i, 1]

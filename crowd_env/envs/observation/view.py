@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Ints
 from crowd_env.geometry.geometry import Boundary
+from crowd_env.geometry.surface import Surface
 from crowd_env.physics.neighbors.lists import NeighborList
 from crowd_env.routing.fields.bottlenecks import Bottlenecks
 from crowd_env.routing.fields.lookup import FieldArrays
@@ -34,6 +35,7 @@ class View(NamedTuple):
     """The input of an observation; kernels get a reference to it."""
 
     boundary: Boundary
+    surface: Surface
     door_open: Bools  # (E, D)
     geometry_of_env: Ints  # (E,)
     field: FieldArrays

@@ -6,6 +6,7 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.envs.observation.neighbors import clipped
 from crowd_env.envs.observation.view import SLOWEST, TIME_SCALE, Plan, Rows, View
+from crowd_env.geometry.surface import ground_of
 from crowd_env.routing.fields.lookup import travel_time_at, way_at
 
 SHOWN_SCALE = 50.0  # people   a sign that shows this number is observed as 1/2
@@ -37,13 +38,14 @@ def find_ways(e: int, i: int, view: View) -> None:
     seen to head for one exit, and may turn.
     """
     x, y, r, followed = view.state.position[i, 0], view.state.position[i, 1], view.bodies.radius[i], view.followed[i]
-    heads_for, best = 0, -np.inf
+    heads_for, best, sheet = 0, -np.inf, view.state.sheet[i]
+    ground = ground_of(view.surface, view.geometry_of_env[e], sheet)
     for k in range(view.ways.route.shape[1]):
         route = view.ways.route[e, k]
         f, p = view.field_of_route[e, route], view.potential_of_route[e, route]
-        ex, ey, length = way_at(view.field, view.boundary, f, x, y, r)
+        ex, ey, length = way_at(view.field, view.boundary, f + sheet, x, y, r, ground)
         if p != f:
-            length = travel_time_at(view.field, view.boundary, p, x, y, r)
+            length = travel_time_at(view.field, view.boundary, p + sheet, x, y, r, ground)
         view.length_of_way[i, k] = length
         likeness = ex * view.direction[i, 0] + ey * view.direction[i, 1]
         if followed == route or followed == view.ways.then[e, k]:

@@ -228,7 +228,7 @@ class RoutingBatch:
             is_open[self._door] = action[e, len(self.regions.names) :]
             doors = zip(self.scenario.geometry.doors, is_open, strict=False)
             self.env.simulation.close_doors(e, {name for name, opens in doors if not opens})
-        region = self.regions.locate(state.position)
+        region = self.regions.locate(self.env.simulation.laid_out)
         choice = action[self.env.env_of_person, np.maximum(region, 0)]
         sent = state.active & (region >= 0) & (state.route != self._continuation[choice])
         sent &= self._possible()[self.env.env_of_person, choice]
@@ -261,14 +261,17 @@ class RoutingBatch:
             inside=as_grid(inside, rooms),
             left=as_grid(left, rooms),
             time_inside=as_grid(time_inside, rooms),
-            position=as_grid(state.position, rooms),
+            position=as_grid(self.env.simulation.laid_out, rooms),
             velocity=as_grid(state.velocity, rooms),
-            region=as_grid(np.where(inside, self.regions.locate(state.position), -1), rooms),
+            region=as_grid(np.where(inside, self.regions.locate(self.env.simulation.laid_out), -1), rooms),
             region_area=self.regions.area,
             exit_taken=as_grid(np.where(left, self._exit_of_row[state.exit_index], -1), rooms),
             exit_width=self._width,
             exit_distance=np.array(
-                [as_grid(field.travel_time_for(state.position, 0.0) - field.behind, rooms) for field in self._fields]
+                [
+                    as_grid(field.travel_time_for(self.env.simulation.laid_out, 0.0) - field.behind, rooms)
+                    for field in self._fields
+                ]
             ),
             on_route=np.array([as_grid(people, rooms) for people in on_route]),
             door_open=np.asarray(env.simulation.history.door_open[:, self._door], dtype=bool),

@@ -3,6 +3,7 @@
 import numpy as np
 
 from crowd_env.core.kernels.jit import index, inner_kernel
+from crowd_env.geometry.surface import has_sheets
 from crowd_env.physics.bounds import MARGIN, limited, slide, speed_limit, stop_at_walls
 from crowd_env.physics.dem_lanes.buffers import (
     FAR_AWAY,
@@ -19,7 +20,7 @@ from crowd_env.physics.dem_lanes.buffers import (
 from crowd_env.physics.dem_lanes.gather import cut_neighbor_list, list_present_by_slab
 from crowd_env.physics.dem_lanes.partition import DEEPEST, FASTEST, OUTSIDE, OVERLAP, OVERLAPS, SLABS, TOO_FAR
 from crowd_env.physics.driving_force import Influences, add_forces_at_distance, desired_velocity
-from crowd_env.physics.exits import end_of_apron, mark_crossing
+from crowd_env.physics.exits import change_sheet, end_of_apron, mark_crossing
 from crowd_env.physics.neighbors.update import OK, TOO_FAST, update_neighbors
 from crowd_env.physics.steering import begin_look_up, follow_rules, is_decision_due, is_look_up_due, update_steering
 from crowd_env.physics.walking.around import look_around
@@ -242,9 +243,11 @@ def leave(e: int, slabs: int, batch: Batch, dt: float) -> None:
     else:
         for entry in range(near.wall_end[e], near.exit_end[e]):
             left += _crosses(e, near.owner[entry], np.int64(near.partner[entry]), batch, dt)
-    inside, active = batch.workspace.inside, state.active
+    inside, active, sheets = batch.workspace.inside, state.active, has_sheets(batch.world.surface, g)
     for rank in range(index(begin), index(begin) + index(batch.workspace.partition.people_inside[e])):
         i = inside[rank]
+        if sheets:
+            change_sheet(e, i, batch, soa.x[i], soa.y[i])
         if state.present[i] and not active[i]:
             left += end_of_apron(e, i, batch, soa.x[i], soa.y[i])
     if left > 0:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from crowd_env.core.arrays.state import Bodies, Bools, CrowdState, Floats, Indices, Ints
 from crowd_env.core.kernels.jit import index, inner_kernel
 from crowd_env.geometry.geometry import Boundary
+from crowd_env.geometry.surface import Surface, are_level, has_sheets, is_wall_near
 from crowd_env.physics.allocation import allocate
 
 # Up to this number of people all pairs are tested, which is quicker than to sort them into cells.
@@ -214,6 +215,17 @@ def pairs_by_cell(
 
 
 @inner_kernel
+def drop_other_levels(e: int, height: Floats, near: NeighborList) -> None:
+    """Take the pairs out of the list of environment ``e`` whose ``height`` [m] differs too much."""
+    owner, partner, distance = near.owner, near.partner, near.contact_distance
+    kept = index(near.entry_start[e])
+    for k in range(index(near.entry_start[e]), index(near.pair_end[e])):
+        owner[kept], partner[kept], distance[kept] = owner[k], partner[k], distance[k]
+        kept += index(are_level(height[owner[k]], height[partner[k]]))
+    near.pair_end[e] = kept
+
+
+@inner_kernel
 def _lets_through(e: int, i: int, door: int, doors: Any) -> bool:
     """Whether a door is no wall for pedestrian ``i``."""
     if not doors.door_open[e, door]:
@@ -226,6 +238,7 @@ def list_walls(
     e: int,
     g: int,
     boundary: Boundary,
+    surface: Surface,
     doors: Any,
     bodies: Bodies,
     state: CrowdState,
@@ -234,7 +247,8 @@ def list_walls(
 ) -> bool:
     """Write the wall features nearer than ``reach`` to each body, but for open ``doors``; False if they do not fit.
 
-    ``doors`` are the `History` with their state; an open gate is left out for admitted people alone.
+    ``doors`` are the `History` with their state; an open gate is left out for admitted people alone.  Where there are sheets,
+    walls at other heights than the body are left out.
 
     Where walls turn left no body inside is beyond both: such a corner touches no body and is in no list.
     """
@@ -245,7 +259,7 @@ def list_walls(
     corner, corner_door, corner_start = boundary.corner, boundary.corner_door, boundary.corner_start
     corner_radius, corner_turn = boundary.corner_radius, boundary.corner_turn
     owner, partner, allowed = near.owner, near.partner, near.allowed
-    entry, entry_stop = near.pair_end[e], near.entry_start[e + 1]
+    entry, entry_stop, sheets = near.pair_end[e], near.entry_start[e + 1], has_sheets(surface, g)
     for i in range(slot_start, slot_stop):
         if not present[i]:
             continue
@@ -257,6 +271,9 @@ def list_walls(
             if wall_door[k] >= 0 and _lets_through(e, i, wall_door[k], doors):
                 continue
             if abs(tangent[k, 0] * (y - ay) - tangent[k, 1] * (x - ax)) < limit:
+                along = tangent[k, 0] * (x - ax) + tangent[k, 1] * (y - ay)
+                if sheets and not is_wall_near(surface, k, along, boundary.length[k], doors.height[i]):
+                    continue
                 if entry == entry_stop:
                     return False
                 owner[entry], partner[entry] = i, k - wall_first
@@ -265,6 +282,8 @@ def list_walls(
             dx, dy, far = x - corner[k, 0], y - corner[k, 1], limit + corner_radius[k]
             if dx * dx + dy * dy < far * far and corner_turn[k] <= 0.0:
                 if corner_door[k] >= 0 and _lets_through(e, i, corner_door[k], doors):
+                    continue
+                if sheets and not are_level(surface.corner_height[k], doors.height[i]):
                     continue
                 if entry == entry_stop:
                     return False

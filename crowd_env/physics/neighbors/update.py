@@ -9,10 +9,12 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.core.kernels.jit import index, inner_kernel
+from crowd_env.geometry.surface import has_sheets
 from crowd_env.physics.dem_lanes.barrier import wait_for_all
 from crowd_env.physics.dem_lanes.partition import SLABS
 from crowd_env.physics.neighbors.lists import (
     NeighborList,
+    drop_other_levels,
     find_distances,
     list_exits,
     list_pairs,
@@ -67,8 +69,10 @@ def update_neighbors(e: int, batch: Batch, margin: float, team: int) -> int:
     size = 2.0 * (largest + widest) + reach
     if not (_list_together(e, batch, size, team) if team > 1 else list_pairs(e, batch.bodies, batch.state, near, size)):
         return FULL
-    g, boundary = batch.world.geometry_of_env[e], batch.world.boundary
-    if not list_walls(e, g, boundary, batch.history, batch.bodies, batch.state, near, reach):
+    g, boundary, surface = batch.world.geometry_of_env[e], batch.world.boundary, batch.world.surface
+    if has_sheets(surface, g):
+        drop_other_levels(e, batch.history.height, near)
+    if not list_walls(e, g, boundary, surface, batch.history, batch.bodies, batch.state, near, reach):
         return FULL
     if not list_exits(e, g, boundary, batch.bodies, batch.state, near):
         return FULL

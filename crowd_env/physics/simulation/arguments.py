@@ -13,7 +13,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.scheme import ContactScheme
 from crowd_env.physics.settings import Physics, Walking, behaviors_of
 from crowd_env.physics.workspace import Command
-from crowd_env.routing.fields.field import travel_time_field
+from crowd_env.routing.fields.field import no_ways, travel_time_field
 from crowd_env.routing.replanning import Place
 
 STRIDE = 0.5  # radii that the desired speed may cover in one step; the rest of the radius is left for pushes
@@ -87,10 +87,20 @@ def fields_of(geometries: Sequence[Geometry], fields: Sequence[Place] | None, bo
     """
     if fields is None:
         widest, thinnest = float(bodies.radius.max()), float(bodies.radius.min())
-        return [travel_time_field(g, widest, min_radius=thinnest) if len(g.exits) else None for g in geometries]
+        made = [travel_time_field(g, widest, min_radius=thinnest) if len(g.exits) else None for g in geometries]
+        return [no_ways(g) if field is None else field for g, field in zip(geometries, made, strict=True)]
     if len(fields) != len(geometries):
         raise ValueError(f"{len(fields)} fields for {len(geometries)} geometries; give one (or None) for each")
-    return list(fields)
+    return [no_ways(g) if field is None else field for g, field in zip(geometries, fields, strict=True)]
+
+
+def check_sheets(sheet: Ints, sheets: Ints) -> None:
+    """Raise ValueError unless each pedestrian stands on one of the ``sheets`` (P,) of its place, from 0 on."""
+    wrong = (sheet < 0) | (sheet >= sheets)
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        known = "0, the only one" if sheets[i] == 1 else f"0 to {sheets[i] - 1}"
+        raise ValueError(f"pedestrian {i} is on sheet {sheet[i]}; its place has {known}")
 
 
 def which_geometry(geometry_of_env: Any, environments: int, geometries: int) -> Ints:

@@ -79,7 +79,7 @@ class Entrances:
             later = ~np.isnan(entries.due)
             who = np.arange(people.start, people.stop)[later]
             self.entry_time[who], state.active[who], state.present[who] = np.nan, False, False
-            state.position[who] = entries.first_spots()[later]
+            state.position[who], state.sheet[who] = entries.first_spots()[later], entries.sheet[entries.first[later]]
             self._entries[e] = entries
         self._line_up(e, np.argsort(self._entries[e].due, kind="stable"))
 
@@ -156,8 +156,8 @@ def _let_in(
         for tried in range(0 if is_full[start] else count):
             spot = start + (entries.first[n] - start + tried) % count
             x, y = entries.spots[spot, 0], entries.spots[spot, 1]
-            if _is_free(x, y, room * radius[i], begin, stop, room, radius, state):
-                state.position[i, 0], state.position[i, 1] = x, y
+            if _is_free(x, y, entries.sheet[spot], room * radius[i], begin, stop, room, radius, state):
+                state.position[i, 0], state.position[i, 1], state.sheet[i] = x, y, entries.sheet[spot]
                 state.velocity[i, 0], state.velocity[i, 1], state.spin[i] = 0.0, 0.0, 0.0
                 state.active[i] = state.present[i] = came_in[k] = True
                 break
@@ -166,11 +166,11 @@ def _let_in(
 
 @inner_kernel
 def _is_free(
-    x: float, y: float, own: float, begin: int, stop: int, room: float, radius: Floats, state: CrowdState
+    x: float, y: float, sheet: int, own: float, begin: int, stop: int, room: float, radius: Floats, state: CrowdState
 ) -> bool:
     present, position = state.present, state.position
     for j in range(begin, stop):
-        if present[j] or state.active[j]:
+        if (present[j] or state.active[j]) and state.sheet[j] == sheet:
             reach = own + room * radius[j] - _TOUCH
             dx, dy = position[j, 0] - x, position[j, 1] - y
             if dx * dx + dy * dy < reach * reach:

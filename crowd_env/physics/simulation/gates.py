@@ -34,6 +34,7 @@ class Gates:
 
     def __init__(self, geometries: Sequence[Geometry], gates: Sequence[Sequence[Gate]], geometry_of_env: Ints) -> None:
         self._numbers, self._leaves, self._interval = [], [], []
+        self._geometries = list(geometries)
         for place, own in zip(geometries, gates, strict=True):
             if own and len(place.doors) > MOST_DOORS:
                 raise ValueError(f"{len(place.doors)} doors; a place with gates may have at most {MOST_DOORS}")
@@ -88,7 +89,8 @@ class Gates:
                 if now < free_from[k] - 1e-9:
                     continue
                 outside = np.flatnonzero(state.active[here] & ((admitted[here] >> door) & 1 == 0))
-                dx, dy = _nearest_on(leaves, state.position[here][outside])
+                at = self._geometries[place].laid_out(state.position[here][outside], state.sheet[here][outside])
+                dx, dy = _nearest_on(leaves, at)
                 far = np.hypot(dx, dy)
                 ahead = dx * direction[here][outside, 0] + dy * direction[here][outside, 1] > 0.0
                 near = ahead & (far < bodies.radius[here][outside] + REACH)

@@ -15,7 +15,7 @@ from crowd_env.core.checks import NOT_NEGATIVE, known, whole
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.kernels.struct_ref import struct_ref
 from crowd_env.geometry.entrances import Entries
-from crowd_env.geometry.geometry import Boundary, Geometry, join_boundaries
+from crowd_env.geometry.geometry import Boundary, Geometry, join_all_surfaces, join_boundaries
 from crowd_env.geometry.inside import border_of, mark_outside
 from crowd_env.geometry.wall_grid import make_wall_grid
 from crowd_env.physics.contacts import ContactList, rows_of
@@ -34,6 +34,7 @@ from crowd_env.physics.simulation.checkpoint import (
 )
 from crowd_env.physics.simulation.entrances import Entrances
 from crowd_env.physics.simulation.gates import Gates
+from crowd_env.physics.simulation.heights import Heights
 from crowd_env.physics.simulation.stepper import Stepper
 from crowd_env.physics.social_force import social_forces_of_walls
 from crowd_env.physics.spatial_order import SortedCrowd, between
@@ -126,6 +127,9 @@ class Simulation:
         routes = (self.planner.guidance.field_of_route >= 0).sum(axis=1)
         self._routes_of_person = np.repeat(routes, np.diff(bodies.env_start))
         arguments.check_routes(state.route, self._routes_of_person)
+        sheets = np.array([1 if place.building is None else len(place.building.sheets) for place in self.geometries])
+        self._sheets_of_person = np.repeat(sheets[which], np.diff(bodies.env_start))
+        arguments.check_sheets(state.sheet, self._sheets_of_person)
         batch = self._build(boundary, which)
         self.world, self.results = batch.world, batch.results
         self.history, self.workspace = batch.history, batch.workspace
@@ -134,6 +138,7 @@ class Simulation:
         # (P,) found outside of the walkable area after any call since the start of the environment, by position alone,
         # whatever the contacts.  All should be False.
         self.escaped = np.zeros(len(bodies.radius), dtype=bool)
+        self._heights = Heights(self.world.surface, which, self.history.height_due)
         self._border = struct_ref(border_of([place.walkable for place in self.geometries]))
         self._sorted = SortedCrowd(batch) if SortedCrowd.is_needed(bodies) else None
         desire = desire_of(walking.others)
@@ -155,7 +160,6 @@ class Simulation:
         self._uses = uses
         control = allocate_control(len(bodies.radius), self.driving, not self.allow_unstable)
         headway = self.behaviors[Headway.NAME]
-        walls = make_wall_grid(boundary, None if headway is None else headway.sight + 1.0)
         workspace = allocate_workspace(bodies, uses=uses, discs=len(params.outline.radius))
         signs = int(np.diff(guidance.rule.start).max(initial=0))
         doors = max(len(place.doors) for place in self.geometries)
@@ -164,7 +168,9 @@ class Simulation:
         history.followed[:] = self.state.route
         for e in range(len(self.state.time)):
             history.is_gate[e, self._gates.doors_of(e)] = True
-        world = World(boundary, by_reference(self.planner.field), geometry_of_env, guidance, walls)
+        surface = join_all_surfaces(self.geometries)
+        walls = make_wall_grid(boundary, None if headway is None else headway.sight + 1.0, surface)
+        world = World(boundary, by_reference(self.planner.field), geometry_of_env, guidance, walls, surface)
         results = allocate_results(len(bodies.radius), len(self.state.time))
         return Batch(world, params, record(**acts), bodies, self.state, control, results, history, workspace)
 
@@ -181,6 +187,14 @@ class Simulation:
     def inside(self) -> Ints:
         """Number of people still inside, per environment (E,)."""
         return np.add.reduceat(self.state.active.astype(np.int64), self.bodies.env_start[:-1])
+
+    @property
+    def laid_out(self) -> Floats:
+        """Where people are in the layout of their place (P, 2) [m]: in a place of one sheet, their positions."""
+        surface, first = self.world.surface, self.world.surface.sheet_start[self.world.geometry_of_env]
+        if not surface.offset.any():
+            return self.state.position
+        return self.state.position + surface.offset[np.repeat(first, np.diff(self.bodies.env_start)) + self.state.sheet]
 
     @cached_property
     def has_groups(self) -> bool:
@@ -232,12 +246,13 @@ class Simulation:
                 self.close_doors(e, closed)
             self.planner.update(self.bodies, self.state)
             self._admit()
+            self._look_up_heights()
             inside = self.inside
             if self._sorted is not None:
                 self._sorted.update(self.history.contacts, self.workspace.neighbors)
             busy = inside + self.entrances.coming if self.entrances.are_used else inside
             tasks: list[tuple[Any, Ints]] = [(self._sorted, busy), (self._door_schedule, busy), (self.entrances, busy)]
-            tasks += [(self.planner, inside), (self._gates, inside)]
+            tasks += [(self.planner, inside), (self._gates, inside), (self._heights, inside)]
             waits = [task.steps_until_due(self.state.time, self.dt, n) for task, n in tasks if task is not None]
             waits += [1] if self.listeners else []
             target = min([n_substeps, *(target + wait for wait in waits if wait is not None)])
@@ -246,7 +261,8 @@ class Simulation:
                 listen()
         add_diagnostics(self.diagnostics, self.results.diagnostics)
         state, geometry_of_env = self.state, self.world.geometry_of_env
-        mark_outside(self._border, geometry_of_env, self.bodies.env_start, state.active, state.position, self.escaped)
+        at = self.laid_out
+        mark_outside(self._border, geometry_of_env, self.bodies.env_start, state.active, at, self.escaped)
 
     def _let_in(self, only: int | None = None) -> None:
         """Let in the people that are due, into ``only`` one environment or all."""
@@ -264,6 +280,14 @@ class Simulation:
         for e in self._gates.update(self.bodies, self.state, direction, admitted):
             self.history.admitted[:] = admitted if self._sorted is None else admitted[self._sorted.slot]
             invalidate_lists(self.workspace.neighbors, e)
+
+    def _look_up_heights(self) -> None:
+        """Look up the heights of people in buildings, by which neighbors are listed."""
+        height = self.history.height if self._sorted is None else self.in_slots(self.history.height)
+        for e in self._heights.update(self.bodies, self.state, height):
+            invalidate_lists(self.workspace.neighbors, e)
+            if self._sorted is not None:
+                self.history.height[:] = height[self._sorted.slot]
 
     def _finish(self, target: int, then: Callable[[int, int], object] | None) -> Callable[[int, int], object]:
         """Return what is done after step ``target``: the clock of an empty place goes on while people are to come."""
@@ -316,6 +340,7 @@ class Simulation:
         velocity: Floats | None = None,
         route: Ints | int = 0,
         entries: Sequence[Entries | None] | None = None,
+        sheet: Ints | int = 0,
     ) -> None:
         """Begin a new episode in environment ``e`` with the same number of people; other environments are not touched.
 
@@ -342,7 +367,8 @@ class Simulation:
         stand = arguments.vectors("position", position, count)
         walk = None if velocity is None else arguments.vectors("velocity", velocity, count)
         routes = arguments.routes_of(route, self._routes_of_person[people])
-        start = make_state(stand, walk)
+        start = make_state(stand, walk, sheet=sheet)
+        arguments.check_sheets(start.sheet, self._sheets_of_person[people])
         arrays = (*self.bodies[:-1], *self.state[:-1])
         for array, values in zip(arrays, (*bodies[:-1], *start[:-1]), strict=True):
             array[people] = values

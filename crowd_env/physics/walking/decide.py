@@ -5,6 +5,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.behaviors.headway import Headway
 from crowd_env.core.kernels.jit import index, inner_kernel
+from crowd_env.geometry.surface import are_level, has_sheets
 from crowd_env.geometry.wall_grid import Near, free_paths, is_hidden, walls_near
 from crowd_env.physics.neighbors.lists import first_cell
 from crowd_env.physics.walking.ahead import compare, speed_behind
@@ -64,7 +65,8 @@ def _decide_one(e: int, i: int, cell: int, seen_start: int, ahead: Floats, batch
     waited = max(history.memory.manner.waited[i] - params.patience, 0.0)
     push = max(min(push + params.impatience * waited, _MOST_IMPATIENT), push)
     x, y = batch.state.position[i, 0], batch.state.position[i, 1]
-    near = walls_near(batch.world.wall_grid, batch.world.geometry_of_env[e], x, y)
+    sheet = batch.world.surface.sheet_start[batch.world.geometry_of_env[e]] + batch.state.sheet[i]
+    near = walls_near(batch.world.wall_grid, sheet, x, y)
     seen, aside = (seen_start, _list_seen(e, i, cell, seen_start, near, batch)), 0.0
     for block in range(seen[0], seen[1], BLOCK):
         aside += compare(i, (block, min(block + BLOCK, seen[1])), ahead, batch, params)
@@ -112,6 +114,12 @@ def _list_seen(e: int, i: int, cell: int, seen_start: int, near: Near, batch: Ba
             dx, dy, reach = record[n, 0] - x, record[n, 1] - y, limit + record[n, 2]
             seen[count] = n  # without a branch: most are too far, or behind
             count += index((dx * dx + dy * dy < reach * reach) & (dx * way_x + dy * way_y > 0.0))
+    if has_sheets(world.surface, world.geometry_of_env[e]):
+        kept, height = index(seen_start), batch.history.height
+        for m in range(index(seen_start), count):
+            seen[kept] = seen[m]
+            kept += index(are_level(height[i], height[walkers.slot[seen[m]]]))
+        count = kept
     if near[0] < near[1]:
         kept = index(seen_start)
         for m in range(index(seen_start), count):

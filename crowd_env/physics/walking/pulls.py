@@ -13,6 +13,7 @@ import numpy as np
 
 from crowd_env.core.behaviors.pulls import ALONE
 from crowd_env.core.kernels.jit import index, inner_kernel
+from crowd_env.geometry.surface import ground_of
 from crowd_env.geometry.wall_grid import is_in_sight
 from crowd_env.physics.driving_force import asked_of
 from crowd_env.physics.workspace import Batch
@@ -114,7 +115,8 @@ def _attract(e: int, i: int, time: float, batch: Batch) -> tuple[float, float]:
 def _sees(e: int, i: int, dx: float, dy: float, batch: Batch) -> bool:
     """Whether no wall and no closed door stands between pedestrian ``i`` and a point (dx, dy) [m] from there."""
     g, x, y = batch.world.geometry_of_env[e], batch.state.position[i, 0], batch.state.position[i, 1]
-    return is_in_sight(batch.world.boundary, g, batch.history.door_open[e], x, y, dx, dy)
+    ground = ground_of(batch.world.surface, g, batch.state.sheet[i])
+    return is_in_sight(batch.world.boundary, ground, batch.history.door_open[e], x, y, dx, dy)
 
 
 @inner_kernel
@@ -186,16 +188,18 @@ def _repel(i: int, c: int, spacing: float, strength: float, batch: Batch) -> tup
 def _is_ahead(e: int, i: int, c: int, apart: float, spacing: float, batch: Batch) -> bool:
     """Whether a member on the same way is further back than pedestrian ``i``, and far away or out of sight."""
     position, walkers, followed = batch.state.position, batch.workspace.walkers, batch.history.followed
-    x, y, radius = position[i, 0], position[i, 1], batch.bodies.radius[i]
+    x, y, radius, sheet = position[i, 0], position[i, 1], batch.bodies.radius[i], batch.state.sheet
+    surface, g = batch.world.surface, batch.world.geometry_of_env[e]
     field, boundary, j, left = batch.world.field, batch.world.boundary, walkers.first[c], np.nan
     f = batch.world.guidance.field_of_route[e, followed[i]]
     while j >= 0:
         dx, dy = position[j, 0] - x, position[j, 1] - y
         if followed[j] == followed[i] and dx * dx + dy * dy > spacing * spacing:
             if left != left:
-                left = travel_time_at(field, boundary, f, x, y, radius)
-            is_behind = travel_time_at(field, boundary, f, position[j, 0], position[j, 1], radius) > left + spacing
-            if is_behind and (dx * dx + dy * dy > apart * apart or not _sees(e, i, dx, dy, batch)):
+                left = travel_time_at(field, boundary, f + sheet[i], x, y, radius, ground_of(surface, g, sheet[i]))
+            there, fj = ground_of(surface, g, sheet[j]), f + sheet[j]
+            other = travel_time_at(field, boundary, fj, position[j, 0], position[j, 1], radius, there)
+            if other > left + spacing and (dx * dx + dy * dy > apart * apart or not _sees(e, i, dx, dy, batch)):
                 return True
         j = walkers.following[j]
     return False

@@ -71,8 +71,9 @@ def _bottlenecks(field: "NavigationField | None", geometry: Geometry) -> tuple[F
     nodes, spacing = np.s_[::stride, ::stride], stride * field.spacing
     time, direction = field.travel_time[nodes].copy(), field.direction[nodes].copy()
     order, walls = np.argsort(time, axis=None, kind="stable"), geometry.walls_when()[0]
-    width, rest = _widths_at_the_end(time.shape, field.origin, spacing, geometry), np.zeros(time.shape)
-    _narrowest(time, direction, order, walls, field.origin, spacing, _TURN, width, rest)
+    origin = field.origin + np.array(field.shift)
+    width, rest = _widths_at_the_end(time.shape, origin, spacing, geometry), np.zeros(time.shape)
+    _narrowest(time, direction, order, walls, origin, spacing, _TURN, width, rest)
     return field.origin, spacing, width, np.maximum(rest - field.behind, 0.0)
 
 

@@ -22,6 +22,7 @@ _SIZES = 5  # sizes of bodies, with ways for each where larger ones do not get o
 _OPEN_NODES = 1e6  # a larger place without narrow passages gets a coarser grid, of about this number of nodes ...
 _COARSEST = 0.3  # m; ... or of this spacing
 _MAX_NODES = 3e7
+_ALIGNED = 1e-6  # spacings; nodes of two sheets this near to each other are the same
 _MOST_DILATION = 0.4  # m, half a door: in the largest places
 _SMALL_BODY = 0.1  # m; the grid of smaller ones is not made coarser: their passages would not be seen
 SOURCE = 1.5  # spacings; nodes this near to an exit start the march
@@ -41,6 +42,13 @@ class Grid(NamedTuple):
         return grid.node_points(self.origin, self.spacing, self.inside.shape)
 
 
+class Lattice(NamedTuple):
+    """Nodes that all sheets of a building have in common."""
+
+    anchor: Floats  # (2,)  m   one of them, in the coordinates of the sheet
+    spacing: float  # m
+
+
 class Plan(NamedTuple):
     """The domain and goals of a field; exits that are not used are walls."""
 
@@ -57,6 +65,8 @@ class Plan(NamedTuple):
     goal: str | None = None  # region where the way leads instead of to exits
     one_way: bool = False  # some doors are passed one way only
     drawn: Floats | None = None  # (X, 2, 2)  m   the lines of these exits, where `exits` lie at the ends of aprons
+    start: Floats | None = None  # (X,)  s   the time from each exit on, of seams to another sheet; None = 0
+    lattice: "Lattice | None" = None  # nodes of other sheets that these continue
 
 
 def make_plan(
@@ -66,10 +76,12 @@ def make_plan(
     min_radius: float,
     goal: str | None = None,
     closed: Collection[str] = (),
+    seams: bool = False,
 ) -> Plan:
     """Return the plan of a field that leads to the ``exits`` (names; None = all), or into the region ``goal``.
 
-    Doors that are ``closed`` are walls; an exit behind one is no exit.  Ways lead to the ends of aprons.
+    Doors that are ``closed`` are walls; an exit behind one is no exit.  Ways lead to the ends of aprons.  Of a sheet with
+    ``seams`` the way leads to the ``exits`` besides.
 
     Raises
     ------
@@ -78,11 +90,9 @@ def make_plan(
     """
     if not 0 < min_radius <= radius < np.inf:
         raise ValueError(f"radius {radius:g} m and min_radius {min_radius:g} m must satisfy 0 < min_radius <= radius")
-    if goal is None:
-        wanted = open_exits(geometry, exits, closed)
-    else:
-        wanted = []
+    if goal is not None:
         require_known("region", goal, geometry.regions)
+    wanted = open_exits(geometry, exits, closed) if goal is None else list(exits or ()) if seams else []
     use = np.isin(geometry.exit_names, wanted)
     names = [name for name in geometry.exit_names if name in wanted]
     clear = geometry.clear_widths(2 * radius)
@@ -172,6 +182,8 @@ def choose_spacing(plan: Plan) -> float:
     UserWarning
         If the plan is so large that ways keep further from walls than a body needs.
     """
+    if plan.lattice is not None:
+        return plan.lattice.spacing
     x0, y0, x1, y1 = plan.geometry.bounds
     largest = plan.min_radius / 2
     require_grid(plan.geometry, plan.min_radius)
@@ -203,6 +215,11 @@ def _coarse(plan: Plan, spacing: float) -> Iterator[float]:
 def _make_grid(plan: Plan, spacing: float) -> Grid:
     geometry = plan.geometry
     shape, origin = _nodes(geometry, spacing), np.array(geometry.bounds[:2])
+    if plan.lattice is not None:
+        off = (origin - plan.lattice.anchor) / spacing
+        if np.abs(off - np.rint(off)).max() > _ALIGNED:
+            origin = plan.lattice.anchor + spacing * np.floor(off)
+            shape = (shape[0] + 1, shape[1] + 1)
 
     def distance(segments: Floats, cap: float) -> Floats:
         return grid.capped_distance(segments, shape, origin, spacing, cap)
@@ -262,7 +279,8 @@ def _most_open(plan: Plan, spacing: float) -> tuple[Grid, list[Dilation]]:
     These are left to the caller, [], unless the first is sufficient, as in most places.
     """
     smallest, most, best = max(plan.min_radius, 2 * spacing), -np.inf, None
-    for h in chain(_coarse(plan, spacing), [spacing], () if plan.partial else _finer(plan, spacing)):
+    others = plan.lattice is None
+    for h in chain(_coarse(plan, spacing) if others else (), [spacing], () if plan.partial else _finer(plan, spacing)):
         nodes = _make_grid(plan, h)
         for k, dilation in enumerate(_dilations(plan, nodes, max(h, spacing))):
             if dilation.radius < plan.radius:

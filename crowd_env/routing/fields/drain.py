@@ -53,7 +53,8 @@ def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> Naviga
     blocked = grid.blocked_lines(walls, floor.shape, field.origin, spacing)
     right = (blocked[:, :-1] & RIGHT == 0) & (way[:, 1:, 0] - way[:, :-1, 0] < _PARTING) & floor[:, :-1] & floor[:, 1:]
     up = (blocked[:-1] & UP == 0) & (way[1:, :, 1] - way[:-1, :, 1] < _PARTING) & floor[:-1] & floor[1:]
-    ends, part = floor & (time < spacing), parts_of_bands(np.where(floor, 0, -1), right, up)
+    rest = time if field.rest is None else field.rest[nodes]
+    ends, part = floor & (rest < spacing), parts_of_bands(np.where(floor, 0, -1), right, up)
     floor = np.isin(part, part[ends])
     if not floor.any():
         return field

@@ -5,7 +5,7 @@ scikit-fmm solves ``|grad T| = 1`` on the rest.  People may still stand closer t
 bodies): there the field is extended along straight lines to the dilated area.
 """
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -21,6 +21,7 @@ from crowd_env.routing.fields.domain import (
     TOUCH,
     Dilation,
     Grid,
+    Lattice,
     Plan,
     choose_spacing,
     dilate,
@@ -32,6 +33,7 @@ from crowd_env.routing.fields.domain import (
 from crowd_env.routing.fields.extension import extend_once, fill_from_nearest
 from crowd_env.routing.fields.lookup import FieldArrays
 from crowd_env.routing.fields.marching import Gate, gate, lead_through, march, march_on, march_through
+from crowd_env.routing.fields.sheets import NOWHERE, SheetGround, Window, field_of_sheets, lead_over_seams
 from crowd_env.routing.fields.string_pulling import make_targets, pull_strings
 
 
@@ -95,6 +97,12 @@ class NavigationField:
         (rows, cols) radius of the largest body that gets out from the node [m]; nan = too near to a wall; None = not known.
     behind
         Part of every travel time that is spent on aprons, beyond the exit lines: the least of all exits [s].
+    rest
+        (rows, cols) part of the travel time on the sheet of the node [s]; None = all of it.
+    windows
+        Where the nodes of each sheet of a building lie.
+    shift
+        (2,) from the coordinates of ``origin`` to those of the geometry [m]: of the field of one sheet.
     """
 
     travel_time: Floats
@@ -109,6 +117,9 @@ class NavigationField:
     free: Bools | None = None
     fits: Floats | None = None
     behind: float = 0.0
+    rest: Floats | None = None
+    windows: tuple[Window, ...] = ()
+    shift: tuple[float, float] = (0.0, 0.0)
 
     def nodes(self) -> Floats:
         """Return where the nodes lie (rows, cols, 2) [m]."""
@@ -130,10 +141,29 @@ class NavigationField:
         return np.where(fits >= np.asarray(radius) - 1e-9, near(self.travel_time), np.inf)
 
 
+def by_sheet(field: NavigationField | None) -> list[NavigationField | None]:
+    """Return the field of each sheet of a building in true coordinates; of another place, its field."""
+    if field is None or not field.windows:
+        return [field]
+    found: list[NavigationField | None] = []
+    for window in field.windows:
+        rows, cols = window.nodes
+        part = {name: getattr(field, name)[rows, cols] for name in ("travel_time", "direction", "direct", "cell")}
+        through = None if field.through is None else field.through[rows, cols]
+        others = {"through": through, "free": None, "fits": None, "rest": None, "windows": ()}
+        found.append(replace(field, **part, **others, origin=window.origin, shift=window.shift))
+    return found
+
+
 _NO_CODES = np.empty((0, 0), dtype=np.int64)
 _NO_FIELD = NavigationField(
     np.empty((0, 0)), np.empty((0, 0, 2)), _NO_CODES, _NO_CODES, origin=np.zeros(2), spacing=1.0, radius=np.nan
 )
+
+
+def no_ways(geometry: Geometry) -> NavigationField | None:
+    """Return no field, of a building one that leads nowhere on every sheet."""
+    return None if geometry.building is None else replace(_NO_FIELD, windows=(NOWHERE,) * len(geometry.building.sheets))
 
 
 def travel_time_field(
@@ -179,11 +209,25 @@ def travel_time_field(
         If a region or exit is unknown, an exit is too narrow for the smallest body, or a part of the area reaches no exit.
     """
     lines = [line for door in one_way if door.door not in closed for line in door.lines(geometry)]
-    plan = make_plan(geometry, radius, exits, radius if min_radius is None else min_radius, goal, closed)
+    least = radius if min_radius is None else min_radius
+
+    def solve(sheet: SheetGround, exits: list[str], lattice: Lattice | None) -> NavigationField:
+        plan = make_plan(sheet.geometry, radius, exits, least, goal if sheet.has_goal else None, closed, seams=True)
+        times = [sheet.start.get(name, 0.0) for name in plan.names]
+        start = np.array(times) if any(times) or sheet.speed_to is not None else None
+        here = [line - sheet.offset for line in lines]
+        here = [line for line in here if sheet.geometry.contains(line.mean(axis=0))]
+        plan = plan._replace(one_way=bool(here), start=start, lattice=lattice)
+        nodes, dilations = dilate(plan, choose_spacing(plan))
+        of_sheet = None if speed is None else lambda points: speed(points + sheet.offset)
+        return _solve(plan, nodes, dilations, of_sheet, here, sheet.speed_to)
+
+    if geometry.building is not None:
+        return field_of_sheets(geometry, solve, exits, goal, closed)
+    plan = make_plan(geometry, radius, exits, least, goal, closed)
     plan = plan._replace(one_way=bool(lines))
     nodes, dilations = dilate(plan, choose_spacing(plan))
-    local_speed = None if speed is None else np.asarray(speed(nodes.points()), dtype=np.float64)
-    return _solve(plan, nodes, dilations, local_speed, lines)
+    return _solve(plan, nodes, dilations, speed, lines)
 
 
 def straight_field(field: NavigationField, geometry: Geometry, margin: float) -> NavigationField:
@@ -244,21 +288,36 @@ def rows_in_batch(exits: Ints, first: int) -> Ints:
 
 
 def _solve(
-    plan: Plan, nodes: Grid, dilations: Sequence[Dilation], speed: Floats | None, one_way: Sequence[Floats] = ()
+    plan: Plan,
+    nodes: Grid,
+    dilations: Sequence[Dilation],
+    speed_at: Callable[[Floats], Floats] | None,
+    one_way: Sequence[Floats] = (),
+    speed_to: Callable[[str | None, Floats], Floats] | None = None,
 ) -> NavigationField:
     """March through the free nodes, extend to all walkable ones, and find directions and straight lines."""
+    points = nodes.points()
+    speed = None if speed_at is None else np.asarray(speed_at(points), dtype=np.float64)
+    speeds: dict[str | None, Floats] = {}
+    if speed_to is not None:
+        level = 1.0 if speed is None else speed
+        speeds = {name: level * speed_to(name, points) for name in (None, *plan.names)}
+        if speed is not None or (speeds[None] != 1.0).any():
+            speed = speeds[None]
     h, dilation = nodes.spacing, dilations[0].depth
     # In large places walls are dilated by more than a body.
     radius, reach = min(dilation, plan.radius), dilation + SOURCE * h
     free = _free(nodes, dilations[0])
     gates = [gate(line, free, nodes.points(), h) for line in one_way]
-    time, fits = _march(plan, nodes, dilations, np.ones(free.shape) if speed is None else speed, gates)
+    time, fits = _march(plan, nodes, dilations, np.ones(free.shape) if speed is None else speed, gates, speeds)
     direction = descend(time, h)
     lead_through(time, direction, gates)
     # No straight line may lead back through a one-way door.
     lines, target = np.concatenate([plan.walls, *(line[None] for line in one_way)]), np.full(time.shape, -1, np.int64)
     targets, around = make_targets(plan.exits, lines, time, nodes.origin, h, dilation)
     targets, near = targets._replace(radius=radius), np.empty(len(plan.walls), dtype=np.int64)
+    if plan.start is not None:
+        targets = targets._replace(start=plan.start)
 
     def extend(band: float) -> int:
         return extend_once(
@@ -280,6 +339,8 @@ def _solve(
     band = radius
     while extend(band):
         band = 0.0  # further passes fill gaps that are narrower than the disc: straight to the better end
+    if plan.start is not None:
+        lead_over_seams(plan.exits[plan.start > 0.0], time, direction, target, nodes, radius)
     require_reached(plan, nodes, np.isnan(time))
     fill_from_nearest(time, direction, nodes.inside, ~np.isnan(time), h)
     target[:] = np.append(plan.rows, np.full(len(targets.rest) + 1, -1))[target]  # from here on rows of exits
@@ -308,10 +369,18 @@ def _behind(plan: Plan, time: Floats, nodes: Grid, speed: Floats | None) -> floa
 
 
 def _march(
-    plan: Plan, nodes: Grid, dilations: Sequence[Dilation], speed: Floats, gates: list[Gate]
+    plan: Plan,
+    nodes: Grid,
+    dilations: Sequence[Dilation],
+    speed: Floats,
+    gates: list[Gate],
+    speeds: Mapping[str | None, Floats],
 ) -> tuple[Floats, Floats]:
     """Return the travel times [s] that the march finds, and the largest body [m] that gets out; both nan where it left out."""
     free, h = _free(nodes, dilations[0]), nodes.spacing
+    if plan.start is not None:
+        time = _march_from_each(plan, nodes, dilations[0].depth, free, speed, gates, speeds)
+        return time, np.where(np.isnan(time), np.nan, dilations[0].radius)
     time, level = _sources(plan, nodes, dilations[0].depth, free, speed)
     start = SOURCE * h if plan.goal is None else 0.0
     if gates:
@@ -325,6 +394,39 @@ def _march(
         time = march_on(np.fmin(time, sources) if plan.goal is None else time, free, speed, h)
         fits[np.isnan(fits) & ~np.isnan(time)] = smaller.radius
     return time, fits
+
+
+def _march_from_each(
+    plan: Plan,
+    nodes: Grid,
+    radius: float,
+    free: Bools,
+    speed: Floats,
+    gates: list[Gate],
+    speeds: Mapping[str | None, Floats],
+) -> Floats:
+    """Return the travel times [s] on a sheet: the least of those by each of its exits and seams.
+
+    Up and down the same stairs people are not equally fast, so each has its own ``speeds``.
+    """
+    h, found = nodes.spacing, [np.full(free.shape, np.nan)]
+
+    def reach(time: Floats, level: Floats, start: float, pace: Floats) -> Floats:
+        if gates:
+            return march_through(time, level, free, pace, h, start, gates)
+        return march(time, level, free, pace, h, start)
+
+    if plan.goal is not None:
+        inside = in_goal(plan, nodes)
+        found.append(reach(np.where(free & inside, 0.0, np.nan), np.where(inside, -0.5, 0.5) * h, 0.0, speed))
+    assert plan.start is not None
+    for segment, name, start in zip(plan.exits, plan.names, plan.start.tolist(), strict=True):
+        pace = speeds.get(name, speed)
+        distance = source_distance(segment[None], nodes, radius, cap=4 * SOURCE * h)
+        known = np.where(free & (distance < SOURCE * h), distance / pace, np.nan)
+        if not np.isnan(known).all():
+            found.append(start + reach(known, distance - SOURCE * h, SOURCE * h, pace))
+    return np.asarray(np.fmin.reduce(found))
 
 
 def _free(nodes: Grid, dilation: Dilation) -> Bools:

@@ -1,6 +1,7 @@
 """Reading a travel-time field at a place: the functions that physics calls for every pedestrian at every step.
 
-All functions are free of allocation; ``f`` is the row of the field within the batch.
+All functions are free of allocation; ``f`` is the row of the field within the batch.  In a building a route has a row for each
+sheet, one behind the other, in true coordinates.
 """
 
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.kernels.jit import inner_kernel, kernel
 from crowd_env.geometry.geometry import Boundary
+from crowd_env.geometry.surface import Ground
 
 # Depth [body radii] in front of the exit line within which the aim moves beyond the line: deep enough to lead no body
 # along the line, shallow enough to lead no body closer to a door jamb than its radius allows.
@@ -149,7 +151,16 @@ def _time_of_nearest(field: FieldArrays, f: int, x: float, y: float, first: int)
 
 
 @inner_kernel
-def _node_for(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, first: int) -> int:
+def _walls(boundary: Boundary, g: int, ground: Ground | None) -> tuple[int, int]:
+    if ground is None:
+        return boundary.wall_start[g], boundary.wall_start[g + 1]
+    return ground[2], ground[3]
+
+
+@inner_kernel
+def _node_for(
+    field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, first: int, ground: Ground | None
+) -> int:
     """Return the one node to follow in a cell that a wall runs through or that has no walkable corner; -1 = none.
 
     Of the corners on this side of the wall it is the nearest one; of a cell outside of the area, the nearest node at all.
@@ -157,17 +168,16 @@ def _node_for(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float
     cols = field.shape[f, 1]
     start, h = field.node_start[f], field.spacing[f]
     i, j = (first - start) // cols, (first - start) % cols
+    w0, w1 = _walls(boundary, field.geometry[f], ground)
     best, least = -1, np.inf
     for hidden in (False, True):  # better a node behind the wall than none
         for c in range(4):
             node = first + (c >> 1) * cols + (c & 1)
             px, py = field.origin[f, 0] + (j + (c & 1)) * h, field.origin[f, 1] + (i + (c >> 1)) * h
             square = (px - x) ** 2 + (py - y) ** 2
-            if field.travel_time[node] < np.inf and square < least:  # false for nan
-                g = field.geometry[f]
-                w0, w1 = boundary.wall_start[g], boundary.wall_start[g + 1]
-                if hidden or _sees(boundary.wall, w0, w1, x, y, px, py):
-                    best, least = node, square
+            known = field.travel_time[node] < np.inf  # false for nan
+            if known and square < least and (hidden or _sees(boundary.wall, w0, w1, x, y, px, py)):
+                best, least = node, square
         if best >= 0:
             return best
     return _nearest_node(field.travel_time, start, field.shape[f, 0], cols, i, j)
@@ -200,11 +210,12 @@ def blended_direction(direction: Floats, first: int, cols: int, u: float, v: flo
 
 @inner_kernel
 def way_at(
-    field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, radius: float
+    field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, radius: float, ground: Ground | None = None
 ) -> tuple[float, float, float]:
     """Return the unit vector of the way out at (x, y) for a disc of ``radius`` [m] by field ``f``, and its length [m].
 
-    The length is the travel time at 1 m/s [s].  Without a field they are (0, 0) and nan.
+    The length is the travel time at 1 m/s [s].  Without a field they are (0, 0) and nan.  ``ground`` is that of the sheet;
+    None = the place has one.
     """
     rows, cols = field.shape[f, 0], field.shape[f, 1]
     if cols == 0:
@@ -232,7 +243,7 @@ def way_at(
             if not length >= 0.0:  # beside a wall, where a march on so fine a grid keeps out
                 length = _time_of_nearest(field, f, x, y, first)
         return ex, ey, length
-    node = _node_for(field, boundary, f, x, y, first)
+    node = _node_for(field, boundary, f, x, y, first, ground)
     if node < 0:
         return 0.0, 0.0, np.nan
     return field.direction[node, 0], field.direction[node, 1], field.travel_time[node]
@@ -261,7 +272,9 @@ def direction_at(
 
 
 @kernel
-def travel_time_at(field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, radius: float) -> float:
+def travel_time_at(
+    field: FieldArrays, boundary: Boundary, f: int, x: float, y: float, radius: float, ground: Ground | None = None
+) -> float:
     """Return the length of the way out from (x, y) [m], i.e. the travel time at 1 m/s [s]; nan without a field."""
-    _, _, length = way_at(field, boundary, f, x, y, radius)
+    _, _, length = way_at(field, boundary, f, x, y, radius, ground)
     return length

@@ -35,6 +35,7 @@ class Targets(NamedTuple):
     rest: Floats  # (2C,)  m   of the way from there; inf = there is none
     radius: float  # m   of the disc, and of the circles
     walls: Floats  # (W, 2, 2)  m   that no straight line crosses
+    start: Floats  # (X,)  m   of the way from each exit on: seams to another sheet
 
 
 @inner_kernel
@@ -97,7 +98,7 @@ def aim(targets: Targets, n: int, x: float, y: float) -> tuple[float, float, flo
             return nowhere
         tx, ty = nearest_on_exit(frame, x, y, radius)
         ex, ey = through_exit(frame, x, y, radius, radius)
-        return ex, ey, np.sqrt((tx - x) ** 2 + (ty - y) ** 2), tx, ty
+        return ex, ey, np.sqrt((tx - x) ** 2 + (ty - y) ** 2) + targets.start[n], tx, ty
     bend = n - len(targets.exits)
     spin = 1.0 - 2.0 * (bend & 1)
     dx, dy = targets.corner[bend >> 1, 0] - x, targets.corner[bend >> 1, 1] - y
@@ -158,13 +159,13 @@ def make_targets(
     open_floor = ~np.isnan(near).all(axis=1)  # no way bends around an end in a concave corner
     corner, around = corner[open_floor], np.stack([np.fmin.reduce(near, 1), np.fmax.reduce(near, 1)], 1)[open_floor]
     leave, rest = np.zeros((2 * len(corner), 2)), np.full(2 * len(corner), np.inf)
-    return Targets(exits, corner, leave, rest, radius, walls), np.repeat(around, 2, axis=0)
+    return Targets(exits, corner, leave, rest, radius, walls, np.zeros(len(exits))), np.repeat(around, 2, axis=0)
 
 
 @inner_kernel
 def _find_ways_around(targets: Targets, around: Floats, plain: Bools, origin: Floats, spacing: float) -> None:
     """Write how the ways around corners continue, by Dijkstra's algorithm from the exits; ``around`` is used up."""
-    exits, corner, leave, rest, radius, walls = targets
+    exits, corner, leave, rest, radius, walls, start = targets
     first = len(exits)
     for turn in range(first + len(rest)):
         n = turn
@@ -177,7 +178,7 @@ def _find_ways_around(targets: Targets, around: Floats, plain: Bools, origin: Fl
                 break
             around[n - first, 1] = -np.inf  # settled: no other is as short
         b, other = (n - first) >> 1, 1.0 - 2.0 * ((n - first) & 1)
-        reach = rest[n - first] if n >= first else 0.0
+        reach = rest[n - first] if n >= first else start[n]
         for k in range(len(rest)):
             low, high = around[k, 0], around[k, 1]
             cx, cy, spin = corner[k >> 1, 0], corner[k >> 1, 1], 1.0 - 2.0 * (k & 1)

@@ -1,0 +1,302 @@
+"""The way out of a building: the ways of its sheets, each from the seams on, which begin at the times of the sheets beyond.
+
+A sheet is solved like any place, with its exits and the seams that lead on as ends.  Sheets follow each other by the least time
+at a seam (Dijkstra 1959), and a sheet is solved again where another seam leads out sooner.  All fields lie on the nodes of one
+lattice over the layout of the building.
+"""
+
+import heapq
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import shapely
+
+from crowd_env.core.arrays.state import Bools, Floats, Ints
+from crowd_env.core.kernels.jit import kernel
+from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.jambs import NO_ARCS
+from crowd_env.geometry.parsing import Area, place
+from crowd_env.geometry.sheets import SEAM, Building, bare_surface, sheets_at
+from crowd_env.geometry.surface import heights, slopes_at
+from crowd_env.routing.fields import grid
+from crowd_env.routing.fields.domain import Grid, Lattice
+from crowd_env.routing.fields.lookup import ALONE, BLEND, exit_frame, through_exit
+
+if TYPE_CHECKING:
+    from crowd_env.routing.fields.field import NavigationField
+
+_SOONER = 0.05  # s; a seam that leads out sooner by less changes nothing
+_NEAR = 2.5  # spacings before a seam, within which people walk straight over it
+
+
+class Window(NamedTuple):
+    """Where the nodes of a sheet lie among those of the layout."""
+
+    nodes: tuple[slice, slice]  # rows, columns
+    origin: Floats  # (2,)  m   of the first of them, in true coordinates
+    shift: tuple[float, float]  # m   from there to the layout
+
+
+NOWHERE = Window(np.s_[0:0, 0:0], np.zeros(2), (0.0, 0.0))  # of a sheet without a way
+
+
+class SheetGround(NamedTuple):
+    """One sheet to solve, in true coordinates.
+
+    The seams that its ways may lead over are exits, with the times from there on.
+    """
+
+    geometry: Geometry
+    offset: Floats  # (2,)  m   to the layout
+    start: Mapping[str, float]  # s
+    has_goal: bool
+    # Relative speed (...) at points (..., 2) [m] of ways to this exit or over this seam; None = it is level.
+    speed_to: Callable[[str | None, Floats], Floats] | None
+
+
+def field_of_sheets(
+    geometry: Geometry,
+    solve: "Callable[[SheetGround, list[str], Lattice | None], NavigationField]",
+    exits: Iterable[str] | None,
+    goal: str | None,
+    closed: Collection[str],
+) -> "NavigationField":
+    """Return the field of a building.
+
+    Parameters
+    ----------
+    geometry : of the layout.
+    solve : returns the field of one sheet, on a given lattice or on one of its own.
+    exits : names; None = all.
+    goal : region to lead into instead.
+    closed : doors.
+
+    Raises
+    ------
+    ValueError
+        If a sheet has no way out while all doors are open, or one of them cannot be solved.
+    """
+    assert geometry.building is not None
+    wanted = [] if goal is not None else list(dict.fromkeys(geometry.exit_names)) if exits is None else list(exits)
+    ground = geometry.with_ways_to(wanted)
+    sheets = _Sheets(ground, wanted, goal, solve)
+    anchor, spacing = np.array(ground.bounds[:2]), 0.0
+    while spacing != (spacing := sheets.march(None if not spacing else Lattice(anchor, spacing))):
+        pass
+    for s, sheet in enumerate(geometry.building.sheets):
+        if s not in sheets.found and not closed:
+            at = place(sheet.area.representative_point().coords[0])
+            raise ValueError(
+                f"no exit can be reached from {sheet.name!r} around {at}; a stair or an exit must lead out"
+            )
+    behind = _least_behind(geometry, ground, wanted)
+    return sheets.together(geometry, anchor, spacing, behind)
+
+
+def _least_behind(geometry: Geometry, ground: Geometry, wanted: Collection[str]) -> float:
+    use = np.isin(geometry.exit_names, list(wanted))
+    ends, lines = ground.exits[use].mean(axis=1), geometry.exits[use].mean(axis=1)
+    return float(np.hypot(*(ends - lines).T).min()) if use.any() else 0.0
+
+
+class _Sheets:
+    """The fields of the sheets of a building while they are found."""
+
+    def __init__(
+        self,
+        ground: Geometry,
+        wanted: Collection[str],
+        goal: str | None,
+        solve: "Callable[[SheetGround, list[str], Lattice | None], NavigationField]",
+    ) -> None:
+        assert ground.building is not None
+        self._building, self._wanted, self._goal, self._solve = ground.building, wanted, goal, solve
+        self._parts = [part_of(ground, s) for s in range(len(self._building.sheets))]
+        self._from, self._to, self._offsets = (
+            self._building.from_sheet,
+            self._building.to_sheet,
+            self._building.offsets,
+        )
+        self.found: dict[int, NavigationField] = {}
+        self._used: dict[int, dict[str, float]] = {}
+
+    def march(self, lattice: Lattice | None) -> float:
+        """Find all fields; returns the least distance between nodes [m] of any."""
+        self.found, self._used = {}, {s: {} for s in range(len(self._parts))}
+        heap: list[tuple[float, int]] = []
+        for s, part in enumerate(self._parts):
+            if self._has_goal(s) or any(name in self._wanted for name in part.exit_names):
+                self._find(s, lattice, heap)
+        while heap:
+            time, k = heapq.heappop(heap)
+            s, name = int(self._from[k]), seam_name(k)
+            known = self._time_at(s, k) if s in self.found else np.inf
+            if time < known - _SOONER and time < self._used[s].get(name, np.inf) - _SOONER:
+                self._used[s][name] = time
+                self._find(s, lattice, heap)
+        return min(field.spacing for field in self.found.values())
+
+    def _find(self, s: int, lattice: Lattice | None, heap: list[tuple[float, int]]) -> None:
+        part, offset = self._parts[s], self._offsets[s]
+        if lattice is not None:
+            lattice = lattice._replace(anchor=lattice.anchor - offset)
+        exits = [name for name in dict.fromkeys(part.exit_names) if name in self._wanted or name in self._used[s]]
+        sheet = SheetGround(part, offset, self._used[s], self._has_goal(s), self._speed_of(s))
+        self.found[s] = self._solve(sheet, exits, lattice)
+        for k in np.flatnonzero(self._to == s).tolist():
+            time = self._time_at(s, self._twin(k))
+            if np.isfinite(time):
+                heapq.heappush(heap, (time, k))
+
+    def _has_goal(self, s: int) -> bool:
+        part = self._parts[s]
+        if self._goal is None:
+            return False
+        return bool(shapely.intersection(part.walkable, part.regions[self._goal]).area > 1e-6)
+
+    def _twin(self, k: int) -> int:
+        """Return the same seam on its other sheet."""
+        same = np.flatnonzero((self._building.seam == self._building.seam[k]) & (self._from == self._to[k]))
+        return int(same[0])
+
+    def _time_at(self, s: int, k: int) -> float:
+        """Return the travel time [s] on sheet ``s`` in the middle of its line ``k``."""
+        field, middle = self.found[s], (self._building.lines[k] - self._offsets[s]).mean(axis=0)[None]
+        time = field.travel_time[grid.nearest_known(middle, field.travel_time, field.origin, field.spacing)]
+        return float(time[0])
+
+    def _speed_of(self, s: int) -> Callable[[str | None, Floats], Floats] | None:
+        surface, part = bare_surface(self._building.sheets), self._parts[s]
+        if not self._building.sheets[s].slopes:
+            return None
+        ends = dict(zip(part.exit_names, part.exits.mean(axis=1), strict=True))
+
+        def speed_to(name: str | None, points: Floats) -> Floats:
+            flat = points.reshape(-1, 2)
+            on = slopes_at(surface, s, flat)
+            found = np.ones(len(flat))
+            sloped = on >= 0
+            if sloped.any():
+                plane = surface.plane[on[sloped]]
+                up, down = surface.up[on[sloped]], surface.down[on[sloped]]
+                falls = np.full(len(plane), True)
+                if name is not None:
+                    end = heights(surface, np.full(1, s), ends[name][None])[0]
+                    falls = heights(surface, np.full(len(plane), s), flat[sloped]) >= end
+                rise = np.hypot(plane[:, 0], plane[:, 1])
+                found[sloped] = np.where(falls, down, up) / np.sqrt(1.0 + rise**2)
+            return found.reshape(points.shape[:-1])
+
+        return speed_to
+
+    def together(self, geometry: Geometry, anchor: Floats, spacing: float, behind: float) -> "NavigationField":
+        """Return the fields of all sheets as one over the layout."""
+        high = np.array(geometry.bounds[2:])
+        some = next(iter(self.found.values()))
+        first = {s: field.origin + self._offsets[s] for s, field in self.found.items()}
+        last = [at + spacing * (np.array(self.found[s].travel_time.shape[::-1]) - 1) for s, at in first.items()]
+        high, low = np.max([high, *last], axis=0), np.min([anchor, *first.values()], axis=0)
+        cols, rows = (np.rint((high - low) / spacing).astype(int) + 2).tolist()
+        names = list(geometry.exit_names)
+        whole = {
+            "travel_time": np.full((rows, cols), np.nan),
+            "direction": np.zeros((rows, cols, 2)),
+            "direct": np.full((rows, cols), -1, dtype=np.int64),
+            "cell": np.full((rows, cols), ALONE, dtype=np.int64),
+            "free": np.zeros((rows, cols), dtype=bool),
+            "fits": np.full((rows, cols), np.nan),
+            "rest": np.full((rows, cols), np.nan),
+        }
+        windows = [NOWHERE] * len(self._parts)
+        for s, field in self.found.items():
+            col, row = np.rint((first[s] - low) / spacing).astype(int).tolist()
+            window = np.s_[row : row + field.travel_time.shape[0], col : col + field.travel_time.shape[1]]
+            windows[s] = Window(window, field.origin, self._building.sheets[s].offset)
+            rows_of = _rows_of(geometry, self._parts[s], names, self._offsets[s])
+            start = np.array([self._used[s].get(name, 0.0) for name in self._parts[s].exit_names])
+            least = min([*self._used[s].values()], default=0.0)
+            left = field.travel_time - np.where(field.direct >= 0, start[np.maximum(field.direct, 0)], least)
+            direct = np.where(field.direct >= 0, rows_of[np.maximum(field.direct, 0)], -1)
+            cell = np.where(field.cell >= 0, rows_of[np.maximum(field.cell, 0)], field.cell)
+            inside = ~np.isnan(field.travel_time)
+            values = {
+                "travel_time": field.travel_time,
+                "direction": field.direction,
+                "direct": direct,
+                "cell": np.where((field.cell >= 0) & (cell < 0), BLEND, cell),
+                "free": field.free,
+                "fits": field.fits,
+                "rest": left,
+            }
+            for name, value in values.items():
+                if value is not None:
+                    whole[name][window] = np.where(
+                        inside[..., None] if value.ndim == 3 else inside | (name == "cell"), value, whole[name][window]
+                    )
+        return replace(some, **whole, origin=low, spacing=spacing, behind=behind, windows=tuple(windows))
+
+
+def _rows_of(geometry: Geometry, part: Geometry, names: list[str], offset: Floats) -> Ints:
+    """Return for each row of the exits of a sheet the row in the building; -1 for seams."""
+    found = []
+    for line, name in zip(part.exits + offset, part.exit_names, strict=True):
+        rows = [r for r, other in enumerate(names) if other == name]
+        off = [float(np.hypot(*(geometry.exits[r].mean(axis=0) - line.mean(axis=0)))) for r in rows]
+        found.append(rows[int(np.argmin(off))] if rows else -1)
+    return np.array(found, dtype=np.int64)
+
+
+def seam_name(k: int) -> str:
+    """Return the name of line ``k`` of `Building.lines` as an exit of its sheet."""
+    return f"{SEAM}{k}"
+
+
+def part_of(geometry: Geometry, s: int) -> Geometry:
+    """Return sheet ``s`` of a building as a place of its own, in true coordinates; its seams are exits."""
+    building = geometry.building
+    assert isinstance(building, Building)
+    parts = shapely.get_parts(geometry.walkable)
+    mine = parts[sheets_at([part.representative_point().coords[0] for part in parts], building.sheets) == s]
+    walls = sheets_at(geometry.walls.mean(axis=1), building.sheets) == s
+    exits = np.flatnonzero(sheets_at(geometry.exits.mean(axis=1), building.sheets) == s)
+    seams = np.flatnonzero(building.from_sheet == s)
+    offset = building.offsets[s]
+
+    def moved(shape: Area) -> Area:
+        return shapely.transform(shape, lambda points: points - offset)
+
+    return replace(
+        geometry,
+        walkable=moved(mine[0] if len(mine) == 1 else shapely.MultiPolygon(list(mine))),
+        regions={name: moved(region) for name, region in geometry.regions.items()},
+        left_out=(),
+        arcs=NO_ARCS,
+        walls=geometry.walls[walls] - offset,
+        two_sided=geometry.two_sided[walls],
+        door_of_wall=geometry.door_of_wall[walls],
+        exits=np.concatenate([geometry.exits[exits], building.lines[seams]]) - offset,
+        exit_names=(*(geometry.exit_names[k] for k in exits.tolist()), *map(seam_name, seams.tolist())),
+        building=None,
+        apron=0.0,
+    )
+
+
+def lead_over_seams(seams: Floats, time: Floats, direction: Floats, target: Ints, nodes: Grid, radius: float) -> None:
+    """Let people right before ``seams`` (Y, 2, 2) walk straight over them, in place, where no straight line leads there."""
+    for k in range(len(seams)):
+        near = grid.capped_distance(seams[k : k + 1], time.shape, nodes.origin, nodes.spacing, _NEAR * nodes.spacing)
+        least = np.nanmin(np.where(near < 0.999 * _NEAR * nodes.spacing, time, np.nan), initial=np.inf)
+        close = (near < 0.999 * _NEAR * nodes.spacing) & (target < 0) & (time < least + 4.0 * _NEAR * nodes.spacing)
+        _lead_over(seams[k : k + 1], close, nodes.origin, nodes.spacing, radius, direction)
+
+
+@kernel
+def _lead_over(seam: Floats, close: Bools, origin: Floats, spacing: float, radius: float, direction: Floats) -> None:
+    frame = exit_frame(seam, 0)
+    for i in range(close.shape[0]):
+        for j in range(close.shape[1]):
+            if close[i, j]:
+                x, y = origin[0] + j * spacing, origin[1] + i * spacing
+                direction[i, j, 0], direction[i, j, 1] = through_exit(frame, x, y, radius, radius)
