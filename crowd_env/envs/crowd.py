@@ -454,7 +454,7 @@ class CrowdEnv(Restorable):
         )
         for place, come in zip(places, entries or (), strict=False):
             come.spots[:], come.sheet[:] = place.on_sheets(come.spots)
-        start = {"route": np.concatenate(routes), "entries": entries, "sheet": np.concatenate(sheet)}
+        start: dict[str, Any] = {"route": np.concatenate(routes), "entries": entries, "sheet": np.concatenate(sheet)}
         self.simulation.restart(chosen, join_bodies(bodies), np.concatenate(standing), **start)
         for k in (k for k, known in enumerate(usual) if known is None):
             e, scenario, strategy = chosen[k], self.scenarios[kinds[k]], self.strategies[kinds[k]]
