@@ -164,7 +164,7 @@ def drawing_of(content: Plain, path: Path) -> FloorPlan:
     """
     given = _plan(content)
     drawn = {key: getattr(given, key) for key in _OF_DRAWING}
-    return read_plan(path.parent / path_of("file", given.file), **drawn)
+    return read_plan(path.parent / path_of("file", given.file), beside=_shapes(given)["exits"], **drawn)
 
 
 def floor_of(content: Plain, path: Path) -> Geometry:

@@ -75,7 +75,8 @@ def scenario_from_plan(
     named = exits if isinstance(exits, Mapping) else None
     if named and not all(isinstance(one, str | Sequence | np.ndarray | BaseGeometry) for one in named.values()):
         refuse("exits", exits, "names and their lines, areas or exits of the file")
-    plan = read_plan(path, () if named else texts("exits", exits), unit=unit, level=level, layers=layers, origin=origin)
+    how = {"unit": unit, "level": level, "layers": layers, "origin": origin}
+    plan = read_plan(path, () if named else texts("exits", exits), beside=named, **how)
     with at(str(plan.path)):
         plan = with_own(plan, exits=named, regions=regions)
     crowd = as_people(population)

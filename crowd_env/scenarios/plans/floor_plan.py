@@ -13,6 +13,20 @@ from crowd_env.core.files.atomic import legible
 from crowd_env.geometry.parsing import Area
 
 
+class RoleError(ValueError):
+    """A drawing lacks something that its layers may give.
+
+    Parameters
+    ----------
+    lacks : what it lacks.
+    how : options of commands that give it.
+    """
+
+    def __init__(self, lacks: str, how: str) -> None:
+        super().__init__(f"{lacks}; {how}")
+        self.lacks, self.how = lacks, how
+
+
 @dataclass(frozen=True)
 class Door:
     """A way through a wall.
@@ -62,10 +76,12 @@ class Drawing:
     Attributes
     ----------
     walkable : areas that people walk on.
+    walls : names of the layers of obstacles, if floor is what these enclose.
     rooms : rows of ``walkable`` that may have walls along the edges that they share.
     doors : in these walls, in others, or exits.
     obstacles : areas that people do not walk on.
     exits : name -> lines on the edge of the walkable area, or areas that people walk into.
+    closing : exits of the file that others have replaced: they close the openings of walls all the same.
     regions : name -> area.
     starts : name of a region in which people start -> these people, as far as the file knows them.
     unit : the file's, as a word for messages, if it names one.
@@ -77,10 +93,12 @@ class Drawing:
     """
 
     walkable: list[BaseGeometry] = field(default_factory=list)
+    walls: str = ""
     rooms: set[int] = field(default_factory=set)
     doors: list[Door] = field(default_factory=list)
     obstacles: list[BaseGeometry] = field(default_factory=list)
     exits: dict[str, BaseGeometry] = field(default_factory=dict)
+    closing: list[BaseGeometry] = field(default_factory=list)
     regions: dict[str, BaseGeometry] = field(default_factory=dict)
     starts: dict[str, Start] = field(default_factory=dict)
     unit: str | None = None
