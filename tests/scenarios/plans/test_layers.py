@@ -1,6 +1,7 @@
 """Drawings whose layers have other names, or show walls alone; walls that are multilines and wide polylines."""
 
 import warnings
+from itertools import pairwise
 
 import pytest
 from plan_files import feature, geojson
@@ -196,7 +197,7 @@ def test_walls_are_read_as_people_read_them(tmp_path, closed, lines, exit, door,
     def draw(space):
         for ring in closed:
             space.add_lwpolyline(ring, close=True, **on("W"))
-        for a, b in (pair for line in lines for pair in zip(line, line[1:], strict=False)):
+        for a, b in (pair for line in lines for pair in pairwise(line)):
             space.add_line(a, b, **on("W"))
         for layer, line in (("X", exit if by == "layer" else None), ("D", door)):
             if line:
