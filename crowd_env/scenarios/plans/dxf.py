@@ -293,12 +293,12 @@ def _add_layer(drawing: Drawing, drawn: _Layer, meters: float) -> None:
     if role == "exit" and all(area.is_valid for area in areas):  # an edge and its hatch are one exit
         areas = list(shapely.get_parts(shapely.union_all(areas)))
     for area in areas:
-        drawing.add(role, name, area)
+        drawing.add(role, name, area, layer=layer)
     if not found.open:
         return
     if role in ("exit", "obstacle", "door"):
         for line in found.open:
-            drawing.add(role, name, line)
+            drawing.add(role, name, line, layer=layer)
         return
     where = open_line(max(found.open, key=lambda line: line.length), meters)
     if not areas:

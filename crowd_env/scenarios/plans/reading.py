@@ -341,7 +341,8 @@ def _plan(
         if name in regions
     }
     regions = {names[name]: shape for name, shape in regions.items()}
-    return FloorPlan(path, walkable, exits, regions, starts, tuple(notes), meters=meters)
+    layer_of = {names.get(name, name): one for name, one in drawing.layer_of.items() if not (given and name in exits)}
+    return FloorPlan(path, walkable, exits, regions, starts, tuple(notes), meters=meters, layer_of=layer_of)
 
 
 def _drawn_exits(beside: Mapping[str, Any]) -> Iterable[BaseGeometry]:

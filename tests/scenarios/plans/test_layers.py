@@ -12,6 +12,8 @@ from crowd_env import make_scenario
 from crowd_env.scenarios.plans.dxf import read_dxf
 from crowd_env.scenarios.plans.reading import drawn_layers, read_plan
 from crowd_env.scenarios.plans.roles import ChosenRoles
+from crowd_env.scenarios.population import Population
+from crowd_env.scenarios.project import project_of
 
 ezdxf = pytest.importorskip("ezdxf")
 
@@ -247,6 +249,18 @@ def test_exits_are_typed_in_meters_too(tmp_path):
         plan = read_plan(path, [exit], layers={"obstacles": ["W"]})
         assert plan.walkable.area == pytest.approx(112.0) and plan.exits["exit-0"].length == pytest.approx(1.2)
         assert any("taken in meters" in note for note in plan.notes) == (exit == "14,3,14,4.2")
+
+
+def test_what_is_drawn_has_the_name_of_its_layer(tmp_path):
+    layers = OFFICE | {"starts": ["A-FURN*"], "obstacles": ["A-WALL"]}
+    plan = read_plan(drawn(tmp_path / "office.dxf", two_rooms), layers=layers)
+    assert plan.layer_of == {"exit-0": "A-EXIT", "start-0": "A-FURN-TABLE"}
+    project = project_of(
+        tmp_path / "p.toml", plan, Population(people=3), own_exits=False, drawing={}, of_all={}, others={}
+    )
+    assert 'exit-0 = "exit-0" # line of 1.20 m around (10.3, 2.6) on layer A-EXIT' in project.text
+    given = read_plan(tmp_path / "office.dxf", ["10.3,2,10.3,3.2"], layers=layers)
+    assert given.layer_of == {"start-0": "A-FURN-TABLE"}
 
 
 def test_a_project_names_layers(tmp_path):
