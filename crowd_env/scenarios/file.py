@@ -22,7 +22,7 @@ from crowd_env.core.files.atomic import legible
 from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.cohorts import Cohorts, People
-from crowd_env.scenarios.floor_plan import area_on, people_on, scenario_on, with_own
+from crowd_env.scenarios.floor_plan import area_on, note_cut_starts, people_on, scenario_on, with_own
 from crowd_env.scenarios.plans.floor_plan import FloorPlan
 from crowd_env.scenarios.plans.reading import read_plan
 from crowd_env.scenarios.population import Population, population_of
@@ -150,6 +150,7 @@ def scenario_of(content: Plain, path: Path) -> Scenario:
             crowd = _people(content, path.parent, geometry.area_of)
             scenario = Scenario(**{"time_limit": 1.0, **own}, geometry=geometry, population=crowd)
             scenario = scenario if "time_limit" in own else scenario.with_enough_time()
+            note_cut_starts(scenario)
         _require_ways(scenario)
         return scenario
 

@@ -159,6 +159,7 @@ function ringAt(context, x, y, radius, color, width) {
 
 // Text around a place [px], moved into the picture and off what is written already.
 function write(context, view, text, x, y, color, behind) {
+  if (x < 0 || x > view.width || y < 0 || y > view.height) return;
   context.font = `600 12px ${css("font")}`;
   const wide = context.measureText(text).width + 8;
   const way = y > view.height / 2 ? -15 : 15;
