@@ -17,7 +17,7 @@ from crowd_env.geometry.placement import lattice
 from crowd_env.scenarios.arrivals import Arrivals
 from crowd_env.scenarios.cohorts import People, as_people, people_of
 from crowd_env.scenarios.plans.floor_plan import FloorPlan, listed
-from crowd_env.scenarios.plans.reading import read_plan
+from crowd_env.scenarios.plans.reading import is_name, read_plan
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
 
@@ -76,7 +76,7 @@ def scenario_from_plan(
     named = exits if isinstance(exits, Mapping) else None
     if named and not all(isinstance(one, str | Sequence | np.ndarray | BaseGeometry) for one in named.values()):
         refuse("exits", exits, "names and their lines, areas or exits of the file")
-    how = {"unit": unit, "level": level, "layers": layers, "origin": origin}
+    how: Plain = {"unit": unit, "level": level, "layers": layers, "origin": origin}
     plan = read_plan(path, () if named else texts("exits", exits), beside=named, **how)
     with at(str(plan.path)):
         plan = with_own(plan, exits=named, regions=regions)
@@ -169,7 +169,7 @@ def with_own(
 
 def _taken(key: str, own: Mapping[str, Any], drawn: Mapping[str, Any], plan: FloorPlan) -> dict[str, Any]:
     """Return shapes, with the shapes of the plan for their names."""
-    names = {name: shape for name, shape in own.items() if isinstance(shape, str) and not set(shape) & set("(,")}
+    names = {name: shape for name, shape in own.items() if is_name(shape)}
     for name, shape in names.items():
         if shape not in drawn:
             there = f"its {key} are {listed(drawn, most=12)}" if drawn else f"it has no {key}"

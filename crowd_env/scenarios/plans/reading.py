@@ -12,20 +12,19 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from crowd_env.core.checks import at, counted, number
+from crowd_env.core.checks import at, number
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.foreign import foreign_kind, read_text, require_file
 from crowd_env.geometry.boundary import clear_exits
-from crowd_env.geometry.parsing import parse_exit, place, read_area, read_exits
+from crowd_env.geometry.parsing import parse_exit, read_area, read_exits
 from crowd_env.scenarios.plans.dxf import draw_dxf, read_dxf
-from crowd_env.scenarios.plans.floor_plan import Door, Drawing, FloorPlan, Layer, RoleError, listed
+from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, Layer, RoleError, listed
 from crowd_env.scenarios.plans.geojson import is_geojson, level_name, read_geojson
 from crowd_env.scenarios.plans.jupedsim import is_project, read_geometry_xml, read_project
-from crowd_env.scenarios.plans.lines import open_line
 from crowd_env.scenarios.plans.roles import Chosen, ChosenRoles, by_names
 from crowd_env.scenarios.plans.rooms import rooms_between
 from crowd_env.scenarios.plans.shared_edges import open_doors, walls_between
-from crowd_env.scenarios.plans.tidying import THICK, apart, regions_in, simplified, tidied, without_obstacles
+from crowd_env.scenarios.plans.tidying import apart, regions_in, simplified, tidied, without_obstacles
 from crowd_env.scenarios.plans.units import judge_unit, unit_in_meters
 from crowd_env.scenarios.plans.vadere import is_vadere, read_vadere
 from crowd_env.scenarios.plans.wkt import read_jupedsim_sqlite, read_wkt
@@ -302,7 +301,7 @@ def _plan(
     beside: Mapping[str, Any],
     given: bool,
 ) -> FloorPlan:
-    """Return a drawing as a plan in meters; ``given`` = its exits are not those of the file."""
+    """Return a drawing as a plan in meters; ``given`` = its exits are not from the file."""
     notes = list(drawing.notes)
     if not (drawing.walkable or drawing.walls):
         raise ValueError("; ".join(["it has no area to walk on", *notes]))
@@ -311,18 +310,17 @@ def _plan(
         if meters is None:
             meters, note = _judged(drawing)
             notes += [note] if note else []
-        wide = [meters * shape.length < _NARROWEST for shape in drawing.exits.values()]
-        typed = given and meters != 1.0 and all(wide)
-        if typed:
-            notes.append(
-                f"the exits that are given are taken in meters: in units of the file none is {_NARROWEST} m wide"
-            )
-        own = _named(drawing.exits, *((1.0, (0.0, 0.0)) if typed else (meters, origin)))
+        own = _named(drawing.exits, meters, origin)
+        if given and meters < 1.0 and all(shape.length < _NARROWEST for shape in own.values()):
+            own = drawing.exits
+            notes.append(f"exits taken in meters: in units of the file none is {_NARROWEST} m wide")
         floor, drawn_obstacles = (_scaled(shapes, meters, origin) for shapes in (drawing.walkable, drawing.obstacles))
         doors = [replace(door, shape=_scaled([door.shape], meters, origin)[0]) for door in drawing.doors]
         if drawing.walls:
-            closing = [*own.values(), *_scaled(drawing.closing, meters, origin), *_drawn_exits(beside)]
-            floor, drawn_obstacles = _enclosed(drawing.walls, drawn_obstacles, closing, doors, notes)
+            shapes = {name: one for name, one in beside.items() if not is_name(one)}
+            closing = [*own.values(), *_scaled(drawing.closing, meters, origin), *read_exits(shapes).values()]
+            openings = [door.shape for door in doors]
+            floor, drawn_obstacles = rooms_between(drawing.walls, drawn_obstacles, closing, openings, notes)
         floor, obstacles = simplified(floor, notes), simplified(drawn_obstacles, notes)
         drawn = read_area(_collected(floor, notes), "walkable area")
         walls = walls_between(floor, drawing.rooms, doors, obstacles, notes)
@@ -345,41 +343,9 @@ def _plan(
     return FloorPlan(path, walkable, exits, regions, starts, tuple(notes), meters=meters, layer_of=layer_of)
 
 
-def _drawn_exits(beside: Mapping[str, Any]) -> Iterable[BaseGeometry]:
-    """Return the exits [m] beside a file that are shapes, not names of its own."""
-    shapes = {name: one for name, one in beside.items() if not isinstance(one, str) or set(one) & set("(,")}
-    with warnings.catch_warnings():  # they appear where the exits are checked
-        warnings.simplefilter("ignore")
-        return read_exits(shapes).values()
-
-
-def _enclosed(
-    layers: str, walls: Sequence[BaseGeometry], exits: Sequence[BaseGeometry], doors: Sequence[Door], notes: list[str]
-) -> tuple[list[BaseGeometry], list[BaseGeometry]]:
-    """Return the floor that walls [m] on ``layers`` enclose, and the obstacles in it.
-
-    Raises
-    ------
-    RoleError
-        If they enclose none.
-    """
-    rooms = rooms_between(walls, exits, [door.shape for door in doors])
-    if not rooms.floor:
-        chains = shapely.get_parts(shapely.line_merge(shapely.union_all([one for one in walls if one.area == 0.0])))
-        longest = max(chains, key=lambda line: line.length, default=None)
-        where = "" if longest is None else f"; of the longest {open_line(longest, 1.0)}"
-        lacks = f"the walls on {layers} enclose no room: each opening that leads out needs an exit across it{where}"
-        raise RoleError(lacks, "--exit gives one, or --layers exits=NAME")
-    areas = counted(len(rooms.floor), "area", "areas")
-    notes.append(f"no layer says where people walk: floor is what the walls enclose, {areas}")
-    if rooms.solid:
-        largest = max(rooms.solid, key=lambda one: one.area)
-        at = place(shapely.get_coordinates(largest.representative_point())[0])
-        solid = counted(len(rooms.solid), "closed line", "closed lines")
-        notes.append(f"{solid} on {layers} taken as solid, the largest of {largest.area:.3g} m2 around {at}")
-    if rooms.lines:
-        notes.append(f"obstacles: {counted(rooms.lines, 'line', 'lines')} taken as walls {THICK:g} m thick")
-    return rooms.floor, rooms.obstacles
+def is_name(shape: Any) -> bool:
+    """Return whether what stands for a shape is the name of one in the file."""
+    return isinstance(shape, str) and not set(shape) & set("(,")
 
 
 def _judged(drawing: Drawing) -> tuple[float, str]:

@@ -43,9 +43,8 @@ def read_vadere(content: Plain, meters: float | None) -> Drawing:
             name, own = f"source-{source['id']}", Start(_people(source), _way(source, targets)[-1:], _timetable(source))
             drawing.add("start", name, _shape(source, f"source {source['id']}"), own)
             law, every = _law(source)
-            if not (_at_once(source) or own.arrivals):
-                late.append(f"{name} ({law or 'no law'})")
-            elif len(own.arrivals) > 1 and law != "constant":
+            late += [] if _at_once(source) or own.arrivals else [f"{name} ({law or 'no law'})"]
+            if len(own.arrivals) > 1 and law != "constant":
                 drawing.notes.append(f"{name}: people come every {every:.3g} s, the mean of its random times ({law})")
         ways = [_way(source, targets) for source in sources if source.get("targetIds")]
         for left_out, what in (

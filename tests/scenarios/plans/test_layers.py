@@ -248,7 +248,7 @@ def test_exits_are_typed_in_meters_too(tmp_path):
     for exit in ("14,3,14,4.2", "14000,3000,14000,4200"):
         plan = read_plan(path, [exit], layers={"obstacles": ["W"]})
         assert plan.walkable.area == pytest.approx(112.0) and plan.exits["exit-0"].length == pytest.approx(1.2)
-        assert any("taken in meters" in note for note in plan.notes) == (exit == "14,3,14,4.2")
+        assert any("exits taken in meters" in note for note in plan.notes) == (exit == "14,3,14,4.2")
 
 
 def test_what_is_drawn_has_the_name_of_its_layer(tmp_path):
