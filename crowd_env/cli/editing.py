@@ -3,6 +3,7 @@
 import itertools
 import json
 import os
+import re
 import secrets
 import subprocess
 import sys
@@ -27,18 +28,20 @@ from crowd_env.core.checks import Plain, Range, table, whole
 from crowd_env.core.files.atomic import keep_aside, legible, write_text
 from crowd_env.core.files.json_file import read_json
 from crowd_env.geometry.parsing import flat_parts
+from crowd_env.geometry.parts import NoWayOut
 from crowd_env.rendering.editor import editor_page
 from crowd_env.rendering.plan import holes_of, shells_of
 from crowd_env.scenarios.file import drawing_of, floor_of, scenario_of
-from crowd_env.scenarios.plans.floor_plan import FloorPlan
+from crowd_env.scenarios.plans.floor_plan import FloorPlan, RoleError
 from crowd_env.scenarios.plans.reading import drawn_layers, levels_in
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.project import Project, project_text
 
 _FINE = 3  # decimals of meters on the page
 _MOST_POINTS = 400_000  # of layers on the page
-_LOCKED = "no exit can be reached"
+_ROLES = "choose what each draws under “The drawing and its layers”"
 _PEOPLE = 2000  # that are drawn
+_OPTION = re.compile(r"--(?=[a-z])")  # the page has fields for what the options of the command give
 _RUNS = Range(1, 1000)
 _LARGEST = 20_000_000  # bytes of a project
 
@@ -75,10 +78,10 @@ def look(content: Plain, path: Path, *, layers: bool = False, seed: int = 0) -> 
                 check = check_plan(path.stem, floor_of(content, path), Population(people=1), seed=seed)
             except broken as other:
                 found |= {"error": _plainly(other, path, file)}
-    notes = list(dict.fromkeys(_plainly(one.message, path, file) for one in said))
+    notes = {_plainly(one.message, path, file): one.category for one in said}
     if check is not None:
         found |= _shown(check, whole=found["error"] is None)
-    locked = [note for note in notes if _LOCKED in note]  # people: worse than a note
+    locked = [note for note, kind in notes.items() if issubclass(kind, NoWayOut)]  # people: worse than a note
     found |= {"notes": [note for note in notes if note not in locked]}
     found |= {"remarks": [*locked, *found.get("remarks", [])]}
     if layers and file is not None:
@@ -95,8 +98,8 @@ def page_alone(content: Plain, path: Path) -> str:
 
 
 def _plainly(error: object, path: Path, drawing: str | None) -> str:
-    """Return a message without the paths of the project and of its drawing, which are known."""
-    text = str(error)
+    """Return a message without the paths of the project and of its drawing, which are known, and for a page."""
+    text = f"{error.lacks}; {_ROLES}" if isinstance(error, RoleError) else _OPTION.sub("", str(error))
     for name in (path, path.parent / (drawing or "")):
         text = text.replace(f"{name}: ", "")
     return legible(text)

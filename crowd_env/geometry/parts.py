@@ -18,6 +18,10 @@ GAP = 0.01  # m; parts nearer to each other than this were meant to touch
 _INTO = 1e-6  # m; how far a corner is moved into the other part, so that the two overlap
 
 
+class NoWayOut(UserWarning):
+    """People in a part of the area reach no exit."""
+
+
 def join_near_parts(area: Area, what: str) -> Area:
     """Return ``area`` with parts joined that lie less than 1 cm apart: their corners there are moved onto the other part."""
     parts = list(shapely.get_parts(area))
@@ -120,7 +124,7 @@ def say_left_out(parts: Sequence[Polygon]) -> None:
     what = "a part" if len(parts) == 1 else f"{len(parts)} parts"
     around = f"{'' if len(parts) == 1 else 'in all, the largest '}around {where}"
     text = f"no exit can be reached from {what} of {total:.3g} m2 {around}: left out"
-    warnings.warn(text, stacklevel=4)
+    warnings.warn(text, NoWayOut, stacklevel=4)
 
 
 def is_within(shape: Area, parts: Iterable[Polygon]) -> bool:

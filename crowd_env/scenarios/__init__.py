@@ -8,10 +8,10 @@ from typing import Any, Literal
 
 from crowd_env.core.checks import NAMES, Plain, of_another_kind, refuse
 from crowd_env.core.files.foreign import require_file
-from crowd_env.scenarios.file import SUFFIXES, read_scenario
+from crowd_env.scenarios.file import SUFFIXES, Plan, read_scenario, scenario_of
 from crowd_env.scenarios.floor_plan import scenario_from_plan
 from crowd_env.scenarios.generated import draw_place
-from crowd_env.scenarios.plans.reading import is_plan
+from crowd_env.scenarios.plans.reading import is_plan, split_level
 from crowd_env.scenarios.scenario import COMMON, Scenario, changed_place
 from crowd_env.scenarios.shipped import places
 from crowd_env.scenarios.shipped.theatre import theatre
@@ -43,6 +43,7 @@ PLACES_OF_TASKS: dict[str, Callable[[], Scenario]] = {}
 _OF_PLAN = (
     *(scenario_from_plan.__kwdefaults__ or ()),
     *(one.name for one in fields(Scenario) if one.name not in ("geometry", "population", "time_limit")),
+    "cohorts",
 )
 
 
@@ -84,6 +85,10 @@ def make_scenario(scenario: str | Path | Plain | Scenario, **options: Any) -> Sc
     if kind in ("file", "task"):
         place = read_scenario(Path(scenario)) if kind == "file" else PLACES_OF_TASKS[str(scenario)]()
         return changed_place(place, options)
+    if kind == "plan" and "cohorts" in options:  # as a project has them
+        path, level = split_level(scenario)
+        geometry = {one.name: options.pop(one.name) for one in fields(Plan) if one.name in options}
+        return scenario_of({"geometry": {"file": path.name, "level": level, **geometry}, **options}, path)
     return scenario_from_plan(scenario, **options) if kind == "plan" else SCENARIOS[str(scenario)](**options)
 
 

@@ -37,7 +37,7 @@ from crowd_env.core.files.foreign import read_text
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.buildings import Level, Ramp, Stair, building
 from crowd_env.scenarios.cohorts import Cohorts, People
-from crowd_env.scenarios.floor_plan import area_on, people_on, scenario_on, with_own
+from crowd_env.scenarios.floor_plan import area_on, note_cut_starts, people_on, scenario_on, with_own
 from crowd_env.scenarios.plans.floor_plan import FloorPlan
 from crowd_env.scenarios.plans.reading import read_plan
 from crowd_env.scenarios.population import Population, population_of
@@ -196,6 +196,7 @@ def scenario_of(content: Plain, path: Path) -> Scenario:
             crowd = _people(content, path.parent, geometry.area_of, offset_of=offset_of)
             scenario = Scenario(**{"time_limit": 1.0, **own}, geometry=geometry, population=crowd)
             scenario = scenario if "time_limit" in own else scenario.with_enough_time()
+            note_cut_starts(scenario)
         _require_ways(scenario)
         return scenario
 
@@ -213,7 +214,7 @@ def drawing_of(content: Plain, path: Path) -> FloorPlan:
 
 def _drawing(given: Plan, path: Path) -> FloorPlan:
     drawn = {key: getattr(given, key) for key in _OF_DRAWING}
-    return read_plan(path.parent / path_of("file", given.file), **drawn)
+    return read_plan(path.parent / path_of("file", given.file), beside=_shapes(given)["exits"], **drawn)
 
 
 def _building(content: Plain, path: Path) -> Geometry:

@@ -17,11 +17,12 @@ from crowd_env.geometry.placement import lattice
 from crowd_env.scenarios.arrivals import Arrivals
 from crowd_env.scenarios.cohorts import People, as_people, people_of
 from crowd_env.scenarios.plans.floor_plan import FloorPlan, listed
-from crowd_env.scenarios.plans.reading import read_plan
+from crowd_env.scenarios.plans.reading import is_name, read_plan
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
 
 PEOPLE = 20  # on a plan that does not say how many
+_FLOOR = 0.9  # share of a start area; walls and columns take less
 _CROWDED = 3.0  # people/m^2; more than these may not fit: a file with more means that they come one after the other
 
 
@@ -75,7 +76,8 @@ def scenario_from_plan(
     named = exits if isinstance(exits, Mapping) else None
     if named and not all(isinstance(one, str | Sequence | np.ndarray | BaseGeometry) for one in named.values()):
         refuse("exits", exits, "names and their lines, areas or exits of the file")
-    plan = read_plan(path, () if named else texts("exits", exits), unit=unit, level=level, layers=layers, origin=origin)
+    how: Plain = {"unit": unit, "level": level, "layers": layers, "origin": origin}
+    plan = read_plan(path, () if named else texts("exits", exits), beside=named, **how)
     with at(str(plan.path)):
         plan = with_own(plan, exits=named, regions=regions)
     crowd = as_people(population)
@@ -116,7 +118,16 @@ def scenario_on(
         limit = 1.0 if time_limit is None else time_limit
         given = {"name": plan.name, "title": plan.title, **options}
         place = Scenario(**given, geometry=geometry, population=population, time_limit=limit)
+        note_cut_starts(place)
         return place.with_enough_time() if time_limit is None else place
+
+
+def note_cut_starts(place: Scenario) -> None:
+    """Warn of start areas of which a notable part is no floor: fewer people stand there than the area seems to hold."""
+    for name in dict.fromkeys(part.start_region for part in place.population.parts if part.start_region is not None):
+        drawn, floor = place.geometry.regions[name].area, place.geometry.area_of(name)
+        if floor < _FLOOR * drawn:
+            warnings.warn(f"start area {name!r}: {floor:.3g} m2 of its {drawn:.3g} m2 are floor", stacklevel=3)
 
 
 def with_own(
@@ -158,7 +169,7 @@ def with_own(
 
 def _taken(key: str, own: Mapping[str, Any], drawn: Mapping[str, Any], plan: FloorPlan) -> dict[str, Any]:
     """Return shapes, with the shapes of the plan for their names."""
-    names = {name: shape for name, shape in own.items() if isinstance(shape, str) and not set(shape) & set("(,")}
+    names = {name: shape for name, shape in own.items() if is_name(shape)}
     for name, shape in names.items():
         if shape not in drawn:
             there = f"its {key} are {listed(drawn, most=12)}" if drawn else f"it has no {key}"
@@ -185,11 +196,12 @@ def _reached(geometry: Geometry, plan: FloorPlan) -> dict[str, Area]:
         for name, shape in plan.regions.items()
         if name in plan.starts or shapely.intersection(geometry.walkable, shape).area > SLIVER
     }
-    if len(reached) < len(plan.regions):
-        lost = [name for name in plan.regions if name not in reached]
-        warnings.warn(
-            f"left out: {counted(len(lost), 'region', 'regions')} that no exit reaches, {listed(lost)}", stacklevel=4
-        )
+    lost = {name: shape for name, shape in plan.regions.items() if name not in reached}
+    off = [name for name, shape in lost.items() if shapely.intersection(plan.walkable, shape).area <= SLIVER]
+    for names, why in ((off, "off the floor"), ([name for name in lost if name not in off], "that no exit reaches")):
+        if names:
+            regions = counted(len(names), "region", "regions")
+            warnings.warn(f"left out: {regions} {why}, {listed(names)}", stacklevel=4)
     return reached
 
 

@@ -71,8 +71,9 @@ def project_of(
     if len(parts) > 1:
         crowd = {**({"population": of_all} if of_all else {}), "cohorts": own}
     comments = {"population": "what all cohorts share"} if len(parts) > 1 else {}
-    comments |= {f"geometry.exits.{name}": _about(shape) for name, shape in plan.exits.items()}
-    comments |= {f"geometry.regions.{name}": _about(shape) for name, shape in plan.regions.items()}
+    for group, table in (("exits", plan.exits), ("regions", plan.regions)):
+        layers = {name: f" on layer {layer}" for name, layer in plan.layer_of.items()}
+        comments |= {f"geometry.{group}.{name}": _about(shape) + layers.get(name, "") for name, shape in table.items()}
     said = f"{plan.title} as it was understood; crowd-env plan {path.name} draws it, docs/scenarios.md lists all keys"
     none = () if plan.exits else ("no exits yet: under [geometry.exits], name = line on the edge, [[2, 8], [3, 8]]",)
     return Project({**others, "geometry": geometry, **crowd}, comments, (said, *plan.notes, *none))

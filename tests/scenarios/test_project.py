@@ -221,3 +221,36 @@ def test_an_origin_brings_a_plan_near(tmp_path):
     (tmp_path / "near.toml").write_text('[geometry]\nfile = "drawings/hall.geojson"\norigin = [1, 2, 3]\n')
     with pytest.raises(ValueError, match="origin"):
         make_scenario(tmp_path / "near.toml")
+
+
+def test_python_takes_cohorts_of_a_drawing_as_a_project_does(tmp_path):
+    place = make_scenario(
+        drawing(tmp_path),
+        exits={"main": "east"},
+        regions={"stairs": [[6, 2], [8, 2], [8, 6], [6, 6]]},
+        cohorts=[{"density": 0.5, "start_region": "corner"}, {"people": 7, "start_region": "stairs", "name": "late"}],
+        population={"response_time": 5},
+        time_limit=90,
+    )
+    assert [(one.people, one.start_region) for one in place.population.parts] == [(2, "corner"), (7, "stairs")]
+    assert place.exits == ("main",) and place.time_limit == 90
+
+
+@pytest.mark.parametrize("in_a_file", [True, False])
+def test_what_lies_off_the_floor_is_told(tmp_path, in_a_file):
+    floor = "walkable = { box = [0, 0, 12, 8] }\nexits = { east = [[12, 3], [12, 5]] }"
+    if in_a_file:
+        drawing(tmp_path)
+        floor = 'file = "drawings/hall.geojson"'
+    path = tmp_path / "hall.toml"
+    text = f"[geometry]\n{floor}\n[geometry.regions]\nhalf = {{ box = [-2, 2, 2, 4] }}\n"
+    path.write_text(text + '[population]\ndensity = 1\nstart_region = "half"\n')
+    with pytest.warns(UserWarning, match="start area 'half': 4 m2 of its 8 m2 are floor"):
+        assert make_scenario(path).population.people == 4
+    path.write_text(text + "off = { box = [20, 2, 22, 4] }\n[population]\npeople = 3\n")
+    if in_a_file:
+        with pytest.warns(UserWarning, match="left out: 1 region off the floor, off"):
+            assert set(make_scenario(path).geometry.regions) == {"half", "corner"}
+    else:
+        with pytest.raises(ValueError, match=r"region 'off' around .* lies outside of the walkable area"):
+            make_scenario(path)

@@ -10,6 +10,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import known as require_known
 from crowd_env.geometry.geometry import Geometry
+from crowd_env.geometry.parts import NoWayOut
 from crowd_env.geometry.passages import passages
 from crowd_env.routing.fields import grid
 
@@ -327,6 +328,7 @@ def dilate(plan: Plan, spacing: float) -> tuple[Grid, list[Dilation]]:
         if plan.partial and dilations and lost is not None and not closed:
             warnings.warn(
                 f"as the doors stand, no exit can be reached from ({lost[0]:.2f}, {lost[1]:.2f}): people wait there",
+                NoWayOut,
                 stacklevel=3,
             )
             return nodes, dilations

@@ -14,10 +14,9 @@ from shapely.geometry.base import BaseGeometry
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import counted
 from crowd_env.core.libraries import needed_for
-from crowd_env.scenarios.plans.floor_plan import Drawing, Layer, listed
+from crowd_env.scenarios.plans.floor_plan import Drawing, Layer, RoleError, listed
 from crowd_env.scenarios.plans.lines import GAP, enclosed, open_line
 from crowd_env.scenarios.plans.roles import LAYERS, Chosen, by_names, role_of_layer
-from crowd_env.scenarios.plans.rooms import rooms_between
 from crowd_env.scenarios.plans.swings import openings
 from crowd_env.scenarios.plans.units import judge_unit
 
@@ -40,7 +39,7 @@ _NO_LINES = ("TEXT", "MTEXT", "ATTDEF", "ATTRIB", "POINT", "DIMENSION", "LEADER"
 def read_dxf(path: Path, meters: float | None, chosen: Chosen = by_names) -> Drawing:
     """Read the closed lines, hatches and blocks of a drawing, layer by layer.
 
-    Without a layer of floor, what the walls enclose together with the exits is floor.
+    Without a layer of floor it has no walkable area yet: floor is what the walls enclose together with the exits.
 
     Parameters
     ----------
@@ -62,21 +61,15 @@ def read_dxf(path: Path, meters: float | None, chosen: Chosen = by_names) -> Dra
     if not (floor or walls):
         used = [*(one.dxf.name for one in document.layers), *(one.dxf.layer for one in document.modelspace())]
         there = listed((name for name in dict.fromkeys(used) if name.lower() != "defpoints"), _LISTED)
-        name = f"name them {LAYERS}, or choose, such as --layers walkable=NAME, or obstacles=NAME for walls"
-        raise ValueError(f"none of its visible layers says where people walk; {name}; its layers: {there}")
+        lacks = f"none of its visible layers says where people walk; its layers: {there}"
+        raise RoleError(
+            lacks, f"name them {LAYERS}, or choose, such as --layers walkable=NAME, or obstacles=NAME for walls"
+        )
     extent = [curve for layer in floor or walls for curve in layer.curves]
     meters = meters or _taken_for(drawing, extent, layers.values())
     for drawn in layers.values():
         _add_layer(drawing, drawn, meters)
-    if not floor:
-        drawing.walkable += rooms_between(drawing.obstacles, list(drawing.exits.values()), meters)
-        if not drawing.walkable:
-            names = listed([one.layer for one in walls], _SHOWN)
-            raise ValueError(
-                f"the walls on {names} enclose no room; exits close openings that lead out, see --layers exits=NAME"
-            )
-        rooms = counted(len(drawing.walkable), "area", "areas")
-        drawing.notes.append(f"no layer says where people walk: floor is what the walls enclose, {rooms}")
+    drawing.walls = "" if floor else listed([one.layer for one in walls], _SHOWN)
     return drawing
 
 
@@ -300,12 +293,12 @@ def _add_layer(drawing: Drawing, drawn: _Layer, meters: float) -> None:
     if role == "exit" and all(area.is_valid for area in areas):  # an edge and its hatch are one exit
         areas = list(shapely.get_parts(shapely.union_all(areas)))
     for area in areas:
-        drawing.add(role, name, area)
+        drawing.add(role, name, area, layer=layer)
     if not found.open:
         return
     if role in ("exit", "obstacle", "door"):
         for line in found.open:
-            drawing.add(role, name, line)
+            drawing.add(role, name, line, layer=layer)
         return
     where = open_line(max(found.open, key=lambda line: line.length), meters)
     if not areas:

@@ -13,6 +13,20 @@ from crowd_env.core.files.atomic import legible
 from crowd_env.geometry.parsing import Area
 
 
+class RoleError(ValueError):
+    """A drawing lacks something that its layers may give.
+
+    Parameters
+    ----------
+    lacks : what it lacks.
+    how : options of commands that give it.
+    """
+
+    def __init__(self, lacks: str, how: str) -> None:
+        super().__init__(f"{lacks}; {how}")
+        self.lacks, self.how = lacks, how
+
+
 @dataclass(frozen=True)
 class Door:
     """A way through a wall.
@@ -62,10 +76,12 @@ class Drawing:
     Attributes
     ----------
     walkable : areas that people walk on.
+    walls : names of the layers of obstacles, if floor is what these enclose.
     rooms : rows of ``walkable`` that may have walls along the edges that they share.
     doors : in these walls, in others, or exits.
     obstacles : areas that people do not walk on.
     exits : name -> lines on the edge of the walkable area, or areas that people walk into.
+    closing : exits of the file that others have replaced: they close the openings of walls all the same.
     regions : name -> area.
     starts : name of a region in which people start -> these people, as far as the file knows them.
     unit : the file's, as a word for messages, if it names one.
@@ -74,13 +90,16 @@ class Drawing:
     levels : the drawing of each level, by its name, if the file names levels; then the rest is empty if there are several.
     notes : shapes that the reader dropped, or read in another way than may be meant.
     layers : name -> what is drawn there and its role.
+    layer_of : name of an exit or a region -> the layer that it is drawn on.
     """
 
     walkable: list[BaseGeometry] = field(default_factory=list)
+    walls: str = ""
     rooms: set[int] = field(default_factory=set)
     doors: list[Door] = field(default_factory=list)
     obstacles: list[BaseGeometry] = field(default_factory=list)
     exits: dict[str, BaseGeometry] = field(default_factory=dict)
+    closing: list[BaseGeometry] = field(default_factory=list)
     regions: dict[str, BaseGeometry] = field(default_factory=dict)
     starts: dict[str, Start] = field(default_factory=dict)
     unit: str | None = None
@@ -89,11 +108,15 @@ class Drawing:
     levels: dict[str, "Drawing"] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     layers: dict[str, "Layer"] = field(default_factory=dict)
+    layer_of: dict[str, str] = field(default_factory=dict)
 
-    def add(self, role: str, name: str, shape: BaseGeometry, start: Start | None = None) -> None:
+    def add(self, role: str, name: str, shape: BaseGeometry, start: Start | None = None, layer: str = "") -> None:
         """Add a shape in a role of `crowd_env.scenarios.plans.roles`: shapes of one name make one exit or region, shapes
         without a name are numbered.
         """
+        if role in ("exit", "start", "region"):
+            name = name or _numbered(role, self.exits if role == "exit" else self.regions)
+            self.layer_of |= {name: layer} if layer else {}
         match role:
             case "room":
                 self.rooms.add(len(self.walkable))
@@ -103,11 +126,10 @@ class Drawing:
             case "obstacle":
                 self.obstacles.append(shape)
             case "exit":
-                _join(self.exits, name or _numbered("exit", self.exits), shape)
+                _join(self.exits, name, shape)
             case "door":
                 self.doors.append(Door(shape, name))
             case "start" | "region":
-                name = name or _numbered(role, self.regions)
                 _join(self.regions, name, shape)
                 if role == "start":
                     self.starts[name] = start or Start()
@@ -127,6 +149,7 @@ class FloorPlan:
     notes : a sentence on each shape that was dropped, or read in another way than may be meant.
     level : of the file, if one was chosen.
     meters : how many meters a unit of the file was taken for.
+    layer_of : name of an exit or a region -> the layer of the file that it is drawn on.
     """
 
     path: Path
@@ -137,6 +160,7 @@ class FloorPlan:
     notes: tuple[str, ...] = ()
     level: str | None = None
     meters: float = 1.0
+    layer_of: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:

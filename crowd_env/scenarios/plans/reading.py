@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -15,12 +16,13 @@ from crowd_env.core.checks import at, number
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.foreign import foreign_kind, read_text, require_file
 from crowd_env.geometry.boundary import clear_exits
-from crowd_env.geometry.parsing import parse_exit, read_area
+from crowd_env.geometry.parsing import parse_exit, read_area, read_exits
 from crowd_env.scenarios.plans.dxf import draw_dxf, read_dxf
-from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, Layer, listed
+from crowd_env.scenarios.plans.floor_plan import Drawing, FloorPlan, Layer, RoleError, listed
 from crowd_env.scenarios.plans.geojson import is_geojson, level_name, read_geojson
 from crowd_env.scenarios.plans.jupedsim import is_project, read_geometry_xml, read_project
 from crowd_env.scenarios.plans.roles import Chosen, ChosenRoles, by_names
+from crowd_env.scenarios.plans.rooms import rooms_between
 from crowd_env.scenarios.plans.shared_edges import open_doors, walls_between
 from crowd_env.scenarios.plans.tidying import apart, regions_in, simplified, tidied, without_obstacles
 from crowd_env.scenarios.plans.units import judge_unit, unit_in_meters
@@ -73,6 +75,7 @@ _BY_CONTENT: dict[str | None, Reader] = {
 }
 _CHOOSING = (read_dxf, read_json_plan)
 _NO_LAYERS = "it has no layers to choose from; DXF drawings and GeoJSON have"
+_NARROWEST = 0.3  # m; no exit is narrower
 _LARGEST = 60_000_000  # bytes; a plan of a million corners has 40 million of them
 
 PLANS = "WKT (.wkt), GeoJSON, DXF, JuPedSim (.sqlite, .json, .xml) or Vadere (.scenario)"
@@ -112,6 +115,7 @@ def read_plan(
     level: str | float | None = None,
     layers: Mapping[str, Sequence[str]] | None = None,
     origin: Sequence[float] = (0.0, 0.0),
+    beside: Mapping[str, Any] | None = None,
 ) -> FloorPlan:
     """Return the floor plan in a file.
 
@@ -126,6 +130,7 @@ def read_plan(
     layers : role -> layers of a DXF drawing, or words of features of GeoJSON such as "indoor=room", as
         `crowd_env.scenarios.plans.roles.ChosenRoles` takes them.
     origin : (2,) point of the file that becomes (0, 0), in its units; of a file in degrees in meters.
+    beside : name -> line or area [m] of exits that stand beside the file: they too close the openings of its walls.
 
     Raises
     ------
@@ -144,9 +149,13 @@ def read_plan(
             if drawing.exits:
                 left_out = f"the exits of the file are left out for those that are given: {listed(drawing.exits)}"
                 drawing.notes.append(left_out)
+            drawing.closing += drawing.exits.values()
             drawing.exits = {f"exit-{number}": parse_exit(text) for number, text in enumerate(exits)}
             drawing.doors = [replace(door, leads_out=False) for door in drawing.doors]
-        return replace(_plan(path, drawing, meters, _point(origin)), level=level)
+        drawn = _plan(path, drawing, meters, _point(origin), {} if beside is None else beside, bool(exits))
+        return replace(drawn, level=level)
+    except RoleError as error:
+        raise RoleError(f"{path}: {error.lacks}", error.how) from None
     except ValueError as error:
         message = str(error)
         raise ValueError(message if str(path) in message else f"{path}: {message}") from None
@@ -284,43 +293,66 @@ def _point(origin: Sequence[float]) -> tuple[float, float]:
     return number("origin: x", origin[0]), number("origin: y", origin[1])
 
 
-def _plan(path: Path, drawing: Drawing, meters: float | None, origin: tuple[float, float]) -> FloorPlan:
-    """Return a drawing as a plan in meters."""
+def _plan(
+    path: Path,
+    drawing: Drawing,
+    meters: float | None,
+    origin: tuple[float, float],
+    beside: Mapping[str, Any],
+    given: bool,
+) -> FloorPlan:
+    """Return a drawing as a plan in meters; ``given`` = its exits are not from the file."""
     notes = list(drawing.notes)
-    if not drawing.walkable:
+    if not (drawing.walkable or drawing.walls):
         raise ValueError("; ".join(["it has no area to walk on", *notes]))
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", UserWarning)
         if meters is None:
             meters, note = _judged(drawing)
             notes += [note] if note else []
-        floor = simplified(_scaled(drawing.walkable, meters, origin), notes)
-        drawn = read_area(_collected(floor, notes), "walkable area")
+        own = _named(drawing.exits, meters, origin)
+        if given and meters < 1.0 and all(shape.length < _NARROWEST for shape in own.values()):
+            own = drawing.exits
+            notes.append(f"exits taken in meters: in units of the file none is {_NARROWEST} m wide")
+        floor, drawn_obstacles = (_scaled(shapes, meters, origin) for shapes in (drawing.walkable, drawing.obstacles))
         doors = [replace(door, shape=_scaled([door.shape], meters, origin)[0]) for door in drawing.doors]
-        obstacles = simplified(_scaled(drawing.obstacles, meters, origin), notes)
+        if drawing.walls:
+            shapes = {name: one for name, one in beside.items() if not is_name(one)}
+            closing = [*own.values(), *_scaled(drawing.closing, meters, origin), *read_exits(shapes).values()]
+            openings = [door.shape for door in doors]
+            floor, drawn_obstacles = rooms_between(drawing.walls, drawn_obstacles, closing, openings, notes)
+        floor, obstacles = simplified(floor, notes), simplified(drawn_obstacles, notes)
+        drawn = read_area(_collected(floor, notes), "walkable area")
         walls = walls_between(floor, drawing.rooms, doors, obstacles, notes)
         walkable = without_obstacles(drawn, [*obstacles, *walls], notes)
         walkable, leaving = open_doors(walkable, doors, obstacles, notes)
         regions = regions_in(walkable, _named(drawing.regions, meters, origin), drawing.starts, notes)
-        found = Drawing(exits=_named(drawing.exits, meters, origin))
+        found = Drawing(exits=own)
         for name, line in leaving:
             found.add("exit", "" if name in found.exits else name, line)
         exits = clear_exits(apart(found.exits, notes), drawn, walkable)
     notes += [str(warning.message) for warning in said if issubclass(warning.category, UserWarning)]
-    own = {name: f"{name} (area)" if name in exits else name for name in regions}  # no region has the name of an exit
+    names = {name: f"{name} (area)" if name in exits else name for name in regions}  # no region has the name of an exit
     starts = {
-        own[name]: start._replace(exits=tuple(one for one in start.exits if one in exits))
+        names[name]: start._replace(exits=tuple(one for one in start.exits if one in exits))
         for name, start in drawing.starts.items()
         if name in regions
     }
-    regions = {own[name]: shape for name, shape in regions.items()}
-    return FloorPlan(path, walkable, exits, regions, starts, tuple(notes), meters=meters)
+    regions = {names[name]: shape for name, shape in regions.items()}
+    layer_of = {names.get(name, name): one for name, one in drawing.layer_of.items() if not (given and name in exits)}
+    return FloorPlan(path, walkable, exits, regions, starts, tuple(notes), meters=meters, layer_of=layer_of)
+
+
+def is_name(shape: Any) -> bool:
+    """Return whether what stands for a shape is the name of one in the file."""
+    return isinstance(shape, str) and not set(shape) & set("(,")
 
 
 def _judged(drawing: Drawing) -> tuple[float, str]:
     """Return how many meters a unit of the drawing is, and a note about it."""
-    points = shapely.get_coordinates(drawing.walkable)
-    if drawing.on_ground or not np.isfinite(points).all() or not shapely.area(drawing.walkable).sum() > 0:
+    points = shapely.get_coordinates(drawing.walkable or drawing.obstacles)
+    empty = not drawing.walls and not shapely.area(drawing.walkable).sum() > 0
+    if drawing.on_ground or empty or not np.isfinite(points).all():
         return 1.0, ""  # reading the shapes gives the better message
     lines = [shape.length for shape in drawing.exits.values() if "Line" in shape.geom_type]
     bounds = (*points.min(axis=0), *points.max(axis=0))

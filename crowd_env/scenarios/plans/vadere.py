@@ -7,9 +7,16 @@ import shapely
 from shapely.geometry import Point, Polygon, box
 
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Plain, number
-from crowd_env.scenarios.plans.floor_plan import Drawing, Start
+from crowd_env.scenarios.plans.floor_plan import Drawing, Start, listed
 
 _MOST_COME = 1000  # people of a source over time; more than these are rarely meant to be simulated one by one
+# Law of the times between groups -> the key of its mean [s], of the people per second of Poisson's.
+_MEANS = {
+    "constant": "updateFrequency",
+    "negativeexponential": "mean",
+    "normal": "mean",
+    "poisson": "numberPedsPerSecond",
+}
 _BOX = ("x", "y", "width", "height")
 _LEFT_OUT = ("stairs", "targetChangers", "absorbingAreas", "teleporter")  # changes of the walk, beside targets
 
@@ -24,7 +31,7 @@ def read_vadere(content: Plain, meters: float | None) -> Drawing:
     """Read the topography of a scenario, releases 1 to 4; targets that are no way out are regions."""
     places = content["scenario"]["topography"]
     try:
-        drawing, late = Drawing(unit="m", meters=1.0), False
+        drawing, late = Drawing(unit="m", meters=1.0), []
         _add_bounds(drawing, places["attributes"])
         kinds = ("obstacles", "targets", "sources")
         obstacles, targets, sources = ([_plain(one) for one in places.get(kind, ())] for kind in kinds)
@@ -35,7 +42,10 @@ def read_vadere(content: Plain, meters: float | None) -> Drawing:
         for source in sources:
             name, own = f"source-{source['id']}", Start(_people(source), _way(source, targets)[-1:], _timetable(source))
             drawing.add("start", name, _shape(source, f"source {source['id']}"), own)
-            late |= not (_at_once(source) or own.arrivals)
+            law, every = _law(source)
+            late += [] if _at_once(source) or own.arrivals else [f"{name} ({law or 'no law'})"]
+            if len(own.arrivals) > 1 and law != "constant":
+                drawing.notes.append(f"{name}: people come every {every:.3g} s, the mean of its random times ({law})")
         ways = [_way(source, targets) for source in sources if source.get("targetIds")]
         for left_out, what in (
             (not all(ways), "to which targets the people of a source walk; they choose among all exits"),
@@ -43,7 +53,7 @@ def read_vadere(content: Plain, meters: float | None) -> Drawing:
                 any(len(way) > 1 for way in ways),
                 "the targets that people of a source walk to before the one that they leave by",
             ),
-            (late, "that people of a source come one after the other; they stand there at the start"),
+            (bool(late), f"when people of {listed(late)} come one after the other; they stand there at the start"),
         ):
             drawing.notes += [f"left out: {what}"] * left_out
     except (AttributeError, KeyError, TypeError) as error:
@@ -115,21 +125,23 @@ def _at_once(source: Plain) -> bool:
     return bool(begin == _said(source, "constraintsTimeEnd", "endTime"))
 
 
-def _timetable(source: Plain) -> list[tuple[float, int]]:
-    """Return (time [s], people) of the groups of a source that come later at equal intervals; none of any other source."""
+def _law(source: Plain) -> tuple[str, float]:
+    """Return the law of the times between the groups of a source, and their mean [s], 0 if it is not known."""
     distribution, old = _said(source, "distribution", "", {}), source.get("distributionParameters") or [0.0]
     law = str(distribution.get("type") or source.get("interSpawnTimeDistribution", ""))
-    every = distribution.get("updateFrequency", old[0])
+    law = law.rpartition(".")[2].removeprefix("Attributes").removesuffix("Distribution").lower()
+    mean = distribution.get(_MEANS.get(law, ""), old[0]) if law in _MEANS else 0.0
+    return law, 1.0 / mean if law == "poisson" and mean > 0.0 else mean
+
+
+def _timetable(source: Plain) -> list[tuple[float, int]]:
+    """Return (time [s], people) of the groups of a source that come later, at the mean of random intervals; or none."""
+    _, every = _law(source)
     begin = _said(source, "constraintsTimeStart", "startTime", 0.0)
     end = _said(source, "constraintsTimeEnd", "endTime", begin)
     many = _said(source, "eventElementCount", "spawnNumber", 1)
     most = _said(source, "constraintsElementsMax", "maxSpawnNumberTotal", -1)
-    if (
-        not end >= begin >= 0.0
-        or end == 0.0
-        or many < 1
-        or (end > begin and ("Constant" not in law or not every > 0.0))
-    ):
+    if not end >= begin >= 0.0 or end == 0.0 or many < 1 or (end > begin and not every > 0.0):
         return []
     events = 1 + (int((end - begin) / every + 1e-9) if end > begin else 0)
     total = min(many * events, most if most > 0 else _MOST_COME + 1)

@@ -3,6 +3,7 @@
 It needs Playwright and Chromium, as the tests of the replay do.
 """
 
+import itertools
 import json
 import shutil
 import threading
@@ -316,6 +317,74 @@ def test_elements_keep_their_ties(browser: Any, server: Server) -> None:
     content = tab.content()
     assert list(content["geometry"]["exits"]) == ["north"] and content["population"]["exits"] == ["north"]
     assert "doors" not in content["geometry"] and not {"closed_doors", "door_events"} & set(content)
+    tab.close()
+
+
+def test_walls_alone_and_an_exit_are_a_plan(browser: Any, server: Server) -> None:
+    tab = Tab(browser, server.url)
+    assert "choose what each draws" in tab.page.locator("#problems").inner_text()
+    for layer, role in (("A-WALL", "obstacles"), ("A-AREA", "left_out")):
+        tab.page.get_by_label(f"What {layer} is").select_option(role)
+        tab.settle()
+    problems = tab.page.locator("#problems").inner_text()
+    assert "enclose no room" in problems and "--" not in problems
+    tab.page.locator("#tools button", has_text="Exit").click()
+    tab.click((10.4, 2.0), (10.4, 3.2))  # snapped to the corners of the gap
+    assert "Nothing stands in the way" in tab.page.locator("#problems").inner_text()
+    assert tab.get("editor.project.shown.exits['exit-1'].width") == pytest.approx(1.2)
+    tab.close()
+
+
+def test_what_another_has_or_needs_is_told(browser: Any, server: Server) -> None:
+    tab = Tab(browser, server.url)
+    _give_roles(tab)
+    tab.get(
+        """editor.change((content) => {
+          content.geometry.exits = { east: [[10.3, 2], [10.3, 3.2]], north: [[7, 6.2], [8, 6.2]] };
+          content.geometry.regions = { lounge: [[6, 1], [8, 1], [8, 3], [6, 3]] };
+          content.routes = [{ name: "lounge first", via: "lounge", exits: ["east"] }];
+          content.population = { people: 5, route: "lounge first" };
+        })"""
+    )
+    tab.settle()
+    tab.page.locator("#elements button", has_text="north").click()
+    tab.page.locator("#name").fill("east")
+    tab.page.locator("#name").press("Enter")
+    assert "there is another east" in tab.page.locator("#state").inner_text()
+    assert tab.page.locator("#name").input_value() == "north" and list(tab.content()["geometry"]["exits"]) == [
+        "east",
+        "north",
+    ]
+    tab.page.locator("#flow").fill("0.5")
+    tab.page.locator("#flow").press("Tab")
+    tab.settle()
+    assert tab.content()["gates"] == [{"door": "door of north", "flow": 0.5}]
+    assert tab.get("editor.project.shown.error") is None
+    tab.page.locator("#elements button", has_text="lounge").click()
+    tab.page.locator("#selected button", has_text="Delete").click()
+    tab.settle()
+    assert "its routes are gone: lounge first" in tab.page.locator("#state").inner_text()
+    assert "routes" not in tab.content() and "route" not in tab.content()["population"]
+    assert tab.get("editor.project.shown.error") is None
+    tab.close()
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_labels_are_whole_and_apart(browser: Any, server: Server, width: int) -> None:
+    tab = Tab(browser, server.url, width, 800)
+    _give_roles(tab)
+    tab.get(
+        """editor.change((content) => {
+          content.geometry.exits = { "the way out to the east": [[10.3, 2], [10.3, 3.2]] };
+          content.geometry.doors = { "door of the way out": "the way out to the east" };
+        })"""
+    )
+    tab.settle()
+    tab.page.wait_for_timeout(100)
+    labels, width = tab.get("[editor.view.labels, editor.view.width]")
+    assert len(labels) >= 3 and all(one["wide"] / 2 <= one["x"] <= width - one["wide"] / 2 for one in labels)
+    for one, other in itertools.combinations(labels, 2):
+        assert abs(one["y"] - other["y"]) >= 15 or abs(one["x"] - other["x"]) >= (one["wide"] + other["wide"]) / 2
     tab.close()
 
 

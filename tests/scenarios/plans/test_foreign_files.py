@@ -280,12 +280,29 @@ def test_python_takes_what_the_command_line_takes(tmp_path):
         ({"targetIds": [3]}, ""),
         ({"targetIds": []}, ""),
         ({"targetIds": [4]}, "to which targets the people of a source walk"),
-        ({"endTime": 60.0}, "one after the other"),
+        ({"endTime": 60.0}, r"source-1 (no law) come one after the other"),
     ],
 )
 def test_what_a_source_says_of_its_people_and_is_not_modeled_is_told(changes, note, tmp_path):
     plan = read_plan(vadere(tmp_path / "room.scenario", sources=[source(1, 1.0, 4) | changes]))
     assert len(plan.notes) == bool(note) and note in " ".join(plan.notes)
+
+
+@looped(
+    "own",
+    [
+        {"interSpawnTimeDistribution": "org.vadere.state.scenario.ConstantDistribution", "distributionParameters": [2.0]},
+        {"interSpawnTimeDistribution": "poisson", "distributionParameters": [0.5]},
+        {"spawner": {"distribution": {"type": "org.vadere.state.attributes.distributions.AttributesPoissonDistribution",
+                                      "numberPedsPerSecond": 0.5}}},
+        {"spawner": {"distribution": {"type": "negativeExponential", "mean": 2.0}}},
+    ],
+)  # fmt: skip
+def test_people_of_a_source_come_at_the_mean_of_its_times(own, tmp_path):
+    people = {"spawnNumber": 1, "startTime": 1.0, "endTime": 7.0}
+    plan = read_plan(vadere(tmp_path / "room.scenario", sources=[source(1, 1.0, **people, **own)]))
+    assert plan.starts["source-1"].arrivals == [(1.0, 1), (3.0, 1), (5.0, 1), (7.0, 1)]
+    assert any("people come every 2 s" in note for note in plan.notes) == ("Constant" not in str(own))
 
 
 def test_attributes_of_a_thing_may_lie_in_a_table_of_their_own(tmp_path):

@@ -1,5 +1,8 @@
 """Drawings whose layers have other names, or show walls alone; walls that are multilines and wide polylines."""
 
+import warnings
+from itertools import pairwise
+
 import pytest
 from plan_files import feature, geojson
 from shapely import affinity
@@ -9,6 +12,8 @@ from crowd_env import make_scenario
 from crowd_env.scenarios.plans.dxf import read_dxf
 from crowd_env.scenarios.plans.reading import drawn_layers, read_plan
 from crowd_env.scenarios.plans.roles import ChosenRoles
+from crowd_env.scenarios.population import Population
+from crowd_env.scenarios.project import project_of
 
 ezdxf = pytest.importorskip("ezdxf")
 
@@ -154,8 +159,108 @@ def test_walls_may_be_single_lines(tmp_path):
         space.add_line((10_000, 2_000), (10_000, 3_200), **on("X"))
 
     plan = read_plan(drawn(tmp_path / "lines.dxf", draw, unit=4), layers={"obstacles": ["W"], "exits": ["X"]})
-    walls = 0.01 * (2 * 10 + 6 + 2 + 2.8) + 0.02 * (2.5 + 2.6)  # half of each outer one is outside
-    assert plan.walkable.area == pytest.approx(60.0 - walls, abs=0.002)
+    assert plan.walkable.area == pytest.approx(60.0 - 0.02 * (2.5 + 2.6), abs=1e-3)  # outer ones lie outside
+    assert plan.exits["exit-0"].length == pytest.approx(1.2)
+
+
+ROOM = [(0, 0), (14, 0), (14, 8), (0, 8)]
+INNER = [(0.3, 0.3), (13.7, 0.3), (13.7, 7.7), (0.3, 7.7)]
+RING = [(0, 0), (14, 0), (14, 3), (13.7, 3), (13.7, 0.3), (0.3, 0.3), (0.3, 7.7), (13.7, 7.7), (13.7, 4.2), (14, 4.2),
+        (14, 8), (0, 8)]  # fmt: skip
+GAP = [[(14, 4.2), (14, 8), (0, 8), (0, 0), (14, 0), (14, 3)]]
+HALVES = [[(0, 0), (7, 0), (7, 8), (0, 8)], [(7, 0), (14, 0), (14, 8), (7, 8)]]
+EXIT, WITHIN = [(14, 3), (14, 4.2)], [(13.7, 3), (13.7, 4.2)]
+
+
+def sides(ring):
+    return [[a, b] for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)]
+
+
+@pytest.mark.parametrize("by", ["layer", "typed", "project"])
+@pytest.mark.parametrize(
+    ("closed", "lines", "exit", "door", "area"),
+    [
+        ([], GAP, EXIT, None, 112.0),
+        ([ROOM], [], EXIT, None, 112.0),
+        ([], sides(ROOM), EXIT, None, 112.0),
+        ([], [*sides(ROOM), [(7, 0), (7, 3)], [(7, 4), (7, 8)]], EXIT, None, 112.0 - 0.02 * 7),
+        ([ROOM, INNER], [], WITHIN, None, 13.4 * 7.4),
+        ([ROOM, INNER], [], EXIT, None, 13.4 * 7.4 + 0.3 * 1.2),
+        ([], [*sides(ROOM), *sides(INNER)], EXIT, None, 13.4 * 7.4 + 0.3 * 1.2),
+        ([RING], [], EXIT, None, 13.4 * 7.4 + 0.3 * 1.2),
+        (HALVES, [], EXIT, [(7, 3), (7, 4)], 112.0 - 0.02 * 7),
+        ([], [*sides(ROOM), [(7, 0), (7, 8)]], EXIT, [(7, 3), (7, 4)], 112.0 - 0.02 * 7),
+        ([ROOM, [(2, 2), (3, 2), (3, 3), (2, 3)]], [], EXIT, None, 111.0),
+    ],
+    ids=["gap", "outline", "four lines", "and a partition", "inner face", "outer face", "faces of lines", "thick with a gap",
+         "halves", "halves of lines", "a table"],
+)  # fmt: skip
+def test_walls_are_read_as_people_read_them(tmp_path, closed, lines, exit, door, area, by):
+    def draw(space):
+        for ring in closed:
+            space.add_lwpolyline(ring, close=True, **on("W"))
+        for a, b in (pair for line in lines for pair in pairwise(line)):
+            space.add_line(a, b, **on("W"))
+        for layer, line in (("X", exit if by == "layer" else None), ("D", door)):
+            if line:
+                space.add_line(*line, **on(layer))
+
+    path = drawn(tmp_path / "room.dxf", draw)
+    layers = {"obstacles": ["W"], **({"doors": ["D"]} if door else {}), **({"exits": ["X"]} if by == "layer" else {})}
+    given = {
+        "layer": {},
+        "typed": {"exits": ["{},{},{},{}".format(*exit[0], *exit[1])]},
+        "project": {"exits": {"out": exit}},
+    }
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        place = make_scenario(path, layers=layers, people=5, **given[by])
+    assert place.geometry.area == pytest.approx(area, abs=0.03)  # the door opens its wall
+    assert place.geometry.exit_widths[place.exits[0]] == pytest.approx(1.2, abs=1e-6)
+    assert any("taken as solid, the largest of 1 m2 around (2.5, 2.5)" in str(one.message) for one in said) == (
+        area == 111
+    )
+
+
+def test_a_closed_line_is_a_room_before_it_has_an_exit(tmp_path):
+    plan = read_plan(drawn(tmp_path / "room.dxf", lambda space: space.add_lwpolyline(ROOM, close=True, **on("W"))),
+                     layers={"obstacles": ["W"]})  # fmt: skip
+    assert plan.walkable.area == pytest.approx(112.0) and not plan.exits
+
+
+@pytest.mark.parametrize("turned", [0, 30, 217])
+@pytest.mark.parametrize("decimals", [3, 2])
+def test_an_exit_that_is_drawn_to_a_centimeter_closes_turned_walls(tmp_path, turned, decimals):
+    def at(points):
+        return list(affinity.translate(affinity.rotate(LineString(points), turned, origin=(0, 0)), 98, 46).coords)
+
+    path = drawn(tmp_path / "room.dxf", lambda space: space.add_lwpolyline([(1000 * x, 1000 * y) for x, y in at(GAP[0])],
+                                                                            **on("W")), unit=4)  # fmt: skip
+    exit = [[round(x, decimals), round(y, decimals)] for x, y in at(EXIT)]
+    place = make_scenario(path, layers={"obstacles": ["W"]}, exits={"out": exit}, people=5)
+    assert place.geometry.area == pytest.approx(112.0, abs=0.1)
+    assert place.geometry.exit_widths["out"] == pytest.approx(1.2, abs=0.02)
+
+
+def test_exits_are_typed_in_meters_too(tmp_path):
+    path = drawn(tmp_path / "room.dxf", lambda space: space.add_lwpolyline([(1000 * x, 1000 * y) for x, y in GAP[0]],
+                                                                           **on("W")), unit=4)  # fmt: skip
+    for exit in ("14,3,14,4.2", "14000,3000,14000,4200"):
+        plan = read_plan(path, [exit], layers={"obstacles": ["W"]})
+        assert plan.walkable.area == pytest.approx(112.0) and plan.exits["exit-0"].length == pytest.approx(1.2)
+        assert any("exits taken in meters" in note for note in plan.notes) == (exit == "14,3,14,4.2")
+
+
+def test_what_is_drawn_has_the_name_of_its_layer(tmp_path):
+    layers = OFFICE | {"starts": ["A-FURN*"], "obstacles": ["A-WALL"]}
+    plan = read_plan(drawn(tmp_path / "office.dxf", two_rooms), layers=layers)
+    assert plan.layer_of == {"exit-0": "A-EXIT", "start-0": "A-FURN-TABLE"}
+    project = project_of(
+        tmp_path / "p.toml", plan, Population(people=3), own_exits=False, drawing={}, of_all={}, others={}
+    )
+    assert 'exit-0 = "exit-0" # line of 1.20 m around (10.3, 2.6) on layer A-EXIT' in project.text
+    given = read_plan(tmp_path / "office.dxf", ["10.3,2,10.3,3.2"], layers=layers)
+    assert given.layer_of == {"start-0": "A-FURN-TABLE"}
 
 
 def test_a_project_names_layers(tmp_path):
@@ -185,8 +290,8 @@ def test_multilines_and_wide_polylines_are_walls_as_thick_as_they_are_drawn(tmp_
 @pytest.mark.parametrize(
     ("layers", "words"),
     [
-        (None, "none of its visible layers .* --layers walkable=NAME.*its layers: 0, A-WALL, A-FURN-TABLE, A-EXIT, A-TEXT"),
-        ({"obstacles": ["A-WALL"]}, "walls on A-WALL enclose no room; exits close openings that lead out"),
+        (None, "none of its visible layers .*its layers: 0, A-WALL, A-FURN-TABLE, A-EXIT, A-TEXT; .* --layers walkable=NAME"),
+        ({"obstacles": ["A-WALL"]}, "walls on A-WALL enclose no room: each opening that leads out needs an exit"),
         ({"obstacles": ["A-WALL"], "walkable": ["FLOR"]}, "layers.walkable names 'FLOR', and it has no such layer; .* A-WALL"),
         ({"wals": ["A-WALL"]}, "unknown key of layers 'wals'; known: walkable, obstacles, exits, doors, starts"),
         ({"walkable": "A-WALL"}, "layers.walkable is 'A-WALL'"),

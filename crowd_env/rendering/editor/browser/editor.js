@@ -64,7 +64,7 @@ class Editor {
     if (read !== this.read) this.read = read;
     else for (const key of ["layers", "levels"]) shown[key] = this.project.shown[key];
     this.take(shown);
-    this.say(this.project.changed ? "not saved" : "");
+    this.say(this.told || (this.project.changed ? "not saved" : ""));
   }
 
   take(shown) {
@@ -109,9 +109,10 @@ class Editor {
     this.draw();
   }
 
-  // Change the project by a function that says whether it did; then look at it anew.
+  // Change the project by a function, which may return what is to be told; then look at it anew.
   act(by, selected = this.selected) {
-    by();
+    const told = by();
+    this.told = typeof told === "string" ? told : "";
     this.selected = selected;
     this.marks = [];
     this.check();
@@ -137,16 +138,19 @@ class Editor {
 
   rename(to) {
     const { selected, project } = this;
-    const done = project.rename(selected, to);
-    if (!done) this.say(Object.hasOwn(project.table(KINDS[selected.kind].group), to) ? `there is another ${to}` : "a name cannot be empty");
-    this.act(() => {}, done ? { ...selected, name: to } : selected);
+    if (project.rename(selected, to)) return this.act(() => {}, { ...selected, name: to });
+    this.refresh(); // the old name stands there again
+    if (to !== selected.name) this.say(to ? `there is another ${to}: ${selected.name} keeps its name` : "a name cannot be empty");
   }
 
   remove() {
     const one = this.selected;
     if (!one || one.kind === "layer") return;
-    this.act(() => this.project.remove(one), null);
-    if (this.project.elements().some(({ name }) => name === one.name)) this.say(`${one.name} is of the drawing: it stays, without people`);
+    this.act(() => {
+      const gone = this.project.remove(one);
+      if (gone.length) return `with ${one.name} its routes are gone: ${gone.join(", ")}`;
+      return this.project.elements().some((other) => same(other, { ...one, kind: "region" })) ? `${one.name} is of the drawing: it stays, without people` : "";
+    }, null);
   }
 
   showPlaces(points) {

@@ -136,12 +136,13 @@ function fieldsOfDoor(editor) {
   const door = selected.kind === "door" ? selected.name : (doors.find(([, shape]) => shape === selected.name) || [])[0];
   const shut = (project.content.closed_doors || []).includes(door);
   const event = (project.content.door_events || []).find((one) => one.door === door && one.at !== undefined);
+  const named = (content) => {
+    const name = door || `door of ${selected.name}`;
+    if (!door) content.geometry.doors = { ...content.geometry.doors, [name]: selected.name };
+    return name;
+  };
   const set = (state, at) => editor.act(() => project.change((content) => {
-    let name = door;
-    if (!name) {
-      name = `door of ${selected.name}`;
-      content.geometry.doors = { ...content.geometry.doors, [name]: selected.name };
-    }
+    const name = named(content);
     content.closed_doors = (content.closed_doors || []).filter((one) => one !== name);
     content.door_events = (content.door_events || []).filter((one) => one.door !== name);
     if (state === "shut" || state === "opens") content.closed_doors.push(name);
@@ -150,6 +151,12 @@ function fieldsOfDoor(editor) {
   const state = event ? (event.opens ? "opens" : "closes") : shut ? "shut" : "open";
   const states = [["open", "is open"], ["shut", "is closed"], ["opens", "opens at"], ["closes", "closes at"]];
   const rows = [field("Door", choice(states, state, (to) => set(to, event && event.at)))];
+  const gate = (project.content.gates || []).find((one) => one.door === door && door);
+  rows.push(field("People per second", numberInput((gate || {}).flow, (flow) => editor.change((content) => {
+    const name = named(content);
+    content.gates = (content.gates || []).filter((one) => one.door !== name);
+    if (flow > 0) content.gates.push({ ...gate, door: name, flow });
+  }), { min: 0.01, placeholder: "any", id: "flow" })));
   if (event) rows.push(field("at, s", numberInput(event.at, (value) => set(state, value), { min: 0 })));
   return rows;
 }

@@ -11,6 +11,7 @@ function drawPicture(context, view, editor) {
   const { project, selected } = editor;
   const shown = project.shown;
   const color = (name) => css(name) || "#888";
+  view.labels = []; // where there is text already
   context.setTransform(view.ratio, 0, 0, view.ratio, 0, 0);
   context.fillStyle = color("background");
   context.fillRect(0, 0, view.width, view.height);
@@ -33,7 +34,7 @@ function drawPicture(context, view, editor) {
   for (const { line, width } of shown.narrow || []) {
     drawLines(context, view, [line], color("bad"), 2, [3, 3]);
     const [x, y] = middleOf(line);
-    write(context, `${width.toFixed(2)} m`, view.px(x), view.py(y) - 8, color("bad"), color("background"));
+    write(context, view, `${width.toFixed(2)} m`, view.px(x), view.py(y) - 8, color("bad"), color("background"));
   }
   for (const [x, y] of editor.marks) ringAt(context, view.px(x), view.py(y), 14, color("bad"), 3);
   drawDraft(context, view, editor, color);
@@ -73,7 +74,7 @@ function drawElements(context, view, editor, color) {
     if (typeof one.name === "string") {
       const [x, y] = AREAS.includes(one.kind) ? centerOf(lines[0]) : middleOf(lines[0]);
       const name = one.name.length > 28 ? `${one.name.slice(0, 27)}…` : one.name;
-      write(context, name, view.px(x), view.py(y) - (one.kind === "exit" ? 10 : 0), paint, color("background"));
+      write(context, view, name, view.px(x), view.py(y) - (one.kind === "exit" ? 10 : 0), paint, color("background"));
     }
     if (chosen)
       for (const [x, y] of project.handles(one)) {
@@ -156,8 +157,15 @@ function ringAt(context, x, y, radius, color, width) {
   context.stroke();
 }
 
-function write(context, text, x, y, color, behind) {
+// Text around a place [px], moved into the picture and off what is written already.
+function write(context, view, text, x, y, color, behind) {
+  if (x < 0 || x > view.width || y < 0 || y > view.height) return;
   context.font = `600 12px ${css("font")}`;
+  const wide = context.measureText(text).width + 8;
+  const way = y > view.height / 2 ? -15 : 15;
+  x = Math.max(wide / 2, Math.min(x, view.width - wide / 2));
+  while (view.labels.some((other) => Math.abs(other.x - x) < (other.wide + wide) / 2 && Math.abs(other.y - y) < 15)) y += way;
+  view.labels.push({ x, y, wide });
   context.textAlign = "center";
   context.textBaseline = "middle";
   context.lineWidth = 4;

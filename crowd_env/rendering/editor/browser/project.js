@@ -126,8 +126,10 @@ class Project {
     return { kind, name };
   }
 
+  // Take out an element; returns the names of the routes that have gone with it.
   remove({ kind, name }) {
     const { group, list } = KINDS[kind];
+    const routes = (this.content.routes || []).map((one) => one.name);
     this.change((content) => {
       if (list) content.geometry[list].splice(name, 1);
       else put(content, group, without(this.own(group), name));
@@ -144,6 +146,7 @@ class Project {
         cut(content, "doors", door);
       }
     });
+    return routes.filter((one) => !(this.content.routes || []).some((other) => other.name === one));
   }
 
   rename({ kind, name }, to) {
@@ -204,16 +207,17 @@ class Project {
 
 // What holds the name of an exit, a region or a door: [table, key], whose value is a name or a list of names.
 function ties(content, group) {
-  const of = { exits: ["exits", "route"], regions: ["start_region"], doors: [] }[group] || [];
+  const of = { exits: ["exits", "route"], regions: ["start_region"], routes: ["route"] }[group] || [];
   const more = {
     exits: [["routes", "exits"], ["rules", "route"], ["door_events", "exit"]],
     regions: [["zones", "region"], ["routes", "via"], ["rules", "region"], ["door_events", "region"]],
     doors: [["door_events", "door"], ["one_way", "door"], ["gates", "door"]],
+    routes: [["rules", "route"]],
   }[group] || [];
   const found = peopleOf(content).flatMap((one) => of.map((key) => [one, key]));
   found.push(...more.flatMap(([list, key]) => (content[list] || []).map((one) => [one, key])));
   if (group === "doors") found.push([content, "closed_doors"]);
-  if (group === "exits") found.push([content, "strategy"]);
+  if (group === "exits" || group === "routes") found.push([content, "strategy"]);
   return found.filter(([one, key]) => one[key] !== undefined);
 }
 
@@ -222,9 +226,11 @@ function cut(content, group, name) {
   for (const [one, key] of ties(content, group)) {
     if (Array.isArray(one[key])) one[key] = one[key].filter((other) => other !== name);
     else if (one[key] === name) {
+      const route = (content.routes || []).includes(one);
       delete one[key];
       for (const list of ["zones", "routes", "rules", "door_events", "one_way", "gates"])
         if (content[list]) content[list] = content[list].filter((other) => other !== one);
+      if (route) cut(content, "routes", one.name); // people with that route choose among all exits
     }
   }
 }
