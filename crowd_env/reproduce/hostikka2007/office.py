@@ -79,8 +79,8 @@ class Climb:
         return float(self._most[e])
 
     def _look(self, env: CrowdEnv) -> Floats:
-        state = env.simulation.state
-        return np.where(state.active, state.height, np.nan)
+        state, (geometry, *_) = env.simulation.state, env.simulation.geometries
+        return np.where(state.active, geometry.heights(state.position, state.sheet), np.nan)
 
 
 def place(speeds: str) -> Scenario:
@@ -134,7 +134,10 @@ def cases(settings: OfficeSettings) -> dict[tuple[str, str], Case]:
 
 
 def by_hand() -> Floats:
-    """Return when people are out (N,) [s] by the hydraulic model: walks at its speeds, queues at the last stair and the door."""
+    """Return when people are out (N,) [s] by the hydraulic model: walks at its speeds, queues at the last stair and the door.
+
+    The last stair ends before the right door of the ground floor.
+    """
     where = place("SFPE")
     field, geometry = where.field(), where.geometry
 
