@@ -9,6 +9,7 @@ from crowd_env.reproduce.evacuations import Case
 from crowd_env.reproduce.footbridge.paper import PAPER as FOOTBRIDGE
 from crowd_env.reproduce.granular.paper import PAPER as GRANULAR
 from crowd_env.reproduce.helbing2000.paper import PAPER as HELBING
+from crowd_env.reproduce.hostikka2007.paper import PAPER as HOSTIKKA
 from crowd_env.reproduce.lin2016.paper import PAPER as LIN
 from crowd_env.reproduce.moussaid2010.paper import PAPER as MOUSSAID
 from crowd_env.reproduce.paper import Figure, Paper, Settings
@@ -22,6 +23,7 @@ PAPERS: dict[str, Paper[Any]] = {
     "lin": LIN,
     "helbing": HELBING,
     "moussaid": MOUSSAID,
+    "hostikka": HOSTIKKA,
     "footbridge": FOOTBRIDGE,
     "granular": GRANULAR,
 }

@@ -1,0 +1,1 @@
+"""A recorded evacuation of an office stair, after Hostikka et al. 2007."""
