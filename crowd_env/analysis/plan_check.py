@@ -15,6 +15,7 @@ from crowd_env.core.checks import Plain, counted
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import closed_off, stuck_bodies
 from crowd_env.geometry.placement import lattice
+from crowd_env.geometry.sheets import openings
 from crowd_env.routing.fields.grid import nearest_nodes
 from crowd_env.scenarios.cohorts import People
 from crowd_env.scenarios.scenario import Scenario
@@ -135,7 +136,10 @@ def check_plan(
     )
     start_area = geometry.area if None in regions or not regions else sum(geometry.area_of(r) for r in regions)
     widths = geometry.exit_lengths
-    lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.exits, least) if widths else ())]
+    lost = [
+        *geometry.left_out,
+        *(closed_off(geometry.walkable, openings(geometry.exits, geometry.building), least) if widths else ()),
+    ]
     passages = narrowest_passages(geometry, terrain, _starts(terrain, people, geometry, position)) if widths else {}
     there = np.repeat([part.arrivals is None for part in people.parts], [part.people for part in people.parts])
     if len(radius):  # arriving people are not drawn
@@ -218,7 +222,9 @@ def _of_stuck(geometry: Geometry, people: People) -> Iterable[str]:
         where = geometry.walkable if part.start_region is None else geometry.regions[part.start_region]
         radii = np.linspace(part.radius.low, part.radius.high, _SIZES).tolist()
         starts = where if part.starts is None and part.arrivals is None else part.spots(geometry)
-        for radius, (x, y) in stuck_bodies(geometry.walkable, geometry.exits, radii, starts):
+        for radius, (x, y) in stuck_bodies(
+            geometry.walkable, openings(geometry.exits, geometry.building), radii, starts
+        ):
             yield f"who starts around ({x:.2f}, {y:.2f}) and is {2 * radius:.2f} m wide or more cannot get out"
 
 

@@ -138,6 +138,11 @@ class Building:
         return np.where(both[:, 0] == self.from_sheet, both[:, 1], both[:, 0])
 
 
+def openings(exits: Floats, building: Building | None) -> Floats:
+    """Return the lines (K, 2, 2) of the layout through which people leave its parts: exits, then seams."""
+    return exits if building is None else np.concatenate([exits, building.lines])
+
+
 class Walls(NamedTuple):
     """The walls of a building in the order of its sheets."""
 
