@@ -14,6 +14,7 @@ import numpy as np
 from crowd_env.analysis.plan_check import PlanCheck, check_place, spot
 from crowd_env.core.files.json_file import json_number
 from crowd_env.geometry.parts import cut_off_by
+from crowd_env.geometry.sheets import openings
 from crowd_env.scenarios.distributions import Uniform
 from crowd_env.scenarios.scenario import Scenario
 
@@ -39,7 +40,8 @@ def by_hand(place: Scenario, check: PlanCheck | None = None) -> dict[str, Any]:
     queues = [_queue(people.people, sum(map(_effective, place.geometry.exit_lengths.values())), "the exits")]
     for passage in check.passages.values():
         if passage is not None and not passage.is_exit:
-            lost = cut_off_by(passage.gap.line, check.geometry.walkable, check.geometry.exits, check.position)
+            out = openings(check.geometry.exits, check.geometry.building)
+            lost = cut_off_by(passage.gap.line, check.geometry.walkable, out, check.position)
             behind = lost.mean() if len(lost) else 0.0
             queues.append(_queue(round(behind * people.people), _effective(passage.gap.width), spot(passage.gap)))
     queue, effective, at = max(queues)
