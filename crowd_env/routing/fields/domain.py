@@ -11,6 +11,7 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.checks import known as require_known
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.passages import passages
+from crowd_env.geometry.sheets import SEAM
 from crowd_env.routing.fields import grid
 
 _SPACING = 0.05  # m
@@ -97,8 +98,9 @@ def make_plan(
     drawn = geometry.exits[use] if geometry.ways_behind[use].any() else None
     geometry = geometry.with_ways_to(wanted)
     fixed, sides = geometry.walls_when(closed)
-    walls = np.concatenate([fixed, geometry.exits[~use]])
-    two_sided = np.concatenate([sides, np.zeros(int((~use).sum()), dtype=bool)])
+    shut = ~use & [not (seams and name.startswith(SEAM)) for name in geometry.exit_names]  # people come over the others
+    walls = np.concatenate([fixed, geometry.exits[shut]])
+    two_sided = np.concatenate([sides, np.zeros(int(shut.sum()), dtype=bool)])
     rows = np.flatnonzero(use)
     lines, partial = geometry.exits[use], bool(closed)
     return Plan(geometry, walls, two_sided, lines, rows, names, widest, radius, min_radius, partial, goal, drawn=drawn)

@@ -424,7 +424,8 @@ def _march_from_each(
         distance = source_distance(segment[None], nodes, radius, cap=4 * SOURCE * h)
         known = np.where(free & (distance < SOURCE * h), distance / pace, np.nan)
         if not np.isnan(known).all():
-            found.append(start + reach(known, distance - SOURCE * h, SOURCE * h, pace))
+            first = SOURCE * h / float(np.median(pace[~np.isnan(known)]))
+            found.append(start + reach(known, distance - SOURCE * h, first, pace))
     return np.asarray(np.fmin.reduce(found))
 
 
