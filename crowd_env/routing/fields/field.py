@@ -21,7 +21,6 @@ from crowd_env.routing.fields.domain import (
     TOUCH,
     Dilation,
     Grid,
-    Lattice,
     Plan,
     choose_spacing,
     dilate,
@@ -211,13 +210,13 @@ def travel_time_field(
     lines = [line for door in one_way if door.door not in closed for line in door.lines(geometry)]
     least = radius if min_radius is None else min_radius
 
-    def solve(sheet: SheetGround, exits: list[str], lattice: Lattice | None) -> NavigationField:
+    def solve(sheet: SheetGround, exits: list[str], spacing: float | None) -> NavigationField:
         plan = make_plan(sheet.geometry, radius, exits, least, goal if sheet.has_goal else None, closed, seams=True)
         times = [sheet.start.get(name, 0.0) for name in plan.names]
         start = np.array(times) if any(times) or sheet.speed_to is not None else None
         here = [line - sheet.offset for line in lines]
         here = [line for line in here if sheet.geometry.contains(line.mean(axis=0))]
-        plan = plan._replace(one_way=bool(here), start=start, lattice=lattice)
+        plan = plan._replace(one_way=bool(here), start=start, spacing=spacing)
         nodes, dilations = dilate(plan, choose_spacing(plan))
         of_sheet = None if speed is None else lambda points: speed(points + sheet.offset)
         return _solve(plan, nodes, dilations, of_sheet, here, sheet.speed_to)
@@ -425,7 +424,8 @@ def _march_from_each(
         distance = source_distance(segment[None], nodes, radius, cap=4 * SOURCE * h)
         known = np.where(free & (distance < SOURCE * h), distance / pace, np.nan)
         if not np.isnan(known).all():
-            found.append(start + reach(known, distance - SOURCE * h, SOURCE * h, pace))
+            first = SOURCE * h / float(np.median(pace[~np.isnan(known)]))
+            found.append(start + reach(known, distance - SOURCE * h, first, pace))
     return np.asarray(np.fmin.reduce(found))
 
 

@@ -1,8 +1,8 @@
 """The way out of a building: the ways of its sheets, each from the seams on, which begin at the times of the sheets beyond.
 
 A sheet is solved like any place, with its exits and the seams that lead on as ends.  Sheets follow each other by the least time
-at a seam (Dijkstra 1959), and a sheet is solved again where another seam leads out sooner.  All fields lie on the nodes of one
-lattice over the layout of the building.
+at a seam (Dijkstra 1959), and a sheet is solved again where another seam leads out sooner.  People walk by the nodes of their
+sheet in true coordinates.  In the field of the layout these are moved by half a distance between nodes at most.
 """
 
 import heapq
@@ -21,7 +21,7 @@ from crowd_env.geometry.parsing import Area, place
 from crowd_env.geometry.sheets import SEAM, Building, bare_surface, sheets_at
 from crowd_env.geometry.surface import heights, slopes_at
 from crowd_env.routing.fields import grid
-from crowd_env.routing.fields.domain import Grid, Lattice
+from crowd_env.routing.fields.domain import Grid
 from crowd_env.routing.fields.lookup import ALONE, BLEND, exit_frame, through_exit
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class SheetGround(NamedTuple):
 
 def field_of_sheets(
     geometry: Geometry,
-    solve: "Callable[[SheetGround, list[str], Lattice | None], NavigationField]",
+    solve: "Callable[[SheetGround, list[str], float | None], NavigationField]",
     exits: Iterable[str] | None,
     goal: str | None,
     closed: Collection[str],
@@ -68,7 +68,7 @@ def field_of_sheets(
     Parameters
     ----------
     geometry : of the layout.
-    solve : returns the field of one sheet, on a given lattice or on one of its own.
+    solve : returns the field of one sheet, with a given distance between nodes or one of its own.
     exits : names; None = all.
     goal : region to lead into instead.
     closed : doors.
@@ -82,9 +82,9 @@ def field_of_sheets(
     wanted = [] if goal is not None else list(dict.fromkeys(geometry.exit_names)) if exits is None else list(exits)
     ground = geometry.with_ways_to(wanted)
     sheets = _Sheets(ground, wanted, goal, solve)
-    anchor, spacing = np.array(ground.bounds[:2]), 0.0
-    while spacing != (spacing := sheets.march(None if not spacing else Lattice(anchor, spacing))):
-        pass
+    spacings = sheets.march(None)
+    while len(spacings) > 1:
+        spacings = sheets.march(min(spacings))
     for s, sheet in enumerate(geometry.building.sheets):
         if s not in sheets.found and not closed:
             at = place(sheet.area.representative_point().coords[0])
@@ -92,7 +92,7 @@ def field_of_sheets(
                 f"no exit can be reached from {sheet.name!r} around {at}; a stair or an exit must lead out"
             )
     behind = _least_behind(geometry, ground, wanted)
-    return sheets.together(geometry, anchor, spacing, behind)
+    return sheets.together(geometry, spacings.pop(), behind)
 
 
 def _least_behind(geometry: Geometry, ground: Geometry, wanted: Collection[str]) -> float:
@@ -109,7 +109,7 @@ class _Sheets:
         ground: Geometry,
         wanted: Collection[str],
         goal: str | None,
-        solve: "Callable[[SheetGround, list[str], Lattice | None], NavigationField]",
+        solve: "Callable[[SheetGround, list[str], float | None], NavigationField]",
     ) -> None:
         assert ground.building is not None
         self._building, self._wanted, self._goal, self._solve = ground.building, wanted, goal, solve
@@ -122,29 +122,27 @@ class _Sheets:
         self.found: dict[int, NavigationField] = {}
         self._used: dict[int, dict[str, float]] = {}
 
-    def march(self, lattice: Lattice | None) -> float:
-        """Find all fields; returns the least distance between nodes [m] of any."""
+    def march(self, spacing: float | None) -> set[float]:
+        """Find all fields, with this distance between nodes [m] or one that suits each; returns the distances."""
         self.found, self._used = {}, {s: {} for s in range(len(self._parts))}
         heap: list[tuple[float, int]] = []
         for s, part in enumerate(self._parts):
             if self._has_goal(s) or any(name in self._wanted for name in part.exit_names):
-                self._find(s, lattice, heap)
+                self._find(s, spacing, heap)
         while heap:
             time, k = heapq.heappop(heap)
             s, name = int(self._from[k]), seam_name(k)
             known = self._time_at(s, k) if s in self.found else np.inf
             if time < known - _SOONER and time < self._used[s].get(name, np.inf) - _SOONER:
                 self._used[s][name] = time
-                self._find(s, lattice, heap)
-        return min(field.spacing for field in self.found.values())
+                self._find(s, spacing, heap)
+        return {field.spacing for field in self.found.values()}
 
-    def _find(self, s: int, lattice: Lattice | None, heap: list[tuple[float, int]]) -> None:
+    def _find(self, s: int, spacing: float | None, heap: list[tuple[float, int]]) -> None:
         part, offset = self._parts[s], self._offsets[s]
-        if lattice is not None:
-            lattice = lattice._replace(anchor=lattice.anchor - offset)
         exits = [name for name in dict.fromkeys(part.exit_names) if name in self._wanted or name in self._used[s]]
         sheet = SheetGround(part, offset, self._used[s], self._has_goal(s), self._speed_of(s))
-        self.found[s] = self._solve(sheet, exits, lattice)
+        self.found[s] = self._solve(sheet, exits, spacing)
         for k in np.flatnonzero(self._to == s).tolist():
             time = self._time_at(s, self._twin(k))
             if np.isfinite(time):
@@ -191,13 +189,13 @@ class _Sheets:
 
         return speed_to
 
-    def together(self, geometry: Geometry, anchor: Floats, spacing: float, behind: float) -> "NavigationField":
+    def together(self, geometry: Geometry, spacing: float, behind: float) -> "NavigationField":
         """Return the fields of all sheets as one over the layout."""
         high = np.array(geometry.bounds[2:])
         some = next(iter(self.found.values()))
         first = {s: field.origin + self._offsets[s] for s, field in self.found.items()}
         last = [at + spacing * (np.array(self.found[s].travel_time.shape[::-1]) - 1) for s, at in first.items()]
-        high, low = np.max([high, *last], axis=0), np.min([anchor, *first.values()], axis=0)
+        high, low = np.max([high, *last], axis=0), np.min(list(first.values()), axis=0)
         cols, rows = (np.rint((high - low) / spacing).astype(int) + 2).tolist()
         names = list(geometry.exit_names)
         whole = {
