@@ -125,7 +125,7 @@ def run(
         figures = report(place, physics.law, done.episodes, dt=physics.dt, strategy=ways.strategy)
         figures["sections"] = flows_at(places, done.episodes)
         if not place.goes_on:
-            figures["by_hand"] = by_hand(place, check)
+            figures["by_hand"] = by_hand(place, check, ways.strategy)
         if led is not None:
             figures["policy"] = led.name
         if share is not None:

@@ -128,9 +128,9 @@ def is_within(shape: Area, parts: Iterable[Polygon]) -> bool:
     return any(shapely.intersection(shape, part).area > 0 for part in parts)
 
 
-def cut_off_by(line: Floats, area: Area, exits: Floats, points: Floats) -> Bools:
-    """Return which of the points (K, 2) have no way to ``exits`` (X, 2, 2) if a ``line`` (2, 2) across a passage is shut."""
-    shut = shapely.difference(area, shapely.buffer(shapely.LineString(line), 0.02))
+def cut_off_by(lines: Floats, area: Area, exits: Floats, points: Floats) -> Bools:
+    """Return which of the points (K, 2) have no way to ``exits`` (X, 2, 2) if ``lines`` (L, 2, 2) across passages are shut."""
+    shut = shapely.difference(area, shapely.buffer(shapely.MultiLineString([*lines]), 0.02))
     free = [
         part for part in shapely.get_parts(shut) if shapely.dwithin(part, shapely.multilinestrings(list(exits)), 0.05)
     ]

@@ -118,7 +118,7 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
     check = check_place(scenario)
     figures["sections"] = flows_at(places_of(check), episodes)
     if not scenario.goes_on:
-        figures["by_hand"] = by_hand(scenario, check)
+        figures["by_hand"] = by_hand(scenario, check, config["strategy"])
     return Runs("", folder, config, scenario, scheme, episodes, figures, kept.crowding(episodes))
 
 
