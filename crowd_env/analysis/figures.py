@@ -132,12 +132,12 @@ def figures_of(runs: Mapping[str, Floats]) -> Plain:
 
 
 def time_of_share(exit_time: Floats, share: float) -> float:
-    """Return when at least this share of the people were out [s]; nan if they never were.
+    """Return when at least this share of the people were out [s]; nan if they never were, or there are none.
 
     ``exit_time`` (N,) [s] is nan for people who did not get out.
     """
     count = max(int(np.ceil(share * len(exit_time) - 1e-9)), 1)
-    return float(np.sort(exit_time)[count - 1])  # nan go last
+    return float(np.sort(exit_time)[count - 1]) if len(exit_time) else float("nan")  # nan go last
 
 
 def runs_enough(times: Floats, share: float) -> int | None:

@@ -12,7 +12,7 @@ from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
 from crowd_env.analysis.sections import flows_at, places_of
 from crowd_env.core.behaviors import IN_WORDS
-from crowd_env.core.checks import Plain
+from crowd_env.core.checks import Plain, counted
 from crowd_env.core.files.atomic import legible
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.version import __version__
@@ -144,7 +144,7 @@ def _told(runs: Runs) -> dict[str, str]:
         "scheme": config["scheme"]["name"],
         **{name: described(config[name]) for name in IN_WORDS},
         "rules": "with rules" if config["rules"] else "without rules",
-        "people": f"{runs.figures['people']} people",
+        "people": counted(runs.figures["people"], "person", "people"),
         "seed": f"seed {config['seed']}",
     }
 
