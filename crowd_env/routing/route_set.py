@@ -68,7 +68,7 @@ class RoutePlan:
     Raises
     ------
     ValueError
-        If a name is unknown or taken.
+        If a name is unknown or taken, or a door has two gates.
     """
 
     geometry: Geometry
@@ -267,7 +267,11 @@ def _check_routes(plan: RoutePlan) -> None:
 
 
 def _check_doors(plan: RoutePlan) -> None:
-    for name in (*plan.closed_at_start, *(event.door for event in plan.events), *(gate.door for gate in plan.gates)):
+    gates = [gate.door for gate in plan.gates]
+    for name in gates:
+        if gates.count(name) > 1:
+            raise ValueError(f"door {name!r} has {gates.count(name)} gates; give one flow for each door")
+    for name in (*plan.closed_at_start, *(event.door for event in plan.events), *gates):
         known("door", name, plan.geometry.doors)
     for event in plan.events:
         if event.region is not None:

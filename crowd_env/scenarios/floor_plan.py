@@ -236,7 +236,8 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
             shares = {name: max(1, many) for name, many in room.items()}
             if said or usual < PEOPLE:
                 said = {name: one.people for name, one in plan.starts.items() if one.people is not None}
-                wanted = f"the file says {sum(said.values())} people" if said else f"{PEOPLE} people may not fit"
+                close = f"{PEOPLE} people would stand closer than {_CROWDED:g} a m2"
+                wanted = f"the file says {sum(said.values())} people" if said else close
                 warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --people decides", stacklevel=2)
     goals = {name: {} if fields.get("route") else {"exits": plan.starts[name].exits} for name in shares}
     parts = [Population(**{**goals[name], **fields, "people": n, "start_region": name}) for name, n in shares.items()]

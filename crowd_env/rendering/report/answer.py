@@ -6,7 +6,7 @@ from math import isfinite
 import numpy as np
 
 from crowd_env.analysis.by_hand import response_of
-from crowd_env.analysis.figures import FIGURES, columns_of, doubts, interval, named, number, spread
+from crowd_env.analysis.figures import FIGURES, columns_of, doubts, interval, named, number, people_words, spread
 from crowd_env.core.checks import Plain, counted
 from crowd_env.rendering.report.runs import Runs, table
 from crowd_env.scenarios.population import Population
@@ -32,8 +32,7 @@ def answer(runs: Sequence[Runs]) -> Plain:
 
 def _sentence(one: Runs) -> str:
     figures = one.figures
-    come = figures["came"]["mean"] if "came" in figures else figures["people"]
-    people = f"{come:.1f}".removesuffix(".0") + (" person" if come == 1 else " people")
+    people = people_words(figures["came"]["mean"] if "came" in figures else figures["people"])
     ended, every = figures["runs"] - figures["unfinished_runs"], figures["runs"]
     last = figures["evacuation_time"]
     if not ended:

@@ -149,7 +149,7 @@ def read_plan(
         return replace(_plan(path, drawing, meters, _point(origin)), level=level)
     except ValueError as error:
         message = str(error)
-        raise ValueError(message if str(path) in message else f"{path}: {message}") from None
+        raise ValueError(message if message.startswith(str(path)) else f"{path}: {message}") from None
     except shapely.errors.ShapelyError as error:
         raise ValueError(f"{path}: its shapes cannot be cut and united: {error}") from None
 
