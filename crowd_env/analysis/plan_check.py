@@ -1,7 +1,7 @@
 """What was understood of a place, in figures: how large, how wide its exits, where it is narrow, how many people fit."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from crowd_env.analysis.figures import listed
 from crowd_env.analysis.passages import Gap, Passage, narrowest_passages
 from crowd_env.analysis.terrain import Terrain, survey
+from crowd_env.analysis.ways_out import remarks_on
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import Plain, counted
 from crowd_env.geometry.geometry import Geometry
@@ -250,7 +251,7 @@ def spot(gap: Gap) -> str:
 
 def check_place(scenario: Scenario, seed: int = 0) -> PlanCheck:
     """Return what is understood of a scenario."""
-    return check_plan(
+    check = check_plan(
         scenario.name,
         scenario.geometry,
         scenario.population,
@@ -259,6 +260,7 @@ def check_place(scenario: Scenario, seed: int = 0) -> PlanCheck:
         seed=seed,
         sections=scenario.sections,
     )
+    return replace(check, remarks=(*check.remarks, *remarks_on(scenario)))
 
 
 def plain_check(check: PlanCheck) -> Plain:

@@ -1,8 +1,9 @@
 """Which exits people may take: cohorts, routes and the strategy bind them, and doors that never open shut exits."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 import numpy as np
+import shapely
 
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.geometry.parts import cut_off_by
@@ -56,5 +57,28 @@ class WaysOut:
         """Return which of ``points`` (K, 2) have no way to ``exits`` if ``lines`` (L, 2, 2) are shut too."""
         geometry = self.place.geometry
         walls, two_sided = geometry.walls_when(self.closed)
-        ends = geometry.exits[[name in exits for name in geometry.exit_names]]
-        return cut_off_by(np.concatenate([walls[two_sided], lines]), geometry.walkable, ends, points)
+        shut = np.concatenate([walls[two_sided], lines])
+        return cut_off_by(shut, geometry.walkable, self.lines(exits), points)
+
+    def lines(self, exits: Collection[str]) -> Floats:
+        """Return the lines (L, 2, 2) [m] of some exits."""
+        geometry = self.place.geometry
+        return geometry.exits[[name in exits for name in geometry.exit_names]]
+
+
+def remarks_on(place: Scenario, strategy: str | None = None) -> Iterator[str]:
+    """Yield a sentence on each cohort that has no open exit, or comes in where it leaves at once."""
+    ways, parts = WaysOut(place, strategy), place.population.parts
+    for k, part in enumerate(parts):
+        of = part.name and f" of {part.name!r}"
+        people = f"people{of or f' of cohort {k + 1}' * (len(parts) > 1)}"
+        if not ways.open[k]:
+            shut = [f"exit {exit!r}, which door {ways.shut[exit]!r} shuts for good" for exit in sorted(ways.allowed[k])]
+            only = ", ".join(shut)
+            yield f"{people} may leave only by {only}: they stay inside until a run is cut"
+        elif part.arrivals is not None and part.arrivals.line is not None:
+            spots = shapely.points(part.spots(place.geometry, place.room))
+            for exit in sorted(ways.open[k]):
+                away = shapely.distance(shapely.MultiLineString([*ways.lines([exit])]), spots)
+                if np.median(away) < 2.0 * place.room * part.radius.high:
+                    yield f"{people} come in at exit {exit!r} and leave by it at once: give them other exits"

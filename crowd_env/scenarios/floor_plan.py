@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from crowd_env.core.checks import Plain, at, counted, known, refuse, texts
+from crowd_env.core.checks import Plain, at, counted, known, refuse, table, texts
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import SLIVER, Area, read_area, read_exits
 from crowd_env.geometry.placement import lattice
@@ -134,6 +134,9 @@ def with_own(
     ValueError
         If the plan has no shape of that name, or a shape is wrong.
     """
+    for key, shapes in (("exits", exits), ("regions", regions)):
+        if shapes is not None:
+            table(key, shapes, "names and shapes")
     if walkable is not None:
         floor = shapely.union(plan.walkable, read_area(walkable, "walkable area"))
         plan = replace(plan, walkable=read_area(floor, "walkable area"))

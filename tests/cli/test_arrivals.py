@@ -62,6 +62,31 @@ def test_room_is_told_of_where_people_start(hall, tmp_path):
     )
 
 
+SHUT = 'closed_doors = ["d"]'
+OF_EAST = '[geometry.doors]\nd = "east"\n[[cohorts]]'
+
+
+@pytest.mark.parametrize(
+    ("line", "more", "said"),
+    [
+        ("[[8, 2], [8, 4]]", "", "people of 'street' come in at exit 'east' and leave by it at once"),
+        ("[[8, 2], [8, 4]]", 'exits = ["north"]', ""),
+        ("[[8, 2], [8, 4]]", 'route = "north"', ""),
+        (LINE, "", ""),
+        (LINE, 'exits = ["east"]', "people of 'street' may leave only by exit 'east', which door 'd' shuts for good"),
+        (LINE, 'exits = ["east", "north"]', ""),
+    ],
+)  # fmt: skip
+def test_a_plan_and_a_run_tell_what_no_run_can_end(line, more, said, hall, tmp_path):
+    path = hall(f"{{ times = [1, 2], line = {line} }}\n{more}", SHUT if "shuts" in said else "")
+    if "shuts" in said:
+        path.write_text(path.read_text().replace("[[cohorts]]", OF_EAST))
+    (plan,) = figures(f"plan {path} --out {tmp_path / 'a.png'}")["plans"]
+    assert any(said in one for one in plan["remarks"]) if said else not plan["remarks"]
+    notes = call(f"run {path} --runs 1 --time-limit 3 --json").stderr
+    assert f"note: {said}" in notes if said else "people" not in notes.replace("walk out", "")
+
+
 def test_a_run_that_ends_before_anyone_has_come_has_no_times(hall):
     found = figures(f"run {hall(f'{{ times = [70, 80], line = {LINE} }}')} --runs 1")
     assert found["came"]["mean"] == 0 and found["t95"]["mean"] is None

@@ -119,6 +119,8 @@ def test_a_wider_exit_keeps_all_else(place):
         ("people=many", "people=many: 'many' is no number"),
         ("cohorts.guests.people=3", "key 'cohorts.guests.people' cannot be set: there is no 'guests'"),
         ("exit_width=30", "exit 'out' cannot be 30.00 m wide: it would leave its straight wall"),
+        ("geometry.layers=1,2", "geometry: layers tells how a drawing is read, and there is no file"),
+        ("geometry.unit=m,cm", "geometry: unit tells how a drawing is read"),
         ("exit_width=-1,2", "exit_width is -1"),
         ("exit_width=0,1", "exit_width is 0"),
         ("people=x-1,x1", "people=x-1 is -1"),
