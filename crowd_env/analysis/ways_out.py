@@ -3,8 +3,8 @@
 from collections.abc import Collection, Iterator
 
 import numpy as np
-import shapely
 
+from crowd_env.analysis.passages import distances
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.geometry.parts import cut_off_by
 from crowd_env.routing.fields.field import NavigationField
@@ -77,8 +77,7 @@ def remarks_on(place: Scenario, strategy: str | None = None) -> Iterator[str]:
             only = ", ".join(shut)
             yield f"{people} may leave only by {only}: they stay inside until a run is cut"
         elif part.arrivals is not None and part.arrivals.line is not None:
-            spots = shapely.points(part.spots(place.geometry, place.room))
+            spots = part.spots(place.geometry, place.room)
             for exit in sorted(ways.open[k]):
-                away = shapely.distance(shapely.MultiLineString([*ways.lines([exit])]), spots)
-                if np.median(away) < 2.0 * place.room * part.radius.high:
+                if np.median(distances(spots, ways.lines([exit]))) < 2.0 * place.room * part.radius.high:
                     yield f"{people} come in at exit {exit!r} and leave by it at once: give them other exits"
