@@ -2,69 +2,104 @@
 
 The hydraulic model of first order (SFPE Handbook of Fire Protection Engineering, 5th edition 2016, chapter 59): a door passes
 1.32 people a second and meter of effective width, which is 0.15 m less on each side than the clear width, and pedestrians
-alone walk at 1.19 m/s.  The queue begins when half of the people have responded and the first have come; everybody uses the
-exits in proportion to their widths.
+alone walk at 1.19 m/s, slower ones at their own median speed.  The people of a cohort queue from when half of them have
+responded and the first have come; they use the exits that they may take and can reach in proportion to their widths.
 """
 
-from dataclasses import replace
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowd_env.analysis.plan_check import PlanCheck, check_place, spot
+from crowd_env.analysis.ways_out import WaysOut
 from crowd_env.core.files.json_file import json_number
-from crowd_env.geometry.parts import cut_off_by
-from crowd_env.geometry.sheets import openings
-from crowd_env.scenarios.distributions import Uniform
+from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
 
 FLOW = 1.32  # 1/(s m)  of effective width: k / (4 a) with k = 1.4 m/s and a = 0.266 m2
 BOUNDARY = 0.15  # m  on each side of a door
-SPEED = 1.19  # m/s  0.85 k
+SPEED, _SLOW = 1.19, 0.1  # m/s  0.85 k, and the least that slower people are taken to walk at
 
 
-def by_hand(place: Scenario, check: PlanCheck | None = None) -> dict[str, Any]:
+class _Cohort(NamedTuple):
+    people: int
+    exits: frozenset[str]  # that are open to it
+    response: tuple[float, float]  # s, of the median and of the latest person
+    walk: tuple[float, float]  # s, of the first and of the last person
+
+
+def by_hand(place: Scenario, check: PlanCheck | None = None, strategy: str | None = None) -> dict[str, Any]:
     """Return what an evacuation takes by hand, in ``words`` and ready for JSON: times in s, widths in m.
 
-    ``check`` is that of the place, if it is known.
+    ``check`` is that of the place, if it is known; ``strategy`` that of the runs, by default the place's.
 
-    ``response`` is the median and the latest, ``walk`` that of the first and of the last.  The queue is the longest of that at
-    all exits together and of each at a passage that people have to pass, ``at`` which it is; it and ``time`` are None if that
-    is no wider than its boundary layers.
+    ``response`` is the median of the cohort that responds first, and the latest; ``walk`` that of the first and of the last.
+    The queue is the longest of that at all exits together, at the exits of a cohort, and at each passage that people have to
+    pass, ``at`` which it is; it and ``time`` are None if that is no wider than its boundary layers.
     """
-    people, check, field = place.population, check or check_place(place), place.field()
-    steady = people.changed(desired_speed=Uniform(SPEED, SPEED), response_time=Uniform(0.0, 0.0))
-    last, _ = replace(place, population=steady).longest_walk()
-    ways = field.travel_time_for(check.position, 0.0) - field.behind
-    first = float(ways.min(initial=SPEED * last)) / SPEED
-    queues = [_queue(people.people, sum(map(_effective, place.geometry.exit_lengths.values())), "the exits")]
+    check, ways = check or check_place(place), WaysOut(place, strategy)
+    cohorts = [_cohort(place, check, ways, k) for k in range(len(place.population.parts))]
+    widths, sets = check.widths, {one.exits for one in cohorts}
+    queues = []
+    for exits in dict.fromkeys([frozenset().union(*sets), *sorted(sets, key=sorted)]):
+        at = "the exits" if len(exits) == len(widths) else f"exit {', '.join(sorted(exits))}" if exits else "no exit"
+        here = [(one, one.people) for one in cohorts if one.exits <= exits]
+        queues.append(_queue(here, sum(_effective(widths[name]) for name in exits), at))
     for passage in check.passages.values():
         if passage is not None and not passage.is_exit:
-            out = openings(check.geometry.exits, check.geometry.building)
-            lost = cut_off_by(passage.gap.line, check.geometry.walkable, out, check.position)
-            behind = lost.mean() if len(lost) else 0.0
-            queues.append(_queue(round(behind * people.people), _effective(passage.gap.width), spot(passage.gap)))
-    queue, effective, at = max(queues)
-    rng = np.random.default_rng(0)
-    responses = np.concatenate([part.draw_bodies(rng).response_time for part in people.parts])
-    typical, latest = float(np.median(responses)), float(responses.max())
-    time = max(latest + last, typical + first + queue)
-    late = f"responses of {typical:.0f} to {latest:.0f} s, " if latest else ""
+            lost = {exits: ways.cut_off(passage.gap.line[None], exits, check.position) for exits in sets if exits}
+            here = [
+                (one, round(lost[one.exits][check.cohort == k].mean() * one.people))
+                for k, one in enumerate(cohorts)
+                if one.exits and len(check.position)
+            ]
+            queues.append(_queue(here, _effective(passage.gap.width), spot(passage.gap)))
+    queue, effective, at, _ = max(queues)
+    time = max(*(over for *_, over in queues), *(one.response[1] + one.walk[1] for one in cohorts))
+    response = min(one.response[0] for one in cohorts), max(one.response[1] for one in cohorts)
+    walk = min(one.walk[0] for one in cohorts), max(one.walk[1] for one in cohorts)
+    late = f"responses of {response[0]:.0f} to {response[1]:.0f} s, " if response[1] else ""
     line = f"{queue:.0f} s of queue at {at}, {effective:.2f} m of effective width"
-    words = f"{time:.0f} s: {late}walks of {first:.0f} to {last:.0f} s, {line}"
-    times = {
-        "time": json_number(time),
-        "response": [typical, latest],
-        "walk": [first, last],
-        "queue": json_number(queue),
-    }
-    return {"words": words, "people": people.people, **times, "effective_width": effective, "at": at}
+    out = f"{time:.0f} s" if np.isfinite(time) else "never"
+    words = f"{out}: {late}walks of {walk[0]:.0f} to {walk[1]:.0f} s, {line}"
+    times = {"time": json_number(time), "response": [*response], "walk": [*walk], "queue": json_number(queue)}
+    return {"words": words, "people": place.population.people, **times, "effective_width": effective, "at": at}
+
+
+def response_of(part: Population) -> tuple[float, float]:
+    """Return the response times [s] of the median and of the latest of a cohort, in one draw."""
+    drawn = part.draw_bodies(np.random.default_rng(0)).response_time
+    return float(np.median(drawn)), float(drawn.max())
+
+
+def _cohort(place: Scenario, check: PlanCheck, ways: WaysOut, k: int) -> _Cohort:
+    part, at = place.population.parts[k], check.position[check.cohort == k]
+    exits = frozenset(
+        name
+        for name in ways.open[k]
+        if check.passages[name] is not None and not ways.cut_off(np.empty((0, 2, 2)), [name], at).all()
+    )
+    response = response_of(part)
+    if not exits:
+        return _Cohort(part.people, exits, response, (0.0, 0.0))
+    field = ways.field(k)
+    last = float(place.walks(part, field)[1].max(initial=0.0))
+    first = float((field.travel_time_for(at, 0.0) - field.behind).min(initial=last))
+    speed = float(np.clip(np.median(part.draw_bodies(np.random.default_rng(0)).desired_speed), _SLOW, SPEED))
+    return _Cohort(part.people, exits, response, (first / speed, last / speed))
 
 
 def _effective(width: float) -> float:
     return max(width - 2.0 * BOUNDARY, 0.0)
 
 
-def _queue(people: int, effective: float, at: str) -> tuple[float, float, str]:
-    """Return for how long [s] people pass an effective width [m], and both."""
-    return (people / (FLOW * effective) if effective > 0.0 else np.inf if people else 0.0), effective, at
+def _queue(here: Sequence[tuple[_Cohort, int]], effective: float, at: str) -> tuple[float, float, str, float]:
+    """Return for how long [s] people of cohorts pass an effective width [m], both, and when the last of them has."""
+    rate = FLOW * effective
+    came = sorted(((one.response[0] + one.walk[0], people) for one, people in here if people), reverse=True)
+    behind, over = 0, 0.0
+    for begin, people in came:  # the last cohort first
+        behind += people
+        over = max(over, begin + behind / rate if rate else np.inf)
+    return (behind / rate if rate else np.inf if behind else 0.0), effective, at, over

@@ -132,12 +132,12 @@ def figures_of(runs: Mapping[str, Floats]) -> Plain:
 
 
 def time_of_share(exit_time: Floats, share: float) -> float:
-    """Return when at least this share of the people were out [s]; nan if they never were.
+    """Return when at least this share of the people were out [s]; nan if they never were, or there are none.
 
     ``exit_time`` (N,) [s] is nan for people who did not get out.
     """
     count = max(int(np.ceil(share * len(exit_time) - 1e-9)), 1)
-    return float(np.sort(exit_time)[count - 1])  # nan go last
+    return float(np.sort(exit_time)[count - 1]) if len(exit_time) else float("nan")  # nan go last
 
 
 def runs_enough(times: Floats, share: float) -> int | None:
@@ -384,7 +384,7 @@ def _flows(section: Plain) -> str:
     for way, found in section["towards"].items():
         flow, peak = (number(found[figure]["mean"]) for figure in ("flow_per_meter", "peak_flow_per_meter"))
         if found["people"]:
-            people = f"{found['people'] / section['runs']:.1f}".removesuffix(".0") + f" people {way}"
+            people = f"{people_words(found['people'] / section['runs'])} {way}"
             said.append(people if flow == "-" else f"{people}, {flow} 1/(s m), peak {peak}")
     return "; ".join(said) or "nobody"
 
@@ -433,6 +433,11 @@ def doubts(figures: Plain) -> str:
     if "interrupted_of" in figures:
         said.append(f"only {figures['runs']} of {figures['interrupted_of']} runs were finished")
     return "; ".join(said)
+
+
+def people_words(mean: float) -> str:
+    """Return "1 person", "2 people", "2.5 people": a mean over runs."""
+    return f"{mean:.1f}".removesuffix(".0") + (" person" if mean == 1 else " people")
 
 
 def listed(items: Sequence[str], most: int = _EXITS_SHOWN, separator: str = ", ") -> str:

@@ -1,7 +1,7 @@
 """What was understood of a place, in figures: how large, how wide its exits, where it is narrow, how many people fit."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 from crowd_env.analysis.figures import listed
 from crowd_env.analysis.passages import Gap, Passage, narrowest_passages
 from crowd_env.analysis.terrain import Terrain, survey
+from crowd_env.analysis.ways_out import remarks_on
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import Plain, counted
 from crowd_env.geometry.geometry import Geometry
@@ -84,8 +85,14 @@ class PlanCheck:
     @cached_property
     def capacity(self) -> int:
         """How many of the largest bodies stand where people start, on a regular lattice: what `run` has room for."""
-        regions = dict.fromkeys(part.start_region for part in self.people.parts if part.starts is None) or (None,)
-        return sum(len(lattice(self.geometry, self.room * self.people.radius.high, region)) for region in regions)
+        radius = self.room * self.people.radius.high
+        return sum(len(lattice(self.geometry, radius, region)) for region in start_regions(self.people))
+
+    @property
+    def room_words(self) -> str:
+        """For about how many people there is room, and where."""
+        where = "where they start" if any(part.arrivals is None for part in self.people.parts) else "of the plan"
+        return f"about {counted(self.capacity, 'person', 'people')} on the {self.start_area:.1f} m2 {where}"
 
     @property
     def body(self) -> tuple[float, float]:
@@ -129,11 +136,7 @@ def check_plan(
         radius, position = np.empty(0), np.empty((0, 2))
         remarks.append(f"people cannot be placed: {error}")
     cohort = np.repeat(np.arange(len(people.parts)), [part.people for part in people.parts])
-    of_line = [part for part in people.parts if part.arrivals is not None and part.start_region is None]
-    regions = tuple(
-        dict.fromkeys(part.start_region for part in people.parts if part.starts is None and part not in of_line)
-    )
-    start_area = geometry.area if None in regions or not regions else sum(geometry.area_of(r) for r in regions)
+    start_area = sum(geometry.area_of(region) for region in start_regions(people))
     widths = geometry.exit_lengths
     lost = [*geometry.left_out, *(closed_off(geometry.walkable, geometry.ways_on, least) if widths else ())]
     passages = narrowest_passages(geometry, terrain, _starts(terrain, people, geometry, position)) if widths else {}
@@ -163,6 +166,12 @@ def check_plan(
         remarks=tuple(remarks),
         sections=sections,
     )
+
+
+def start_regions(people: People) -> Sequence[str | None]:
+    """Return the regions in which people are placed at the start; None = all of the place, which counts alone."""
+    regions = dict.fromkeys(part.start_region for part in people.parts if part.starts is None and part.arrivals is None)
+    return [None] if None in regions or not regions else [*regions]
 
 
 def _starts(terrain: Terrain, people: People, geometry: Geometry, position: Floats) -> Floats:
@@ -242,7 +251,7 @@ def spot(gap: Gap) -> str:
 
 def check_place(scenario: Scenario, seed: int = 0) -> PlanCheck:
     """Return what is understood of a scenario."""
-    return check_plan(
+    check = check_plan(
         scenario.name,
         scenario.geometry,
         scenario.population,
@@ -251,6 +260,7 @@ def check_place(scenario: Scenario, seed: int = 0) -> PlanCheck:
         seed=seed,
         sections=scenario.sections,
     )
+    return replace(check, remarks=(*check.remarks, *remarks_on(scenario)))
 
 
 def plain_check(check: PlanCheck) -> Plain:
@@ -289,6 +299,7 @@ def cells(check: PlanCheck) -> dict[str, str]:
     x0, y0, x1, y1 = geometry.bounds
     lost = ["{:.3g} m2 around ({:.2f}, {:.2f})".format(area, *_inside(part)) for part, area in check.unreached]
     exits = [f"{name} {width:.2f} m" for name, width in check.widths.items()]
+    most = "up to " if any(part.arrivals and part.arrivals.rate for part in check.people.parts) else ""
     rows = {
         "plan": f"{geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m{_of_sheets(geometry)}",
         "  x, y": f"{x0:.2f} to {x1:.2f} m, {y0:.2f} to {y1:.2f} m",
@@ -298,8 +309,8 @@ def cells(check: PlanCheck) -> dict[str, str]:
         "doors": _rows(list(geometry.doors)),
         "sections": _rows([f"{one.name} {one.length_on(geometry):.2f} m" for one in check.sections]),
         "no exit reaches": _rows(lost),
-        "people": f"{counted(check.people.people, 'person', 'people')}, bodies {body_width(check)} wide",
-        "room for": f"about {check.capacity} people on the {check.start_area:.1f} m2 where they start",
+        "people": f"{most}{counted(check.people.people, 'person', 'people')}, bodies {body_width(check)} wide",
+        "room for": check.room_words,
         "  centers of bodies": f"{check.free_area:.1f} m2",
         "check": _rows(check.remarks),
     }

@@ -19,6 +19,7 @@ from crowd_env.analysis.figures import FEWEST, cells, doubts, report, runs_enoug
 from crowd_env.analysis.plan_check import check_place
 from crowd_env.analysis.results.crowding import CrowdingRecorder
 from crowd_env.analysis.sections import CrossingRecorder, flows_at, places_of
+from crowd_env.analysis.ways_out import remarks_on
 from crowd_env.cli import options
 from crowd_env.cli.console import show_table
 from crowd_env.cli.place import CrowdOptions, Setting, setting_of
@@ -94,6 +95,8 @@ def run(
         if walk > place.time_limit:
             where = f"({start[0]:.1f}, {start[1]:.1f})"
             say(f"note: from {where} it takes up to {walk:.0f} s to walk out; the time limit is {place.time_limit:g} s")
+        for remark in remarks_on(place, ways.strategy):
+            say(f"note: {remark}", "yellow")
         here = config_of(asked, setting, runs=runs, until=until, seed=seed, like=config) | {"notes": notes}
         folder, kept = (None, []) if out is None else open_folder(context, out, here, place)
         check = check_place(place)
@@ -125,7 +128,7 @@ def run(
         figures = report(place, physics.law, done.episodes, dt=physics.dt, strategy=ways.strategy)
         figures["sections"] = flows_at(places, done.episodes)
         if not place.goes_on:
-            figures["by_hand"] = by_hand(place, check)
+            figures["by_hand"] = by_hand(place, check, ways.strategy)
         if led is not None:
             figures["policy"] = led.name
         if share is not None:

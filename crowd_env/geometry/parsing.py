@@ -16,7 +16,7 @@ from shapely.geometry import LineString, MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.arrays.state import Floats
-from crowd_env.core.checks import plain_name
+from crowd_env.core.checks import plain_name, shown
 from crowd_env.core.files.foreign import foreign_kind
 
 Area: TypeAlias = Polygon | MultiPolygon
@@ -268,7 +268,7 @@ def _shape(thing: Any, what: str, kind: type[Polygon] | type[LineString]) -> Bas
         return kind(coordinates)
     if kind is Polygon and isinstance(thing, Sequence | np.ndarray):
         return shapely.GeometryCollection([_shape(part, f"part {i} of {what}", kind) for i, part in enumerate(thing)])
-    raise ValueError(f"{what} is a {type(thing).__name__}; it must be a shapely geometry, WKT or (K, 2) coordinates")
+    raise ValueError(f"{what} is {shown(thing)}; it must be a list of points [x, y], WKT or a shapely geometry")
 
 
 def _polygon_parts(shape: BaseGeometry, what: str) -> list[Polygon]:

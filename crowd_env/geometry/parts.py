@@ -44,9 +44,8 @@ def join_near_parts(area: Area, what: str) -> Area:
     if missing <= 0:
         return area
     i, j = near[0]
-    gap = 1000 * shapely.distance(parts[i], parts[j])
     at = place(shapely.get_coordinates(shapely.shortest_line(parts[i], parts[j]))[0])
-    warnings.warn(f"{what}: parts that lie less than 1 cm apart are joined, such as {gap:.2g} mm at {at}", stacklevel=4)
+    warnings.warn(f"{what}: parts that lie less than 1 cm apart are joined, such as at {at}", stacklevel=4)
     return joined
 
 
@@ -132,9 +131,9 @@ def is_within(shape: Area, parts: Iterable[Polygon]) -> bool:
     return any(shapely.intersection(shape, part).area > 0 for part in parts)
 
 
-def cut_off_by(line: Floats, area: Area, exits: Floats, points: Floats) -> Bools:
-    """Return which of the points (K, 2) have no way to ``exits`` (X, 2, 2) if a ``line`` (2, 2) across a passage is shut."""
-    shut = shapely.difference(area, shapely.buffer(shapely.LineString(line), 0.02))
+def cut_off_by(lines: Floats, area: Area, exits: Floats, points: Floats) -> Bools:
+    """Return which of the points (K, 2) have no way to ``exits`` (X, 2, 2) if ``lines`` (L, 2, 2) across passages are shut."""
+    shut = shapely.difference(area, shapely.buffer(shapely.MultiLineString([*lines]), 0.02))
     free = [
         part for part in shapely.get_parts(shut) if shapely.dwithin(part, shapely.multilinestrings(list(exits)), 0.05)
     ]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
-from crowd_env.core.checks import known
+from crowd_env.core.checks import counted, known
 from crowd_env.core.kernels.jit import inner_kernel, kernel
 from crowd_env.geometry.geometry import Geometry
 
@@ -225,8 +225,9 @@ def _place_on_lattice(
             return points[rng.permutation(len(points))[: len(radius)]]
     beside = "" if standing is None else f" beside {len(standing[1])} already placed"
     raise ValueError(
-        f"{len(radius)} people do not fit without overlap into {geometry.area_of(region):.1f} m2: with bodies of radius "
-        f"{radius.min():.2f} to {radius.max():.2f} m a regular lattice holds {most} there{beside}"
+        f"{counted(len(radius), 'person does', 'people do')} not fit without overlap into "
+        f"{geometry.area_of(region):.1f} m2: with bodies of radius {radius.min():.2f} to {radius.max():.2f} m "
+        f"a regular lattice holds {most} there{beside}"
     )
 
 

@@ -36,7 +36,7 @@ def plan_figure(check: PlanCheck) -> Figure:
     x0, y0, x1, y1 = check.geometry.bounds
     facts = (
         f"{check.geometry.area:.1f} m² in {x1 - x0:.2f} m x {y1 - y0:.2f} m;  bodies {body_width(check)} wide;  "
-        f"a center fits on {check.free_area:.1f} m²;  about {check.capacity} people fit where they start"
+        f"a center fits on {check.free_area:.1f} m²;  room for {check.room_words}"
     )
     doubts = check.remarks[:6] if check.widths else (NO_EXIT, *check.remarks[:5])
     above = [line for text in (check.title, facts) for line in textwrap.wrap(text, letters)]

@@ -23,7 +23,7 @@ def _parts(recording: Recording) -> dict[str, str]:
     """Return what a title can say, by the name of the fact."""
     facts = recording.facts
     found = {"scenario": str(facts.get("scenario", "")), **{name: _short(name, facts.get(name)) for name in _NAMED}}
-    return found | {"people": counted(len(recording.radius), "person", "people")}
+    return found | {"people": counted(recording.came, "person", "people")}
 
 
 def told_apart(facts: Sequence[Mapping[str, str]], separator: str) -> list[str]:

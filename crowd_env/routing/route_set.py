@@ -26,7 +26,7 @@ _MARGINS = {"nearest": float("nan"), "centre": float("inf"), "width": 0.0}
 
 
 # The time limit, the environments and every batch need the way out of a place.
-_field_of = lru_cache(maxsize=4)(travel_time_field)
+field_of = lru_cache(maxsize=4)(travel_time_field)
 
 
 class RouteField(NamedTuple):
@@ -68,7 +68,7 @@ class RoutePlan:
     Raises
     ------
     ValueError
-        If a name is unknown or taken.
+        If a name is unknown or taken, or a door has two gates.
     """
 
     geometry: Geometry
@@ -131,7 +131,7 @@ class RoutePlan:
         strategy = STRATEGIES[route.strategy]
         speed_map = SpeedMap(self.geometry, self.zones, self.walking_speed, self.comfort)
         open_to = [] if via is not None else open_exits(self.geometry, exits, closed)
-        found = _field_of(
+        found = field_of(
             self.geometry,
             self.radius,
             exits=exits,
@@ -271,7 +271,11 @@ def _check_routes(plan: RoutePlan) -> None:
 
 
 def _check_doors(plan: RoutePlan) -> None:
-    for name in (*plan.closed_at_start, *(event.door for event in plan.events), *(gate.door for gate in plan.gates)):
+    gates = [gate.door for gate in plan.gates]
+    for name in gates:
+        if gates.count(name) > 1:
+            raise ValueError(f"door {name!r} has {gates.count(name)} gates; give one flow for each door")
+    for name in (*plan.closed_at_start, *(event.door for event in plan.events), *gates):
         known("door", name, plan.geometry.doors)
     for event in plan.events:
         if event.region is not None:

@@ -189,6 +189,9 @@ def scenario_of(content: Plain, path: Path) -> Scenario:
             else:
                 offset_of = None
                 with at("geometry"):
+                    for key in _OF_DRAWING:
+                        if key in content["geometry"]:
+                            raise ValueError(f"{key} tells how a drawing is read, and there is no file")
                     for key in ("walkable", "exits"):
                         _needed(shapes, key)
                     geometry = Geometry.from_polygon(**shapes)

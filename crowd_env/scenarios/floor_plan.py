@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from crowd_env.core.checks import Plain, at, counted, known, refuse, texts
+from crowd_env.core.checks import Plain, at, counted, known, refuse, table, texts
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import SLIVER, Area, read_area, read_exits
 from crowd_env.geometry.placement import lattice
@@ -145,6 +145,9 @@ def with_own(
     ValueError
         If the plan has no shape of that name, or a shape is wrong.
     """
+    for key, shapes in (("exits", exits), ("regions", regions)):
+        if shapes is not None:
+            table(key, shapes, "names and shapes")
     if walkable is not None:
         floor = shapely.union(plan.walkable, read_area(walkable, "walkable area"))
         plan = replace(plan, walkable=read_area(floor, "walkable area"))
@@ -248,7 +251,8 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
             shares = {name: max(1, many) for name, many in room.items()}
             if said or usual < PEOPLE:
                 said = {name: one.people for name, one in plan.starts.items() if one.people is not None}
-                wanted = f"the file says {sum(said.values())} people" if said else f"{PEOPLE} people may not fit"
+                close = f"{PEOPLE} people would stand closer than {_CROWDED:g} a m2"
+                wanted = f"the file says {sum(said.values())} people" if said else close
                 warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --people decides", stacklevel=2)
     goals = {name: {} if fields.get("route") else {"exits": plan.starts[name].exits} for name in shares}
     parts = [Population(**{**goals[name], **fields, "people": n, "start_region": name}) for name, n in shares.items()]

@@ -17,6 +17,7 @@ from crowd_env.core.checks import (
     Range,
     at,
     check_fields,
+    counted,
     from_table,
     known,
     plain_name,
@@ -138,7 +139,8 @@ class Population:
 
     def _check_arrivals(self, arrivals: Arrivals) -> None:
         if arrivals.rate is None and self.people != arrivals.people:
-            raise ValueError(f"population: people is {self.people}, but {arrivals.people} arrivals are listed")
+            listed = f"{arrivals.people} arrivals are listed"
+            raise ValueError(f"population: people is {self.people}, but {listed}; leave people out")
         if self.starts is not None and (arrivals.line is not None or len(self.starts) != self.people):
             raise ValueError("arriving people come in along a line, or each at a recorded start of their own")
         if self.starts is None and self.start_region is None and arrivals.line is None:
@@ -310,6 +312,6 @@ def require_room(geometry: Geometry, parts: Iterable[Population], room: float = 
             where = f"{area:.1f} m2" + ("" if region is None else f" of {region!r}")
             most = int(count * CLOSEST_PACKING * reached / cover)
             raise ValueError(
-                f"{count} people do not fit without overlap into {where}: even the closest packing of the smallest bodies "
-                f"leaves room for at most {most}"
+                f"{counted(count, 'person does', 'people do')} not fit without overlap into {where}: "
+                f"even the closest packing of the smallest bodies leaves room for at most {most}"
             )

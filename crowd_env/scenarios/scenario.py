@@ -214,16 +214,7 @@ class Scenario:
         """
         field, longest = self.field(), (0.0, np.zeros(2))
         for part in self.population.parts:
-            if part.starts is None and part.arrivals is None:
-                rows, cols = np.nonzero(np.isfinite(field.travel_time))
-                at = field.origin + field.spacing * np.column_stack([cols, rows])
-                time = field.travel_time[rows, cols] - field.behind
-                if part.start_region is not None:
-                    inside = self.geometry.contains(at, part.start_region)
-                    at, time = at[inside], time[inside]
-            else:
-                at = part.spots(self.geometry, self.room)
-                time = field.travel_time_for(at, 0.0) - field.behind
+            at, time = self.walks(part, field)
             walk = float(time.max(initial=0.0)) / max(part.desired_speed.low, _SLOW) + part.response_time.high
             walk += max((route.until for route in self.routes), default=0.0)
             walk += 0.0 if part.wait is None else part.wait.high
@@ -232,6 +223,17 @@ class Scenario:
             if walk > longest[0] and len(at):
                 longest = walk, at[np.argmax(time)]
         return longest
+
+    def walks(self, part: Population, field: NavigationField) -> tuple[Floats, Floats]:
+        """Return where (K, 2) [m] people of a cohort may start, and their travel times (K,) by a field."""
+        if part.starts is not None or part.arrivals is not None:
+            at = part.spots(self.geometry, self.room)
+            return at, field.travel_time_for(at, 0.0) - field.behind
+        rows, cols = np.nonzero(np.isfinite(field.travel_time))
+        at = field.origin + field.spacing * np.column_stack([cols, rows])
+        time = field.travel_time[rows, cols] - field.behind
+        inside = slice(None) if part.start_region is None else self.geometry.contains(at, part.start_region)
+        return at[inside], time[inside]
 
     def with_enough_time(self) -> "Scenario":
         """Return the place with a time limit in which people can walk out and queue at the exits: at least 300 s."""
@@ -274,7 +276,7 @@ class Scenario:
         strategy, routes = self.strategy_of_run(strategy), list(self.routes)
         for part in self.population.parts:
             names = [OUT, *(route.name for route in routes)]
-            routes += [route for route in self._taken(part, strategy) if route.name not in names]
+            routes += [route for route in self.routes_of(part, strategy) if route.name not in names]
         if ways:
             taken = [route.name for route in routes]
             routes += [Route(name, (name,)) for name in self.ways if name not in taken]
@@ -295,7 +297,7 @@ class Scenario:
             walking_speed=0.5 * (self.population.desired_speed.low + self.population.desired_speed.high) or 1.0,
         ).build()
 
-    def _taken(self, part: Population, strategy: str) -> list[Route]:
+    def routes_of(self, part: Population, strategy: str) -> list[Route]:
         """Return the routes of a cohort under the strategy of the run; of several, the nearest."""
         own = {route.name: route for route in self.routes}
         if part.route is not None:
@@ -310,7 +312,7 @@ class Scenario:
 
     def depends_on_place(self, strategy: str) -> bool:
         """Return whether the routes of people depend on their starts."""
-        return any(len(self._taken(part, strategy)) > 1 for part in self.population.parts)
+        return any(len(self.routes_of(part, strategy)) > 1 for part in self.population.parts)
 
     def draw_stays(self, rng: np.random.Generator, routes: Sequence[str]) -> tuple[Floats, Floats] | None:
         """Draw how long (N,) [s] and where (N, 2) [m] people wait on these ``routes`` (N,); None if none wait."""
@@ -367,7 +369,7 @@ class Scenario:
         end = 0
         for part in parts:
             begin, end = end, len(position) if len(parts) == 1 else end + part.people
-            names = [route.name for route in self._taken(part, strategy)]
+            names = [route.name for route in self.routes_of(part, strategy)]
             one = len(names) == 1
             chosen[begin:end] = (
                 route_set.number(names[0]) if one else route_set.nearest(names, position[begin:end], size[begin:end])

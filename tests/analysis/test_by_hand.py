@@ -3,7 +3,7 @@
 import pytest
 from shapely.geometry import box
 
-from crowd_env import Geometry, Population, Scenario, Uniform
+from crowd_env import Cohorts, DoorEvent, Geometry, Population, Route, Scenario, Uniform
 from crowd_env.analysis.by_hand import by_hand
 from crowd_env.analysis.figures import doubts
 
@@ -41,6 +41,69 @@ def test_a_passage_counts_where_people_have_to_pass_it():
     ]
     two_ways = by_hand(place(beside, {"out": [(2, -2.2), (2, -0.2)]}))
     assert two_ways["at"] == "the exits"  # neither of the two doors alone holds anybody up
+
+
+HALL = Geometry.from_polygon(
+    box(0, 0, 20, 10), exits={"west": [(0, 3), (0, 7)], "east": [(20, 4), (20, 5.2)]}, doors={"d": "west"}
+)
+SHUT = {"closed_doors": ("d",)}
+EAST = 1 / (1.32 * (1.2 - 0.3))  # s a person
+
+
+@pytest.mark.parametrize(
+    ("people", "fields", "strategy"),
+    [
+        (Population(100), SHUT, None),
+        (Population(100, exits=("east",)), {}, None),
+        (Population(100, route="east"), {}, None),
+        (Population(100, route="r"), {"routes": (Route("r", ("east",)),)}, None),
+        (Population(100), {}, "east"),
+    ],
+)
+def test_only_exits_count_that_people_may_take(people, fields, strategy):
+    found = by_hand(Scenario("hall", HALL, people, 300.0, **fields), strategy=strategy)
+    assert found["queue"] == pytest.approx(100 * EAST) and found["at"] == "exit east"
+    first, last = found["walk"]
+    assert 15.0 < 1.19 * last < 23.0 and found["time"] == pytest.approx(first + found["queue"])
+
+
+def test_a_door_that_opens_later_counts():
+    place = Scenario("hall", HALL, Population(100), 300.0, **SHUT, door_events=(DoorEvent("d", True, at=5.0),))
+    assert by_hand(place)["at"] == "the exits"
+
+
+@pytest.mark.parametrize("thin", [False, True])
+def test_an_exit_behind_a_wall_does_not_count(thin):
+    floor = box(0, 0, 20, 10) if thin else [box(0, 0, 9, 10), box(10, 0, 20, 10)]
+    walls = [[(9.5, 0), (9.5, 10)]] if thin else []
+    exits = {"west": [(0, 3), (0, 7)], "east": [(20, 4), (20, 5.2)]}
+    halls = Geometry.from_polygon(floor, exits=exits, thin_walls=walls, regions={"r": box(12, 2, 17, 8)})
+    found = by_hand(Scenario("halls", halls, Population(60, start_region="r"), 300.0))
+    assert found["queue"] == pytest.approx(60 * EAST) and found["at"] == "exit east"
+
+
+def test_slow_people_walk_at_their_own_speed():
+    walks = {
+        speed: by_hand(Scenario("hall", HALL, Population(9, desired_speed=Uniform(speed, speed)), 300.0))["walk"][1]
+        for speed in (0.5, 1.19, 1.6)
+    }
+    assert walks[0.5] == pytest.approx(walks[1.19] * 1.19 / 0.5) and walks[1.6] == walks[1.19]
+
+
+def test_cohorts_respond_and_queue_each_at_its_exits():
+    parts = Population(50, exits=("east",)), Population(50, exits=("west",), response_time=Uniform(30.0, 60.0))
+    found = by_hand(Scenario("hall", HALL, Cohorts(parts), 300.0))
+    assert found["response"][0] == 0.0 and "responses of 0 to " in found["words"]
+    assert found["queue"] == pytest.approx(50 * EAST) and found["at"] == "exit east"
+    assert found["time"] == pytest.approx(found["response"][1] + found["walk"][1], rel=0.02)
+    both = (part.changed(exits=()) for part in parts)
+    late = by_hand(Scenario("hall", HALL, Cohorts(tuple(both)), 300.0, **SHUT))
+    assert 45.0 + 50 * EAST < late["time"] < 50.0 + 50 * EAST + 3.0 < 100 * EAST + 15.0  # the first are out by then
+
+
+def test_people_without_an_open_exit_are_never_out():
+    found = by_hand(Scenario("hall", HALL, Population(5, exits=("west",)), 300.0, **SHUT))
+    assert found["time"] is None and found["words"].startswith("never: ")
 
 
 def test_a_long_walk_counts_where_nobody_waits():

@@ -265,7 +265,7 @@ NAN = float("nan")
         (lambda: from_polygon([(0, 0), (1, NAN), (2, 2)]), "walkable area has a coordinate that is not finite"),
         (lambda: from_polygon("POLYGON ((0 0, 1 0, 1 inf, 0 0))"), "walkable area has a coordinate that is not finite"),
         (lambda: from_polygon([(0, 0, 0), (1, 0, 0), (1, 1, 0)]), r"walkable area .*shape \(3, 3\)"),
-        (lambda: from_polygon(None), "walkable area is a NoneType"),
+        (lambda: from_polygon(None), "walkable area is None; it must be a list of points"),
         (lambda: Geometry.from_wkt("POLYGN ((0 0))"), "walkable area is not well-known text.*POLYGN"),
         (lambda: Geometry.from_wkt("LINESTRING (0 0, 1 1)"), "walkable area is a LineString; it must be a POLYGON"),
         (

@@ -219,6 +219,14 @@ def test_an_origin_brings_a_plan_near(tmp_path):
     )
     assert make_scenario(tmp_path / "near.toml").geometry.bounds == (0.0, 0.0, 12.0, 8.0)
     (tmp_path / "near.toml").write_text('[geometry]\nfile = "drawings/hall.geojson"\norigin = [1, 2, 3]\n')
+    for key, said in (
+        ("origin = 1", "origin is 1; it must be"),
+        ("layers = 1", "layers is 1"),
+        ("exits = 1", "exits is 1"),
+    ):
+        (tmp_path / "wrong.toml").write_text(f'[geometry]\nfile = "drawings/hall.geojson"\n{key}\n')
+        with pytest.raises(ValueError, match=said):
+            make_scenario(tmp_path / "wrong.toml")
     with pytest.raises(ValueError, match="origin"):
         make_scenario(tmp_path / "near.toml")
 

@@ -29,7 +29,7 @@ class Gates:
     Raises
     ------
     ValueError
-        If a door has two gates, or a place with gates has too many doors.
+        If a place with gates has too many doors.
     """
 
     def __init__(self, geometries: Sequence[Geometry], gates: Sequence[Sequence[Gate]], geometry_of_env: Ints) -> None:
@@ -39,8 +39,6 @@ class Gates:
             if own and len(place.doors) > MOST_DOORS:
                 raise ValueError(f"{len(place.doors)} doors; a place with gates may have at most {MOST_DOORS}")
             doors = [place.doors.index(gate.door) for gate in own]
-            if len(set(doors)) < len(doors):
-                raise ValueError("a door has two gates; give one flow for each door")
             self._numbers.append(doors)
             self._leaves.append([place.walls[place.door_of_wall == k] for k in doors])
             self._interval.append(np.array([1.0 / gate.flow for gate in own]))

@@ -5,9 +5,11 @@ from math import isfinite
 
 import numpy as np
 
-from crowd_env.analysis.figures import FIGURES, columns_of, doubts, interval, named, number, spread
+from crowd_env.analysis.by_hand import response_of
+from crowd_env.analysis.figures import FIGURES, columns_of, doubts, interval, named, number, people_words, spread
 from crowd_env.core.checks import Plain, counted
 from crowd_env.rendering.report.runs import Runs, table
+from crowd_env.scenarios.population import Population
 
 _AIM = 0.02  # of the mean: the interval that is aimed at
 _FEW = 5  # runs or fewer say little of how many are needed
@@ -29,7 +31,8 @@ def answer(runs: Sequence[Runs]) -> Plain:
 
 
 def _sentence(one: Runs) -> str:
-    figures, people = one.figures, counted(one.figures["people"], "person", "people")
+    figures = one.figures
+    people = people_words(figures["came"]["mean"] if "came" in figures else figures["people"])
     ended, every = figures["runs"] - figures["unfinished_runs"], figures["runs"]
     last = figures["evacuation_time"]
     if not ended:
@@ -93,15 +96,24 @@ def _convergence(one: Runs) -> str:
     return f"{text}\n± {100.0 * _AIM:.0f} % needs about {ended * (share / _AIM) ** 2:.0f} runs"
 
 
-def _premovement(by_hand: Plain) -> str:
-    if not by_hand:
-        return "–"
-    typical, latest = by_hand["response"]
-    return f"{typical:.0f} s, {latest:.0f} s" if latest else "0 s: all walk at once"
+def _premovement(one: Runs) -> str:
+    parts = one.scenario.population.parts
+    said = [_response(part) for part in parts]
+    if len(set(said)) == 1:
+        return said[0]
+    return "\n".join(
+        f"{part.name or f'cohort {k}'}: {words}" for k, (part, words) in enumerate(zip(parts, said, strict=True), 1)
+    )
+
+
+def _response(part: Population) -> str:
+    typical, latest = response_of(part)
+    begin = "all walk at once" if part.arrivals is None else "all walk when they come"
+    return f"{typical:.0f} s, {latest:.0f} s" if latest else f"0 s: {begin}"
 
 
 _ROWS: dict[str, Callable[[Runs], str]] = {
-    "pre-movement time, median and latest": lambda one: _premovement(one.figures.get("by_hand", {})),
+    "pre-movement time, median and latest": _premovement,
     "half of the people out (T50)": time_words("t50"),
     "95 % of the people out (T95)": time_words("t95"),
     "last person out": _evacuation_time,

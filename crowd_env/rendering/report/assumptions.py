@@ -89,7 +89,9 @@ def _goals(part: Plain) -> str:
 
 
 _OF_A_COHORT: dict[str, Callable[[Plain], str]] = {
-    "number": lambda part: str(part.get("people", part.get("count"))),
+    "number": lambda part: (
+        f"{'up to ' if (part.get('arrivals') or {}).get('rate') else ''}{part.get('people', part.get('count'))}"
+    ),
     "profile": lambda part: (
         f"{part['profile']} ({PROFILES[part['profile']].source})" if part.get("profile") else "none"
     ),

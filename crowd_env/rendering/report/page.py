@@ -55,7 +55,7 @@ def write_report(
 
 
 def _asked(runs: Sequence[Runs]) -> str:
-    people = dict.fromkeys(str(one.figures["people"]) for one in runs)
+    people = dict.fromkeys(f"{'up to ' * ('came' in one.figures)}{one.figures['people']}" for one in runs)
     counts = dict.fromkeys(str(len(one.episodes)) for one in runs)
     text = f"How long do {' or '.join(people)} people take to leave, and by which exits? "
     text += f"{' or '.join(counts)} simulated {'evacuation' if set(counts) == {'1'} else 'evacuations'}"

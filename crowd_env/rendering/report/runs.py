@@ -7,12 +7,12 @@ from typing import Any, NamedTuple, TypeVar
 from crowd_env.analysis.by_hand import by_hand
 from crowd_env.analysis.figures import listed, report
 from crowd_env.analysis.plan_check import check_place
-from crowd_env.analysis.results.config import read_config
+from crowd_env.analysis.results.config import file_digest, read_config
 from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
 from crowd_env.analysis.sections import flows_at, places_of
 from crowd_env.core.behaviors import IN_WORDS
-from crowd_env.core.checks import Plain
+from crowd_env.core.checks import Plain, counted
 from crowd_env.core.files.atomic import legible
 from crowd_env.core.files.fingerprint import fingerprint
 from crowd_env.core.version import __version__
@@ -107,7 +107,8 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
         raise ValueError(f"{folder}: the place of these runs cannot be read again: {error}") from None
     if fingerprint(scenario) != config["fingerprint"]:
         other = config["version"] != __version__
-        what = "its file" if config.get("files") else f"{CONFIG} or crowd-env"
+        files = (file for file, digest in config.get("files", {}).items() if file_digest(Path(file)) != digest)
+        what = ", ".join(files) or f"{CONFIG} or crowd-env"
         why = f"they were made by version {config['version']}" if other else f"{what} has changed since"
         raise ValueError(f"{folder}: {scenario.name} is not what these runs were made of: {why}; run them again")
     kept = ResultsFolder(folder, config, scenario)
@@ -118,7 +119,7 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
     check = check_place(scenario)
     figures["sections"] = flows_at(places_of(check), episodes)
     if not scenario.goes_on:
-        figures["by_hand"] = by_hand(scenario, check)
+        figures["by_hand"] = by_hand(scenario, check, config["strategy"])
     return Runs("", folder, config, scenario, scheme, episodes, figures, kept.crowding(episodes))
 
 
@@ -144,7 +145,7 @@ def _told(runs: Runs) -> dict[str, str]:
         "scheme": config["scheme"]["name"],
         **{name: described(config[name]) for name in IN_WORDS},
         "rules": "with rules" if config["rules"] else "without rules",
-        "people": f"{runs.figures['people']} people",
+        "people": counted(runs.figures["people"], "person", "people"),
         "seed": f"seed {config['seed']}",
     }
 

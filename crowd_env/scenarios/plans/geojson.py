@@ -13,12 +13,13 @@ import shapely
 from shapely.geometry import shape as shape_of
 from shapely.geometry.base import BaseGeometry
 
-from crowd_env.core.checks import Plain, counted
+from crowd_env.core.checks import Plain, counted, shown
 from crowd_env.core.files.atomic import legible
 from crowd_env.geometry.parsing import flat_parts, in_degrees
 from crowd_env.scenarios.plans.degrees import Projection, looks_like_degrees
 from crowd_env.scenarios.plans.floor_plan import Door, Drawing, Layer, listed
 from crowd_env.scenarios.plans.roles import FIRST_EXITS, WORDS, Chosen, Said, by_names, role_of_feature, role_of_word
+from crowd_env.scenarios.plans.shared_edges import DOOR, NARROW
 
 _LEVELS = ("level", "level_id", "floor", "storey")
 _RANGE = re.compile(r"(-?\d+(?:\.\d+)?)\s*-\s*(-?\d+(?:\.\d+)?)")  # 0-2, as of stairs in OpenStreetMap
@@ -189,7 +190,12 @@ def _drawing(features: Iterable[_Feature]) -> Drawing:
             case "exit" if not shape.geom_type.endswith("Point"):
                 drawing.add(said.role, name if name not in drawing.exits else "", shape)
             case "door" | "exit" | "entrance" | "opening":
-                width, leads_out = _width(one.table.get("width")), said.role != "door"
+                given, leads_out = one.table.get("width"), said.role != "door"
+                width = _width(given)
+                if given is not None and width is None and shape.geom_type.endswith("Point"):
+                    what = f"{said.role} {name!r}" if name else f"a {said.role.replace('exit', 'way out')}"
+                    allowed = f"a width in m of at least {NARROW}: it is {DOOR:.2f} m wide here"
+                    drawing.notes.append(f"width {shown(given)} of {what} is not {allowed}")
                 at = 0 if one.table.get("category") in FIRST_EXITS else len(drawing.doors)
                 drawing.doors[at:at] = [Door(part, name, width, leads_out) for part in flat_parts(shape)]
             case role:
@@ -246,10 +252,10 @@ def _text(value: Any) -> str:
 
 
 def _width(value: Any) -> float | None:
-    """Return a width [m]: 0.9, "0.9 m", "90 cm"; None if it is no width."""
+    """Return a width [m]: 0.9, "0.9 m", "90 cm"; None if it is no width of a door."""
     match = re.fullmatch(r"(\d*\.?\d+)\s*(m|cm)?", str(value).strip())
     width = 0.0 if match is None else float(match[1]) * (0.01 if match[2] == "cm" else 1.0)
-    return width if width > 0.0 else None
+    return width if width >= NARROW else None
 
 
 def _name(table: Plain, role: str) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from crowd_env.core.checks import at, number
+from crowd_env.core.checks import at, number, refuse
 from crowd_env.core.checks import path as path_of
 from crowd_env.core.files.foreign import foreign_kind, read_text, require_file
 from crowd_env.geometry.boundary import clear_exits
@@ -158,7 +158,7 @@ def read_plan(
         raise RoleError(f"{path}: {error.lacks}", error.how) from None
     except ValueError as error:
         message = str(error)
-        raise ValueError(message if str(path) in message else f"{path}: {message}") from None
+        raise ValueError(message if message.startswith(str(path)) else f"{path}: {message}") from None
     except shapely.errors.ShapelyError as error:
         raise ValueError(f"{path}: its shapes cannot be cut and united: {error}") from None
 
@@ -288,8 +288,8 @@ def _is_json_plan(path: Path) -> bool:
 
 
 def _point(origin: Sequence[float]) -> tuple[float, float]:
-    if len(origin) != 2:
-        raise ValueError(f"origin is {origin!r}; it must be [x, y]")
+    if np.shape(origin) != (2,):
+        refuse("origin", origin, "[x, y]")
     return number("origin: x", origin[0]), number("origin: y", origin[1])
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from fnmatch import fnmatchcase
 from typing import Any, NamedTuple, TypeAlias
 
-from crowd_env.core.checks import known, texts
+from crowd_env.core.checks import known, table, texts
 
 # The layers that JuPedSim reads, with or without "jps-"; the text after a dash is a name: jps-exits-north.
 _LAYER = re.compile(
@@ -101,7 +101,7 @@ class ChosenRoles:
     """
 
     def __init__(self, layers: Mapping[str, Sequence[str]]) -> None:
-        for key in layers:
+        for key in table("layers", layers, "roles and names of layers"):
             known("key of layers", key, CHOICES)
         self._names = [(key, one) for key, names in layers.items() for one in texts(f"layers.{key}", names)]
         self._asked: dict[str, None] = {}

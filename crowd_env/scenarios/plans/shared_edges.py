@@ -20,8 +20,8 @@ _SAME = 0.01  # m; edges nearer to each other are one
 _SHORT = 0.1  # m; shorter pieces are no common edge
 _BESIDE = 0.3  # m; a door may be drawn this far from its wall, in the room ...
 _WALL = 0.5  # m; ... and a wall is this thick at the most
-_DOOR = 0.9  # m; width of a door that is a point
-_NARROW = 0.3  # m; nothing narrower is a door
+DOOR = 0.9  # m; width of a door that is a point
+NARROW = 0.3  # m; nothing narrower is a door
 _BEHIND = 0.1  # m; behind the wall, where an obstacle is no way out
 _ALONG = 0.7  # cosine; a door that lies flatter to a wall is in it
 
@@ -194,7 +194,7 @@ def _measured(door: Door) -> tuple[shapely.Point, Floats | None, float]:
     frame = shapely.get_coordinates(shapely.oriented_envelope(door.shape))
     middle = shapely.Point(0.5 * (frame.min(axis=0) + frame.max(axis=0)))
     if len(frame) < 2:
-        return middle, None, door.width if door.width is not None and door.width >= _NARROW else _DOOR
+        return middle, None, DOOR if door.width is None else door.width
     sides = np.diff(frame, axis=0)
     longest = sides[np.argmax(np.hypot(*sides.T))]
     length = float(np.hypot(*longest))

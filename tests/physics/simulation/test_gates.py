@@ -95,6 +95,7 @@ def test_a_moment_with_gates_is_restored():
     [
         ([{"door": "no"}], "key 'flow' is missing"),
         ([{"door": "no", "flow": 1}], "unknown door 'no'"),
+        ([{"door": "gate", "flow": 1}, {"door": "gate", "flow": 2}], "door 'gate' has 2 gates; give one flow"),
         ([{"door": "gate", "flow": 0}], "gate 'gate': flow is 0; it must be > 0"),
     ],
 )

@@ -105,13 +105,16 @@ def house(path):
     )
 
 
-def test_levels_are_no_one_floor(tmp_path):
+def test_levels_are_no_one_floor(tmp_path, monkeypatch):
     """They were laid on top of each other without a word."""
     path = house(tmp_path / "house.geojson")
     with pytest.raises(
         ValueError, match=r"house.geojson: it has 3 levels \(0, 1, 2\).*choose one, such as house.geojson:0"
     ):
         read_plan(path)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match=r"^house.geojson: it has 3 levels"):  # the example holds the name too
+        read_plan("house.geojson")
     for level, area in ((0, 47.0), ("1", 35.0), (2.0, 18.0)):
         plan = read_plan(path, level=level)
         assert plan.walkable.area == pytest.approx(area) and list(plan.exits) == ["exit-0"] and "stairs" in plan.regions

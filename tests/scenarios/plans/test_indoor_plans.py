@@ -118,6 +118,16 @@ def test_an_entrance_is_an_exit_as_wide_as_it_says(key, value, tmp_path):
     assert given.exits["exit-0"].length == 1.0 and len(given.exits) == 1
 
 
+@looped("width", ["1,5", "abc", "-2", 0.2, [1]])
+def test_a_width_that_is_none_is_told(width, tmp_path):
+    exit = feature(POINT(10, 5), kind="exit", name="main", width=width)
+    plan = read(tmp_path, feature(BOX(0, 0, 10, 6), kind="walkable"), exit)
+    assert plan.exits["main"].length == pytest.approx(0.9)
+    assert plan.notes == (
+        f"width {width!r} of exit 'main' is not a width in m of at least 0.3: it is 0.90 m wide here",
+    )
+
+
 @looped(
     ("level", "repeat", "on"),
     [
