@@ -58,7 +58,8 @@ class WaysOut:
         geometry = self.place.geometry
         walls, two_sided = geometry.walls_when(self.closed)
         shut = np.concatenate([walls[two_sided], lines])
-        return cut_off_by(shut, geometry.walkable, self.lines(exits), points)
+        out = np.concatenate([self.lines(exits), geometry.ways_on[len(geometry.exits) :]])
+        return cut_off_by(shut, geometry.walkable, out, points)
 
     def lines(self, exits: Collection[str]) -> Floats:
         """Return the lines (L, 2, 2) [m] of some exits."""

@@ -488,6 +488,35 @@ class Geometry:
             seam_to=seams.to_sheet,
         )
 
+    def sheet_alone(self, s: int) -> "Geometry":
+        """Return sheet ``s`` of a building as a place of its own, in true coordinates; its seams are exits."""
+        building = self.building
+        assert building is not None
+        parts = shapely.get_parts(self.walkable)
+        mine = parts[sheets_at([part.representative_point().coords[0] for part in parts], building.sheets) == s]
+        walls = sheets_at(self.walls.mean(axis=1), building.sheets) == s
+        exits = np.flatnonzero(sheets_at(self.exits.mean(axis=1), building.sheets) == s)
+        seams = np.flatnonzero(building.from_sheet == s)
+        offset = building.offsets[s]
+
+        def moved(shape: Area) -> Area:
+            return shapely.transform(shape, lambda points: points - offset)
+
+        return replace(
+            self,
+            walkable=moved(mine[0] if len(mine) == 1 else MultiPolygon(list(mine))),
+            regions={name: moved(region) for name, region in self.regions.items()},
+            left_out=(),
+            arcs=NO_ARCS,
+            walls=self.walls[walls] - offset,
+            two_sided=self.two_sided[walls],
+            door_of_wall=self.door_of_wall[walls],
+            exits=np.concatenate([self.exits[exits], building.lines[seams]]) - offset,
+            exit_names=(*(self.exit_names[k] for k in exits.tolist()), *map(seam_name, seams.tolist())),
+            building=None,
+            apron=0.0,
+        )
+
     @property
     def ways_on(self) -> Floats:
         """The lines (Y, 2, 2) [m] over which people leave a part of the area: exits, and seams to other sheets."""

@@ -178,6 +178,11 @@ def lay_out(areas: Sequence[Area]) -> Floats:
     return at + low[0] - low  # the first sheet keeps its place
 
 
+def seam_name(k: int) -> str:
+    """Return the name of line ``k`` of `Building.lines` as an exit of its sheet."""
+    return f"{SEAM}{k}"
+
+
 def laid_out_area(sheets: Sequence[Sheet]) -> Area:
     """Return the area of the layout."""
     return shapely.MultiPolygon(
