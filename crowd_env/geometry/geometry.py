@@ -56,6 +56,7 @@ from crowd_env.geometry.sheets import (
     laid_out_area,
     places_of_ends,
     require_sheets,
+    seam_name,
     require_ways_out,
     sheets_at,
     turned,
