@@ -56,8 +56,8 @@ from crowd_env.geometry.sheets import (
     laid_out_area,
     places_of_ends,
     require_sheets,
-    seam_name,
     require_ways_out,
+    seam_name,
     sheets_at,
     turned,
     wall_starts,
@@ -463,7 +463,7 @@ class Geometry:
 
     @cached_property
     def _walls(self) -> Walls | None:
-        """The walls, with those of aprons, in true coordinates and by sheet; None = there is one sheet."""
+        """The walls, also of aprons, in true coordinates and by sheet; None = there is one sheet."""
         if self.building is None:
             return None
         ground = self._with_floor(self.apron_depths)

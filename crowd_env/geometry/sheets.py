@@ -215,7 +215,7 @@ class Walls(NamedTuple):
 def walls_of(walls: Floats, two_sided: Bools, ground: Area, sheets: Sequence[Sheet], seams: Sequence[Seam]) -> Walls:
     """Return the walls (W, 2, 2) of the layout in true coordinates, cut where slopes begin and end.
 
-    ``ground`` is the walkable area of the layout with its aprons.  The walls of a sheet follow each other as those of its area
+    ``ground`` is the walkable area of the layout with its aprons.  The walls of a sheet follow each other as in its area
     alone: sums over them are the same.
     """
     pieces, rows = _cut_at_slopes(walls, sheets)

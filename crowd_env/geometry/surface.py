@@ -19,7 +19,7 @@ from crowd_env.core.arrays.state import Floats, Ints, joined_starts, row_starts
 from crowd_env.core.kernels.jit import allocating_kernel, inner_kernel
 
 BEHIND = 0.3  # m; a pedestrian this near behind a seam is on the other sheet
-BODY = 1.0  # m; two cylinders whose feet are further apart in height do not touch
+BODY = 1.0  # m; two cylinders with feet further apart in height do not touch
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ def make_wall_grid(boundary: Boundary, reach: float | None, surface: Surface | N
 
 
 def _with_next_sheets(rows: list[Ints], wall: Floats, surface: Surface) -> list[Ints]:
-    """Return the walls of each sheet, and those of the sheets behind its seams that are near them."""
+    """Return the walls of each sheet, and the walls behind its seams that are near them."""
     found = [[row] for row in rows]
     for g, (start, stop) in enumerate(zip(surface.seam_start[:-1], surface.seam_start[1:], strict=True)):
         for k in range(start, stop):

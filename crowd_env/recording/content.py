@@ -112,7 +112,7 @@ class Frames:
     def places(self) -> tuple[Floats, Floats, Ints]:
         """Return where people are in a building: true coordinates (R, 2) [m], heights (R,) [m] and sheets (R,).
 
-        Positions of a recording are those of the layout, in which the sheets lie side by side.
+        Positions of a recording are in the layout, in which the sheets lie side by side.
         """
         true, sheet = self.geometry.on_sheets(self.position)
         return true, self.geometry.heights(true, sheet), sheet

@@ -16,7 +16,7 @@ from crowd_env.recording.content import FrameContacts, Frames
 from crowd_env.recording.formats import FORMATS, check_writable, open_writer, require_library
 from crowd_env.recording.writer import part_of
 
-_LEAP = 3.0  # m between two frames: to another sheet of a building, whose layout sets them apart
+_LEAP = 3.0  # m between two frames: to another sheet of a building: its layout sets them apart
 
 
 class Moment(NamedTuple):

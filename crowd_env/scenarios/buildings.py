@@ -3,7 +3,7 @@
 Each level is a sheet, and so is each stair, with its flights and landings as slopes.  A level has no floor where a stair is
 less than `HEADROOM` and a slab above or below it.  All coordinates are true ones, the same on all levels.
 
-Speeds on stairs are by default those of the SFPE Handbook, along the slope, both ways, landings included.
+Speeds on stairs are by default from the SFPE Handbook, along the slope, both ways, landings included.
 """
 
 import itertools
@@ -99,7 +99,7 @@ class Stair:
     tread: Annotated[float, TREADS] = 0.28
     """m; a flight is as long as its risers have treads."""
     turns: _TURNS = "straight"
-    """straight; or u-left or u-right: the second flight goes back beside the first, on this side of those that climb."""
+    """straight; or u-left or u-right: the second flight goes back beside the first, on this side of people that climb."""
     landing: Annotated[float, Range(0.0, 50.0)] | None = None
     """m, depth of the landing half-way: the width by default; of a straight stair none by default."""
     core: Annotated[float, Range(0.0, 50.0)] = 0.25

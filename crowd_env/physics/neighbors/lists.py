@@ -216,7 +216,7 @@ def pairs_by_cell(
 
 @inner_kernel
 def drop_other_levels(e: int, height: Floats, near: NeighborList) -> None:
-    """Take the pairs out of the list of environment ``e`` whose ``height`` [m] differs too much."""
+    """Take pairs out of the list of environment ``e`` if their ``height`` [m] differs too much."""
     owner, partner, distance = near.owner, near.partner, near.contact_distance
     kept = index(near.entry_start[e])
     for k in range(index(near.entry_start[e]), index(near.pair_end[e])):

@@ -1,4 +1,4 @@
-"""The heights of people, by which lists leave out who is on another storey: looked up now and then, by the clock alone."""
+"""The heights of people, by which lists leave out other storeys: looked up now and then, by the clock alone."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from crowd_env.core.clock import DueClock, next_multiple
 from crowd_env.core.kernels.jit import index, kernel
 from crowd_env.geometry.surface import Surface, height_at
 
-EVERY = 0.1  # s; nobody climbs further than a third of a step of stairs meanwhile
+EVERY = 0.1  # s; people climb a third of a step of stairs meanwhile, at most
 
 
 class Heights:

@@ -41,7 +41,7 @@ OUT = {
     175: "239", 200: "258.5", 225: "279", 250: "300", 268: "314.5",
 }  # fmt: skip  # person -> s
 NEAR = 0.05  # of the observed time
-JUDGED = 250  # the last person whose time is to be near
+JUDGED = 250  # the last person with a time that is to be near
 STEADY = (145.0, 300.0)  # s, in which the flow at the street door was ...
 STEADY_FLOW = "1.34"  # 1/s
 LAWS = ("dem", "nsm2", "hertz")
@@ -67,7 +67,7 @@ class Climb:
         self._most = np.zeros(env.num_envs)
 
     def add(self, env: CrowdEnv, step: Step) -> None:
-        """Compare the heights of people that are there with those before."""
+        """Compare the heights of people that are there with the ones before."""
         now = self._look(env)
         for e in range(env.num_envs):
             people = env.people(e)
@@ -154,7 +154,7 @@ def by_hand() -> Floats:
 
 
 def _queue(ready: Iterable[float], flow: float) -> Floats:
-    """Return when people pass who come at these times [s], one behind the other, at most at a ``flow`` [1/s]."""
+    """Return when people pass that come at these times [s], one behind the other, at most at a ``flow`` [1/s]."""
     passed: list[float] = []
     for time in sorted(ready):
         passed.append(max(time, passed[-1] + 1.0 / flow) if passed else time)

@@ -1,4 +1,4 @@
-"""What can be redone of Hostikka et al. 2007: an office of six storeys whose people come down one stair."""
+"""What can be redone of Hostikka et al. 2007: an office of six storeys with one stair for all."""
 
 from crowd_env.reproduce.hostikka2007 import office
 from crowd_env.reproduce.hostikka2007.office import OfficeSettings

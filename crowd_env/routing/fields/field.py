@@ -101,7 +101,7 @@ class NavigationField:
     windows
         Where the nodes of each sheet of a building lie.
     shift
-        (2,) from the coordinates of ``origin`` to those of the geometry [m]: of the field of one sheet.
+        (2,) from the coordinates of ``origin`` to the layout [m]: of the field of one sheet.
     """
 
     travel_time: Floats
@@ -404,7 +404,7 @@ def _march_from_each(
     gates: list[Gate],
     speeds: Mapping[str | None, Floats],
 ) -> Floats:
-    """Return the travel times [s] on a sheet: the least of those by each of its exits and seams.
+    """Return the travel times [s] on a sheet: the least by any of its exits and seams.
 
     Up and down the same stairs people are not equally fast, so each has its own ``speeds``.
     """

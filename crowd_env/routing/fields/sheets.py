@@ -31,7 +31,7 @@ _NEAR = 2.5  # spacings before a seam, within which people walk straight over it
 
 
 class Window(NamedTuple):
-    """Where the nodes of a sheet lie among those of the layout."""
+    """Where the nodes of a sheet lie among the nodes of the layout."""
 
     nodes: tuple[slice, slice]  # rows, columns
     origin: Floats  # (2,)  m   of the first of them, in true coordinates
