@@ -85,7 +85,7 @@ def draw_place(axes: Axes, check: PlanCheck, *, widths: bool, edge: bool = True,
     if geometry.building is not None:
         draw_lines(axes, geometry.building.lines, SEAM, 4.5, 5, capstyle="butt")
         for name, corner in name_places(geometry.building):
-            axes.annotate(name, corner, (0, -11), textcoords="offset points", fontsize=size, color=hex_of(QUIET))
+            axes.annotate(name, tuple(corner), (0, -11), textcoords="offset points", fontsize=size, color=hex_of(QUIET))
         others.append(mark("here one comes to another sheet", color=hex_of(SEAM), linewidth=4.5))
     exits = _name_exits(axes, check, widths, size)
     people = _draw_people(axes, check)

@@ -217,7 +217,7 @@ def drawing_of(content: Plain, path: Path) -> FloorPlan:
 
 def _drawing(given: Plan, path: Path) -> FloorPlan:
     drawn = {key: getattr(given, key) for key in _OF_DRAWING}
-    return read_plan(path.parent / path_of("file", given.file), beside=_shapes(given)["exits"], **drawn)
+    return read_plan(path.parent / path_of("file", given.file), beside=_shapes("geometry", given)["exits"], **drawn)
 
 
 def _building(content: Plain, path: Path) -> Geometry:

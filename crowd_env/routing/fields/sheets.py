@@ -8,7 +8,7 @@ sheet in true coordinates.  In the field of the layout these are moved by half a
 import heapq
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -22,8 +22,7 @@ from crowd_env.routing.fields import grid
 from crowd_env.routing.fields.domain import Grid
 from crowd_env.routing.fields.lookup import ALONE, BLEND, exit_frame, through_exit
 
-if TYPE_CHECKING:
-    from crowd_env.routing.fields.field import NavigationField
+Field: TypeAlias = Any  # a `crowd_env.routing.fields.field.NavigationField`, which is made of this
 
 _NOTHING = 1e-6  # m2
 _SOONER = 0.05  # s; a seam that leads out sooner by less changes nothing
@@ -57,11 +56,11 @@ class SheetGround(NamedTuple):
 
 def field_of_sheets(
     geometry: Geometry,
-    solve: "Callable[[SheetGround, list[str], float | None], NavigationField]",
+    solve: "Callable[[SheetGround, list[str], float | None], Field]",
     exits: Iterable[str] | None,
     goal: str | None,
     closed: Collection[str],
-) -> "NavigationField":
+) -> Field:
     """Return the field of a building.
 
     Parameters
@@ -108,7 +107,7 @@ class _Sheets:
         ground: Geometry,
         wanted: Collection[str],
         goal: str | None,
-        solve: "Callable[[SheetGround, list[str], float | None], NavigationField]",
+        solve: "Callable[[SheetGround, list[str], float | None], Field]",
     ) -> None:
         assert ground.building is not None
         self._building, self._wanted, self._goal, self._solve = ground.building, wanted, goal, solve
@@ -118,7 +117,7 @@ class _Sheets:
             self._building.to_sheet,
             self._building.offsets,
         )
-        self.found: dict[int, NavigationField] = {}
+        self.found: dict[int, Field] = {}
         self._used: dict[int, dict[str, float]] = {}
 
     def march(self, spacing: float | None) -> set[float]:
@@ -185,7 +184,7 @@ class _Sheets:
 
         return speed_to
 
-    def together(self, geometry: Geometry, spacing: float, behind: float) -> "NavigationField":
+    def together(self, geometry: Geometry, spacing: float, behind: float) -> Field:
         """Return the fields of all sheets as one over the layout."""
         high = np.array(geometry.bounds[2:])
         some = next(iter(self.found.values()))
@@ -194,7 +193,7 @@ class _Sheets:
         high, low = np.max([high, *last], axis=0), np.min(list(first.values()), axis=0)
         cols, rows = (np.rint((high - low) / spacing).astype(int) + 2).tolist()
         names = list(geometry.exit_names)
-        whole = {
+        whole: dict[str, Any] = {
             "travel_time": np.full((rows, cols), np.nan),
             "direction": np.zeros((rows, cols, 2)),
             "direct": np.full((rows, cols), -1, dtype=np.int64),
