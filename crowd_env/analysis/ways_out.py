@@ -22,7 +22,7 @@ class WaysOut:
     shut
         Exit that such a door shuts -> the door.
     allowed, open
-        Exits that the people of each cohort may take, and those of them that are not shut.
+        Exits that the people of each cohort may take, and the ones among these that are not shut.
     """
 
     def __init__(self, place: Scenario, strategy: str | None = None) -> None:
@@ -68,14 +68,12 @@ class WaysOut:
 
 def remarks_on(place: Scenario, strategy: str | None = None) -> Iterator[str]:
     """Yield a sentence on each cohort that has no open exit, or comes in where it leaves at once."""
-    ways, parts = WaysOut(place, strategy), place.population.parts
-    for k, part in enumerate(parts):
-        of = part.name and f" of {part.name!r}"
-        people = f"people{of or f' of cohort {k + 1}' * (len(parts) > 1)}"
+    ways = WaysOut(place, strategy)
+    for k, part in enumerate(place.population.parts):
+        people = f"people of {part.name!r}" if part.name else "people"
         if not ways.open[k]:
-            shut = [f"exit {exit!r}, which door {ways.shut[exit]!r} shuts for good" for exit in sorted(ways.allowed[k])]
-            only = ", ".join(shut)
-            yield f"{people} may leave only by {only}: they stay inside until a run is cut"
+            only = [f"exit {exit!r}, which door {ways.shut[exit]!r} shuts for good" for exit in sorted(ways.allowed[k])]
+            yield f"{people} may leave only by {', '.join(only)}: they stay inside until a run is cut"
         elif part.arrivals is not None and part.arrivals.line is not None:
             spots = part.spots(place.geometry, place.room)
             for exit in sorted(ways.open[k]):

@@ -160,7 +160,7 @@ def _as_json(content: Any) -> Any:
 def difference(there: Plain, here: Plain, free: Collection[str] = ()) -> str:
     """Return in words the first thing in which two identities differ, but for what is ``free``; "" if in none.
 
-    A fingerprint says nothing: if the digests of their ``files`` differ, the files are named.
+    Files of other digests in ``files`` are named, and stand for the fingerprint.
     """
     before, now = there.get("files") or {}, here.get("files") or {}
     changed = ", ".join(file for file, digest in now.items() if before.get(file, digest) != digest)
