@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.analysis.plan_check import PlanCheck, check_place, spot
-from crowd_env.analysis.ways_out import WaysOut
+from crowd_env.analysis.ways_out import cut_off, ways_out
 from crowd_env.core.files.json_file import json_number
+from crowd_env.routing.fields.field import NavigationField
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
 
@@ -38,32 +39,29 @@ def by_hand(place: Scenario, check: PlanCheck | None = None, strategy: str | Non
     The queue is the longest of that at all exits together, at the exits of a cohort, and at each passage that people have to
     pass, ``at`` which it is; it and ``time`` are None if that is no wider than its boundary layers.
     """
-    check, ways = check or check_place(place), WaysOut(place, strategy)
-    cohorts = [_cohort(place, check, ways, k) for k in range(len(place.population.parts))]
+    check = check or check_place(place)
+    cohorts = [_cohort(place, check, k, *ways) for k, ways in enumerate(ways_out(place, strategy))]
     widths, sets = check.widths, {one.exits for one in cohorts}
     queues = []
     for exits in dict.fromkeys([frozenset().union(*sets), *sorted(sets, key=sorted)]):
-        at = "the exits" if len(exits) == len(widths) else f"exit {', '.join(sorted(exits))}" if exits else "no exit"
+        at = "the exits" if len(exits) == len(widths) else f"exit {', '.join(sorted(exits)) or 'none'}"
         here = [(one, one.people) for one in cohorts if one.exits <= exits]
         queues.append(_queue(here, sum(_effective(widths[name]) for name in exits), at))
     for passage in check.passages.values():
         if passage is not None and not passage.is_exit:
-            lost = {exits: ways.cut_off(passage.gap.line[None], exits, check.position) for exits in sets if exits}
-            here = [
-                (one, round(lost[one.exits][check.cohort == k].mean() * one.people))
-                for k, one in enumerate(cohorts)
-                if one.exits and len(check.position)
-            ]
+            lost = {exits: cut_off(place, passage.gap.line[None], exits, check.position) for exits in sets}
+            here = [(one, int(lost[one.exits][check.cohort == k].sum())) for k, one in enumerate(cohorts)]
             queues.append(_queue(here, _effective(passage.gap.width), spot(passage.gap)))
     queue, effective, at, _ = max(queues)
     time = max(*(over for *_, over in queues), *(one.response[1] + one.walk[1] for one in cohorts))
-    response = min(one.response[0] for one in cohorts), max(one.response[1] for one in cohorts)
-    walk = min(one.walk[0] for one in cohorts), max(one.walk[1] for one in cohorts)
+    spans = [[*one.response, *one.walk] for one in cohorts]
+    low, high = np.min(spans, axis=0).tolist(), np.max(spans, axis=0).tolist()
+    response, walk = [low[0], high[1]], [low[2], high[3]]
     late = f"responses of {response[0]:.0f} to {response[1]:.0f} s, " if response[1] else ""
     line = f"{queue:.0f} s of queue at {at}, {effective:.2f} m of effective width"
     out = f"{time:.0f} s" if np.isfinite(time) else "never"
     words = f"{out}: {late}walks of {walk[0]:.0f} to {walk[1]:.0f} s, {line}"
-    times = {"time": json_number(time), "response": [*response], "walk": [*walk], "queue": json_number(queue)}
+    times = {"time": json_number(time), "response": response, "walk": walk, "queue": json_number(queue)}
     return {"words": words, "people": place.population.people, **times, "effective_width": effective, "at": at}
 
 
@@ -73,21 +71,18 @@ def response_of(part: Population) -> tuple[float, float]:
     return float(np.median(drawn)), float(drawn.max())
 
 
-def _cohort(place: Scenario, check: PlanCheck, ways: WaysOut, k: int) -> _Cohort:
+def _cohort(
+    place: Scenario, check: PlanCheck, k: int, field: NavigationField, exits: frozenset[str], _: str
+) -> _Cohort:
     part, at = place.population.parts[k], check.position[check.cohort == k]
-    exits = frozenset(
-        name
-        for name in ways.open[k]
-        if check.passages[name] is not None and not ways.cut_off(np.empty((0, 2, 2)), [name], at).all()
-    )
-    response = response_of(part)
+    reached = (name for name in exits if not cut_off(place, np.empty((0, 2, 2)), [name], at).all())
+    exits = frozenset(name for name in reached if check.passages[name] is not None)
     if not exits:
-        return _Cohort(part.people, exits, response, (0.0, 0.0))
-    field = ways.field(k)
+        return _Cohort(part.people, exits, response_of(part), (0.0, 0.0))
     last = float(place.walks(part, field)[1].max(initial=0.0))
     first = float((field.travel_time_for(at, 0.0) - field.behind).min(initial=last))
     speed = float(np.clip(np.median(part.draw_bodies(np.random.default_rng(0)).desired_speed), _SLOW, SPEED))
-    return _Cohort(part.people, exits, response, (first / speed, last / speed))
+    return _Cohort(part.people, exits, response_of(part), (first / speed, last / speed))
 
 
 def _effective(width: float) -> float:

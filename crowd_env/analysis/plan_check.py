@@ -299,7 +299,6 @@ def cells(check: PlanCheck) -> dict[str, str]:
     x0, y0, x1, y1 = geometry.bounds
     lost = ["{:.3g} m2 around ({:.2f}, {:.2f})".format(area, *_inside(part)) for part, area in check.unreached]
     exits = [f"{name} {width:.2f} m" for name, width in check.widths.items()]
-    most = "up to " if any(part.arrivals and part.arrivals.rate for part in check.people.parts) else ""
     rows = {
         "plan": f"{geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m{_of_sheets(geometry)}",
         "  x, y": f"{x0:.2f} to {x1:.2f} m, {y0:.2f} to {y1:.2f} m",
@@ -309,7 +308,7 @@ def cells(check: PlanCheck) -> dict[str, str]:
         "doors": _rows(list(geometry.doors)),
         "sections": _rows([f"{one.name} {one.length_on(geometry):.2f} m" for one in check.sections]),
         "no exit reaches": _rows(lost),
-        "people": f"{most}{counted(check.people.people, 'person', 'people')}, bodies {body_width(check)} wide",
+        "people": f"{counted(check.people.people, 'person', 'people')}, bodies {body_width(check)} wide",
         "room for": check.room_words,
         "  centers of bodies": f"{check.free_area:.1f} m2",
         "check": _rows(check.remarks),

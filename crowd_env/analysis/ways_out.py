@@ -1,84 +1,67 @@
 """Which exits people may take: cohorts, routes and the strategy bind them, and doors that never open shut exits."""
 
 from collections.abc import Collection, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from crowd_env.analysis.passages import distances
 from crowd_env.core.arrays.state import Bools, Floats
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import cut_off_by
+from crowd_env.routing.fields.domain import open_exits
 from crowd_env.routing.fields.field import NavigationField
-from crowd_env.routing.route_set import field_of
 from crowd_env.scenarios.scenario import Scenario
 
 
-class WaysOut:
-    """The exits of each cohort of a place in runs of a ``strategy``; None = the place's.
+class WaysOut(NamedTuple):
+    """The ways of a cohort, the shortest where nothing binds it."""
 
-    Attributes
-    ----------
-    closed
-        Names of the doors that are shut for good.
-    shut
-        Exit that such a door shuts -> the door.
-    allowed, open
-        Exits that the people of each cohort may take, and those of them that are not shut.
-    """
+    field: NavigationField
+    exits: frozenset[str]  # that it may take, without the ones that are shut for good
+    shut: str  # in words, if there is no such exit
 
-    def __init__(self, place: Scenario, strategy: str | None = None) -> None:
-        self.place, geometry = place, place.geometry
-        later = {event.door for event in place.door_events if event.opens}
-        self.closed = frozenset(place.closed_doors) - later
-        doors = dict(zip(geometry.doors, geometry.exits_of_door, strict=True))
-        self.shut = {exit: door for door, exit in doors.items() if door in self.closed and exit is not None}
-        strategy = place.strategy_of_run(strategy)
-        self.allowed = [
-            {exit for route in place.routes_of(part, strategy) for exit in route.exits or place.exits}
-            for part in place.population.parts
-        ]
-        self.open = [allowed - self.shut.keys() for allowed in self.allowed]
 
-    def field(self, cohort: int) -> NavigationField:
-        """Return the field of the shortest ways of a cohort that has an open exit."""
-        place, radius = self.place, self.place.population.radius
-        exits = self.allowed[cohort]
-        return field_of(
-            place.geometry,
-            radius.high,
-            exits=None if exits == {*place.exits} else tuple(sorted(exits)),
-            min_radius=radius.low,
-            goal=None,
-            speed=None,
-            closed=self.closed,
-            one_way=tuple(place.one_way),
-        )
+def ways_out(place: Scenario, strategy: str | None = None) -> list[WaysOut]:
+    """Return the ways of each cohort in runs of a ``strategy``; None = the place's."""
+    strategy, closed, found = place.strategy_of_run(strategy), closed_for_good(place), []
+    strategy = strategy if strategy in place.ways else "shortest"
+    routes = place.route_set(strategy, rules=False).when(closed)
+    for part in place.population.parts:
+        route = routes.routes[routes.number(place.routes_of(part, strategy)[0].name)]
+        shut = f"{', '.join(route.exits)}, which {', '.join(sorted(closed))} shut for good" * route.is_closed
+        exits = [] if shut else open_exits(place.geometry, route.exits or None, closed)
+        found.append(WaysOut(route.potential, frozenset(exits), shut))
+    return found
 
-    def cut_off(self, lines: Floats, exits: Collection[str], points: Floats) -> Bools:
-        """Return which of ``points`` (K, 2) have no way to ``exits`` if ``lines`` (L, 2, 2) are shut too."""
-        geometry = self.place.geometry
-        walls, two_sided = geometry.walls_when(self.closed)
-        shut = np.concatenate([walls[two_sided], lines])
-        out = np.concatenate([self.lines(exits), geometry.ways_on[len(geometry.exits) :]])
-        return cut_off_by(shut, geometry.walkable, out, points)
 
-    def lines(self, exits: Collection[str]) -> Floats:
-        """Return the lines (L, 2, 2) [m] of some exits."""
-        geometry = self.place.geometry
-        return geometry.exits[[name in exits for name in geometry.exit_names]]
+def closed_for_good(place: Scenario) -> frozenset[str]:
+    """Return the names of the doors that are closed and never open."""
+    return frozenset(place.closed_doors).difference(event.door for event in place.door_events if event.opens)
+
+
+def cut_off(place: Scenario, lines: Floats, exits: Collection[str], points: Floats) -> Bools:
+    """Return which of ``points`` (K, 2) have no way to ``exits`` if ``lines`` (L, 2, 2) are shut too."""
+    walls, two_sided = place.geometry.walls_when(closed_for_good(place))
+    shut = np.concatenate([walls[two_sided], lines])
+    seams = place.geometry.ways_on[len(place.geometry.exits) :]
+    out = np.concatenate([_lines(place.geometry, exits), seams])
+    return cut_off_by(shut, place.geometry.walkable, out, points)
+
+
+def _lines(geometry: Geometry, exits: Collection[str]) -> Floats:
+    return geometry.exits[np.isin(geometry.exit_names, [*exits])]
 
 
 def remarks_on(place: Scenario, strategy: str | None = None) -> Iterator[str]:
     """Yield a sentence on each cohort that has no open exit, or comes in where it leaves at once."""
-    ways, parts = WaysOut(place, strategy), place.population.parts
-    for k, part in enumerate(parts):
-        of = part.name and f" of {part.name!r}"
-        people = f"people{of or f' of cohort {k + 1}' * (len(parts) > 1)}"
-        if not ways.open[k]:
-            shut = [f"exit {exit!r}, which door {ways.shut[exit]!r} shuts for good" for exit in sorted(ways.allowed[k])]
-            only = ", ".join(shut)
-            yield f"{people} may leave only by {only}: they stay inside until a run is cut"
-        elif part.arrivals is not None and part.arrivals.line is not None:
-            spots = part.spots(place.geometry, place.room)
-            for exit in sorted(ways.open[k]):
-                if np.median(distances(spots, ways.lines([exit]))) < 2.0 * place.room * part.radius.high:
-                    yield f"{people} come in at exit {exit!r} and leave by it at once: give them other exits"
+    for part, ways in zip(place.population.parts, ways_out(place, strategy), strict=True):
+        people = f"people of {part.name!r}" if part.name else "people"
+        if ways.shut:
+            yield f"{people} may leave only by {ways.shut}: they stay inside until a run is cut"
+        if part.arrivals is None or part.arrivals.line is None:
+            continue
+        for exit in sorted(ways.exits):
+            away = distances(part.spots(place.geometry, place.room), _lines(place.geometry, [exit]))
+            if np.median(away) < 2.0 * place.room * part.radius.high:
+                yield f"{people} come in at exit {exit!r} and leave by it at once: give them other exits"

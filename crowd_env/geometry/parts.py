@@ -134,7 +134,5 @@ def is_within(shape: Area, parts: Iterable[Polygon]) -> bool:
 def cut_off_by(lines: Floats, area: Area, exits: Floats, points: Floats) -> Bools:
     """Return which of the points (K, 2) have no way to ``exits`` (X, 2, 2) if ``lines`` (L, 2, 2) across passages are shut."""
     shut = shapely.difference(area, shapely.buffer(shapely.MultiLineString([*lines]), 0.02))
-    free = [
-        part for part in shapely.get_parts(shut) if shapely.dwithin(part, shapely.multilinestrings(list(exits)), 0.05)
-    ]
+    free = [part for part in shapely.get_parts(shut) if shapely.dwithin(part, shapely.MultiLineString([*exits]), 0.05)]
     return np.asarray(~shapely.intersects_xy(shapely.union_all(free), *points.T))

@@ -26,7 +26,7 @@ _MARGINS = {"nearest": float("nan"), "centre": float("inf"), "width": 0.0}
 
 
 # The time limit, the environments and every batch need the way out of a place.
-field_of = lru_cache(maxsize=4)(travel_time_field)
+_field_of = lru_cache(maxsize=4)(travel_time_field)
 
 
 class RouteField(NamedTuple):
@@ -131,7 +131,7 @@ class RoutePlan:
         strategy = STRATEGIES[route.strategy]
         speed_map = SpeedMap(self.geometry, self.zones, self.walking_speed, self.comfort)
         open_to = [] if via is not None else open_exits(self.geometry, exits, closed)
-        found = field_of(
+        found = _field_of(
             self.geometry,
             self.radius,
             exits=exits,

@@ -160,14 +160,14 @@ def _as_json(content: Any) -> Any:
 def difference(there: Plain, here: Plain, free: Collection[str] = ()) -> str:
     """Return in words the first thing in which two identities differ, but for what is ``free``; "" if in none.
 
-    A fingerprint says nothing: if the digests of their ``files`` differ, the files are named.
+    Where that is the fingerprint, the files are named that have other digests in ``files``.
     """
     before, now = there.get("files") or {}, here.get("files") or {}
     changed = ", ".join(file for file, digest in now.items() if before.get(file, digest) != digest)
     for name in dict.fromkeys((*here, *there)):
         if name not in free and there.get(name) != here.get(name):
-            said = "" if name == "fingerprint" and changed else _words(name, there.get(name), here.get(name))
-            return "; ".join(filter(None, (said, changed and f"{changed} has changed since")))
+            own = changed and name in ("fingerprint", "time_limit")  # the limit may follow from a drawing
+            return f"{changed} has changed since" if own else _words(name, there.get(name), here.get(name))
     return ""
 
 

@@ -97,13 +97,7 @@ def _convergence(one: Runs) -> str:
 
 
 def _premovement(one: Runs) -> str:
-    parts = one.scenario.population.parts
-    said = [_response(part) for part in parts]
-    if len(set(said)) == 1:
-        return said[0]
-    return "\n".join(
-        f"{part.name or f'cohort {k}'}: {words}" for k, (part, words) in enumerate(zip(parts, said, strict=True), 1)
-    )
+    return "\n".join(dict.fromkeys(map(_response, one.scenario.population.parts)))
 
 
 def _response(part: Population) -> str:

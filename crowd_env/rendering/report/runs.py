@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 from crowd_env.analysis.by_hand import by_hand
 from crowd_env.analysis.figures import listed, report
 from crowd_env.analysis.plan_check import check_place
-from crowd_env.analysis.results.config import file_digest, read_config
+from crowd_env.analysis.results.config import read_config
 from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
 from crowd_env.analysis.sections import flows_at, places_of
@@ -107,8 +107,7 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
         raise ValueError(f"{folder}: the place of these runs cannot be read again: {error}") from None
     if fingerprint(scenario) != config["fingerprint"]:
         other = config["version"] != __version__
-        files = (file for file, digest in config.get("files", {}).items() if file_digest(Path(file)) != digest)
-        what = ", ".join(files) or f"{CONFIG} or crowd-env"
+        what = "its file" if config.get("files") else f"{CONFIG} or crowd-env"
         why = f"they were made by version {config['version']}" if other else f"{what} has changed since"
         raise ValueError(f"{folder}: {scenario.name} is not what these runs were made of: {why}; run them again")
     kept = ResultsFolder(folder, config, scenario)
