@@ -209,6 +209,19 @@ def faster(source: Source) -> Rows:
             yield {"law": "`helbing`: people beyond 1600 N/m", "speed": speed, "cell": f"{row['here']:.0f}"}
 
 
+def stair_drill(source: Source) -> Rows:
+    """Return when the 25th, 50th ... person is out by law and speeds on stairs, below those observed, and how many are near."""
+    found = [(*name.partition(", ")[::2], row) for name, row in _report(source, "stair-drill").items()]
+    for what, law, row in found:
+        if law == "dem, SFPE" and row["unit"] != "1":
+            yield {"law": "observed", "what": what, "cell": f"{row['paper']:g}"}
+    for what, law, row in found:
+        if law:
+            near = f"{row['here']} of {row['paper']:g}"
+            cells = {"1": near, "s": f"{row['here']:.0f}", "1/s": f"{row['here']:.2f}"}
+            yield {"law": law, "what": what, "cell": cells[row["unit"]]}
+
+
 # Table -> the rows that tables.toml lays out; made_by.csv says by which command their figures are measured.
 _ROWS: dict[str, Callable[[Source], Rows]] = {
     "schemes": schemes,
@@ -236,6 +249,7 @@ _ROWS: dict[str, Callable[[Source], Rows]] = {
     "clearance": clearance,
     "flows": flows,
     "faster": faster,
+    "stair-drill": stair_drill,
     "tasks": lambda _: task_tables.tasks(),
     "task-facts": lambda _: task_tables.tasks(),
     "task-presets": lambda _: task_tables.presets(),

@@ -25,7 +25,7 @@ from crowd_env.reproduce.paper import flag
 app = new_app()
 
 _NAMES = f"{', '.join(FIGURES)}; those of one paper: {', '.join(PAPERS)}; of every paper: all; what they are: list."
-_RUNS = "Number of draws; default 10 (lin), 20 (helbing), 40 (moussaid), 50 (pecol), 100 (the theatre)."
+_RUNS = "Number of draws; default 3 (hostikka), 10 (lin), 20 (helbing), 40 (moussaid), 50 (pecol), 100 (the theatre)."
 _CHANGES = "Change a setting of the paper; list says which there are."
 _OUT = "Folder for the CSV files, the figure and, in its folder runs, the runs that are kept."
 _RAY = "Spread the draws over a Ray cluster, see docs/ray.md. Results do not depend on it."

@@ -13,8 +13,8 @@ PAPER = Paper(
             office.reproduce,
             office.cases,
             every(OfficeSettings, "dt"),
-            cpu_time=30,
+            cpu_time=40,
         )
     },
-    cpu_time=30,
+    cpu_time=40,
 )
