@@ -100,7 +100,7 @@ def _least_behind(geometry: Geometry, ground: Geometry, wanted: Collection[str])
 
 
 class _Sheets:
-    """The fields of the sheets of a building while they are found."""
+    """The fields of the sheets of a building in the making."""
 
     def __init__(
         self,

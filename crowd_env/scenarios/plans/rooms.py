@@ -35,7 +35,7 @@ def rooms_between(
     ----------
     layers : names of the layers of walls.
     drawn : edges of walls, columns and furniture, and lines.
-    exits : lines and areas, whose edge closes a way out; they open the wall that they lie on.
+    exits : lines and areas, with edges that close a way out; they open the wall that they lie on.
     doors : lines, areas and points.
 
     Raises
