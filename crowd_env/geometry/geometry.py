@@ -57,6 +57,7 @@ from crowd_env.geometry.sheets import (
     places_of_ends,
     require_sheets,
     require_ways_out,
+    seam_name,
     sheets_at,
     turned,
     wall_starts,
@@ -486,6 +487,34 @@ class Geometry:
             seam=seams.lines - seams.offsets[seams.from_sheet][:, None],
             seam_from=seams.from_sheet,
             seam_to=seams.to_sheet,
+        )
+
+    def sheet_alone(self, s: int) -> "Geometry":
+        """Return sheet ``s`` of a building as a place of its own, in true coordinates; its seams are exits."""
+        building = self.building
+        assert building is not None
+        parts = shapely.get_parts(self.walkable)
+        mine = parts[sheets_at([part.representative_point().coords[0] for part in parts], building.sheets) == s]
+        walls = sheets_at(self.walls.mean(axis=1), building.sheets) == s
+        exits = np.flatnonzero(sheets_at(self.exits.mean(axis=1), building.sheets) == s)
+        seams, offset = np.flatnonzero(building.from_sheet == s), building.offsets[s]
+
+        def moved(shape: Area) -> Area:
+            return shapely.transform(shape, lambda points: points - offset)
+
+        return replace(
+            self,
+            walkable=moved(mine[0] if len(mine) == 1 else MultiPolygon(list(mine))),
+            walls=self.walls[walls] - offset,
+            two_sided=self.two_sided[walls],
+            exits=np.concatenate([self.exits[exits], building.lines[seams]]) - offset,
+            exit_names=(*(self.exit_names[k] for k in exits.tolist()), *map(seam_name, seams.tolist())),
+            regions={name: moved(region) for name, region in self.regions.items()},
+            door_of_wall=self.door_of_wall[walls],
+            left_out=(),
+            arcs=NO_ARCS,
+            building=None,
+            apron=0.0,
         )
 
     @property

@@ -11,14 +11,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import shapely
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.kernels.jit import kernel
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.geometry.jambs import NO_ARCS
-from crowd_env.geometry.parsing import Area, place
-from crowd_env.geometry.sheets import SEAM, Building, bare_surface, sheets_at
+from crowd_env.geometry.parsing import place
+from crowd_env.geometry.sheets import bare_surface, seam_name
 from crowd_env.geometry.surface import heights, slopes_at
 from crowd_env.routing.fields import grid
 from crowd_env.routing.fields.domain import Grid
@@ -113,7 +111,7 @@ class _Sheets:
     ) -> None:
         assert ground.building is not None
         self._building, self._wanted, self._goal, self._solve = ground.building, wanted, goal, solve
-        self._parts = [part_of(ground, s) for s in range(len(self._building.sheets))]
+        self._parts = [ground.sheet_alone(s) for s in range(len(self._building.sheets))]
         self._from, self._to, self._offsets = (
             self._building.from_sheet,
             self._building.to_sheet,
@@ -149,10 +147,7 @@ class _Sheets:
                 heapq.heappush(heap, (time, k))
 
     def _has_goal(self, s: int) -> bool:
-        part = self._parts[s]
-        if self._goal is None:
-            return False
-        return bool(shapely.intersection(part.walkable, part.regions[self._goal]).area > 1e-6)
+        return self._goal is not None and self._parts[s].area_of(self._goal) > 1e-6
 
     def _twin(self, k: int) -> int:
         """Return the same seam on its other sheet."""
@@ -244,41 +239,6 @@ def _rows_of(geometry: Geometry, part: Geometry, names: list[str], offset: Float
         off = [float(np.hypot(*(geometry.exits[r].mean(axis=0) - line.mean(axis=0)))) for r in rows]
         found.append(rows[int(np.argmin(off))] if rows else -1)
     return np.array(found, dtype=np.int64)
-
-
-def seam_name(k: int) -> str:
-    """Return the name of line ``k`` of `Building.lines` as an exit of its sheet."""
-    return f"{SEAM}{k}"
-
-
-def part_of(geometry: Geometry, s: int) -> Geometry:
-    """Return sheet ``s`` of a building as a place of its own, in true coordinates; its seams are exits."""
-    building = geometry.building
-    assert isinstance(building, Building)
-    parts = shapely.get_parts(geometry.walkable)
-    mine = parts[sheets_at([part.representative_point().coords[0] for part in parts], building.sheets) == s]
-    walls = sheets_at(geometry.walls.mean(axis=1), building.sheets) == s
-    exits = np.flatnonzero(sheets_at(geometry.exits.mean(axis=1), building.sheets) == s)
-    seams = np.flatnonzero(building.from_sheet == s)
-    offset = building.offsets[s]
-
-    def moved(shape: Area) -> Area:
-        return shapely.transform(shape, lambda points: points - offset)
-
-    return replace(
-        geometry,
-        walkable=moved(mine[0] if len(mine) == 1 else shapely.MultiPolygon(list(mine))),
-        regions={name: moved(region) for name, region in geometry.regions.items()},
-        left_out=(),
-        arcs=NO_ARCS,
-        walls=geometry.walls[walls] - offset,
-        two_sided=geometry.two_sided[walls],
-        door_of_wall=geometry.door_of_wall[walls],
-        exits=np.concatenate([geometry.exits[exits], building.lines[seams]]) - offset,
-        exit_names=(*(geometry.exit_names[k] for k in exits.tolist()), *map(seam_name, seams.tolist())),
-        building=None,
-        apron=0.0,
-    )
 
 
 def lead_over_seams(seams: Floats, time: Floats, direction: Floats, target: Ints, nodes: Grid, radius: float) -> None:
