@@ -7,7 +7,7 @@ bodies): there the field is extended along straight lines to the dilated area.
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -147,9 +147,11 @@ def by_sheet(field: NavigationField | None) -> list[NavigationField | None]:
     found: list[NavigationField | None] = []
     for window in field.windows:
         rows, cols = window.nodes
-        part = {name: getattr(field, name)[rows, cols] for name in ("travel_time", "direction", "direct", "cell")}
+        part: dict[str, Any] = {
+            name: getattr(field, name)[rows, cols] for name in ("travel_time", "direction", "direct", "cell")
+        }
         through = None if field.through is None else field.through[rows, cols]
-        others = {"through": through, "free": None, "fits": None, "rest": None, "windows": ()}
+        others: dict[str, Any] = {"through": through, "free": None, "fits": None, "rest": None, "windows": ()}
         found.append(replace(field, **part, **others, origin=window.origin, shift=window.shift))
     return found
 

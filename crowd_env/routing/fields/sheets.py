@@ -8,7 +8,7 @@ sheet in true coordinates.  In the field of the layout these are moved by half a
 import heapq
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -193,7 +193,7 @@ class _Sheets:
         high, low = np.max([high, *last], axis=0), np.min(list(first.values()), axis=0)
         cols, rows = (np.rint((high - low) / spacing).astype(int) + 2).tolist()
         names = list(geometry.exit_names)
-        whole = {
+        whole: dict[str, Any] = {
             "travel_time": np.full((rows, cols), np.nan),
             "direction": np.zeros((rows, cols, 2)),
             "direct": np.full((rows, cols), -1, dtype=np.int64),
