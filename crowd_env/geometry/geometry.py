@@ -619,7 +619,9 @@ def _turns(start: Ints, ends: Ints, two_sided: Bools, tangent: Floats) -> Floats
     plain = (pairs.sum(axis=1) % 2 == 1) & ~two_sided[pairs // 2].any(axis=1)
     pairs = pairs[plain]
     into, out = pairs[pairs % 2 == 1] // 2, pairs[pairs % 2 == 0] // 2
-    turn[of_two[plain]] = tangent[into, 0] * tangent[out, 1] - tangent[into, 1] * tangent[out, 0]
+    sine = tangent[into, 0] * tangent[out, 1] - tangent[into, 1] * tangent[out, 0]
+    is_tip = (tangent[into] * tangent[out]).sum(axis=1) < -_STRAIGHT  # beside a stair: of a wall without thickness
+    turn[of_two[plain]] = np.where(is_tip, -1.0, sine)
     return turn
 
 

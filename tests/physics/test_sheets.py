@@ -194,7 +194,8 @@ def test_a_building_seen_from_elsewhere_does_the_same(name, motion):
     np.testing.assert_array_equal(ends[1].state.sheet, ends[0].state.sheet)
     heights = [one.heights(end.state.position, end.state.sheet) for one, end in zip((place, moved), ends, strict=True)]
     np.testing.assert_allclose(heights[1], heights[0], rtol=0.0, atol=1e-7)
-    assert (ends[0].results.impulse_magnitude > 0).any() and (ends[0].state.sheet != sheet).any()
+    assert (ends[0].results.impulse_magnitude > 0).any() or name == "helbing"  # its people keep off each other
+    assert (ends[0].state.sheet != sheet).any()
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
