@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from crowd_env.analysis.plan_check import PlanCheck, check_place, spot
-from crowd_env.analysis.ways_out import cut_off, ways_out
+from crowd_env.analysis.ways_out import WaysOut, binding, closed_for_good, cut_off, ways_out
 from crowd_env.core.files.json_file import json_number
-from crowd_env.routing.fields.field import NavigationField
+from crowd_env.routing.route_set import RouteSet
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
 
@@ -40,7 +40,8 @@ def by_hand(place: Scenario, check: PlanCheck | None = None, strategy: str | Non
     pass, ``at`` which it is; it and ``time`` are None if that is no wider than its boundary layers.
     """
     check = check or check_place(place)
-    cohorts = [_cohort(place, check, k, *ways) for k, ways in enumerate(ways_out(place, strategy))]
+    routes = place.route_set(binding(place, strategy), rules=False).when(closed_for_good(place))
+    cohorts = [_cohort(place, check, k, ways, routes) for k, ways in enumerate(ways_out(place, strategy))]
     widths, sets = check.widths, {one.exits for one in cohorts}
     queues = []
     for exits in dict.fromkeys([frozenset().union(*sets), *sorted(sets, key=sorted)]):
@@ -71,14 +72,13 @@ def response_of(part: Population) -> tuple[float, float]:
     return float(np.median(drawn)), float(drawn.max())
 
 
-def _cohort(
-    place: Scenario, check: PlanCheck, k: int, field: NavigationField, exits: frozenset[str], _: str
-) -> _Cohort:
+def _cohort(place: Scenario, check: PlanCheck, k: int, ways: WaysOut, routes: RouteSet) -> _Cohort:
     part, at = place.population.parts[k], check.position[check.cohort == k]
-    reached = (name for name in exits if not cut_off(place, np.empty((0, 2, 2)), [name], at).all())
+    reached = (name for name in ways.exits if not cut_off(place, np.empty((0, 2, 2)), [name], at).all())
     exits = frozenset(name for name in reached if check.passages[name] is not None)
     if not exits:
         return _Cohort(part.people, exits, response_of(part), (0.0, 0.0))
+    field = routes.routes[routes.number(ways.route)].potential
     last = float(place.walks(part, field)[1].max(initial=0.0))
     first = float((field.travel_time_for(at, 0.0) - field.behind).min(initial=last))
     speed = float(np.clip(np.median(part.draw_bodies(np.random.default_rng(0)).desired_speed), _SLOW, SPEED))

@@ -9,30 +9,35 @@ from crowd_env.analysis.passages import distances
 from crowd_env.core.arrays.state import Bools, Floats
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parts import cut_off_by
-from crowd_env.routing.fields.domain import open_exits
-from crowd_env.routing.fields.field import NavigationField
 from crowd_env.scenarios.scenario import Scenario
 
 
 class WaysOut(NamedTuple):
-    """The ways of a cohort, the shortest where nothing binds it."""
+    """The way of a cohort, the shortest where nothing binds it."""
 
-    field: NavigationField
+    route: str
     exits: frozenset[str]  # that it may take, without the ones that are shut for good
     shut: str  # in words, if there is no such exit
 
 
 def ways_out(place: Scenario, strategy: str | None = None) -> list[WaysOut]:
-    """Return the ways of each cohort in runs of a ``strategy``; None = the place's."""
-    strategy, closed, found = place.strategy_of_run(strategy), closed_for_good(place), []
-    strategy = strategy if strategy in place.ways else "shortest"
-    routes = place.route_set(strategy, rules=False).when(closed)
+    """Return the way of each cohort in runs of a ``strategy``; None = the place's."""
+    strategy, closed, found = binding(place, strategy), closed_for_good(place), []
+    shut = {
+        exit for door, exit in zip(place.geometry.doors, place.geometry.exits_of_door, strict=True) if door in closed
+    }
     for part in place.population.parts:
-        route = routes.routes[routes.number(place.routes_of(part, strategy)[0].name)]
-        shut = f"{', '.join(route.exits)}, which {', '.join(sorted(closed))} shut for good" * route.is_closed
-        exits = [] if shut else open_exits(place.geometry, route.exits or None, closed)
-        found.append(WaysOut(route.potential, frozenset(exits), shut))
+        route = place.routes_of(part, strategy)[0]
+        exits = frozenset(route.exits or place.exits)
+        words = f"{', '.join(sorted(exits))}, which {', '.join(sorted(closed))} shut for good" * (exits <= shut)
+        found.append(WaysOut(route.name, exits - shut, words))
     return found
+
+
+def binding(place: Scenario, strategy: str | None = None) -> str:
+    """Return a strategy by which cohorts have a route each: that of a run if it names one."""
+    strategy = place.strategy_of_run(strategy)
+    return strategy if strategy in place.ways else "shortest"
 
 
 def closed_for_good(place: Scenario) -> frozenset[str]:

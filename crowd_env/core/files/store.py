@@ -162,7 +162,7 @@ def difference(there: Plain, here: Plain, free: Collection[str] = ()) -> str:
 
     Where that is the fingerprint, the files are named that have other digests in ``files``.
     """
-    before, now = there.get("files") or {}, here.get("files") or {}
+    before, now = (files if isinstance(files := one.get("files"), dict) else {} for one in (there, here))
     changed = ", ".join(file for file, digest in now.items() if before.get(file, digest) != digest)
     for name in dict.fromkeys((*here, *there)):
         if name not in free and there.get(name) != here.get(name):
