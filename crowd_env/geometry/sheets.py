@@ -416,11 +416,6 @@ def require_ways_out(sheets: Sequence[Sheet], seams: Sequence[Seam], exits: Floa
         raise ValueError(f"no exit can be reached from {lost[0]!r}; a stair or an exit must lead out")
 
 
-def seam_name(k: int) -> str:
-    """Return the name of line ``k`` of `Building.lines` as an exit of its sheet."""
-    return f"{SEAM}{k}"
-
-
 def wall_starts(sheet: Ints, count: int) -> Ints:
     """Return where the walls of each of ``count`` sheets begin (S+1,), from the sheet of each wall in order."""
     return row_starts(np.bincount(sheet, minlength=count))
