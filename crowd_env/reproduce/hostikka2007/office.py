@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from importlib.resources import files
 
 import numpy as np
-import shapely
-from shapely.geometry import box
 
 from crowd_env.analysis.by_hand import BOUNDARY, FLOW, SPEED
 from crowd_env.core.arrays.state import Floats
@@ -31,6 +29,7 @@ from crowd_env.scenarios.buildings import Level, Stair, building, speed_on_stair
 from crowd_env.scenarios.cohorts import Cohorts, extreme_bodies
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.shapes import rectangle
 
 HEIGHTS = (0.0, 4.0, 7.5, 11.0, 14.5, 18.0)  # m, of the storeys
 RISER, TREAD, WIDTH, DOOR = 0.135, 0.262, 1.25, (1.715, 2.785)  # m
@@ -46,9 +45,12 @@ LAWS = ("dem", "nsm2", "hertz")
 # Downwards, relative to 1.34 m/s on level floor.  Fruin 1971 as in the RiMEA guideline: inside and outside, people of less
 # than 30 years (.76, .81 m/s) and of 30 to 50 (.65, .78).
 SPEEDS = {"SFPE": None, "Fruin": float(np.mean([0.76, 0.81, 0.65, 0.78])) / 1.34}
-_LANDING, _CORRIDOR = box(-0.25, 0.0, 3.5, 2.5), box(0.25, 2.5, 3.25, 11.5)
+_LANDING, _CORRIDOR = rectangle(-0.25, 0.0, 3.5, 2.5), rectangle(0.25, 2.5, 3.25, 11.5)
 _FOOT = (2.625, 0.0)  # of each stair; its flights are 0.25 m apart
-_SIDES = {"left": box(-0.25, 0.75, 0.25, 1.75), "right": box(3.0, 0.75, 3.5, 1.75)}  # floor behind the doors
+_SIDES = {
+    "left": rectangle(-0.25, 0.75, 0.25, 1.75),
+    "right": rectangle(3.0, 0.75, 3.5, 1.75),
+}  # floor behind the doors
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def place(speeds: str) -> Scenario:
     for k, height in enumerate(HEIGHTS):
         name, doors = f"{k + 1}", {f"{k + 1} {side}": area for side, area in _SIDES.items()}
         corridor, street = ([_CORRIDOR], {"street": [[x, 11.5] for x in DOOR]}) if k == 0 else ([], {})
-        levels.append(Level(name, height, shapely.union_all([_LANDING, *corridor]), exits=street, regions=doors))
+        levels.append(Level(name, height, [_LANDING, *corridor], exits=street, regions=doors))
         for door in doors:
             if times := tuple(float(time) for storey, side, time in came if f"{storey} {side}" == door):
                 people.append(Population(len(times), start_region=door, arrivals=Arrivals(times=times)))
