@@ -30,6 +30,7 @@ from crowd_env.scenarios.buildings import Level, Stair, building, speed_on_stair
 from crowd_env.scenarios.cohorts import Cohorts, extreme_bodies
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
+from crowd_env.scenarios.shapes import rectangle
 
 HEIGHTS = (0.0, 4.0, 7.5, 11.0, 14.5, 18.0)  # m, of the storeys
 RISER, TREAD, WIDTH, DOOR = 0.135, 0.262, 1.25, (1.715, 2.785)  # m
@@ -45,9 +46,12 @@ LAWS = ("dem", "nsm2", "hertz")
 # Downwards, relative to 1.34 m/s on level floor.  Fruin 1971 as in the RiMEA guideline: inside and outside, people of less
 # than 30 years (.76, .81 m/s) and of 30 to 50 (.65, .78).
 SPEEDS = {"SFPE": None, "Fruin": float(np.mean([0.76, 0.81, 0.65, 0.78])) / 1.34}
-_LANDING, _CORRIDOR = box(-0.25, 0.0, 3.5, 2.5), box(0.25, 2.5, 3.25, 11.5)
+_LANDING, _CORRIDOR = rectangle(-0.25, 0.0, 3.5, 2.5), rectangle(0.25, 2.5, 3.25, 11.5)
 _FOOT = (2.625, 0.0)  # of each stair; its flights are 0.25 m apart
-_SIDES = {"left": box(-0.25, 0.75, 0.25, 1.75), "right": box(3.0, 0.75, 3.5, 1.75)}  # floor behind the doors
+_SIDES = {
+    "left": rectangle(-0.25, 0.75, 0.25, 1.75),
+    "right": rectangle(3.0, 0.75, 3.5, 1.75),
+}  # floor behind the doors
 
 
 @dataclass(frozen=True)
