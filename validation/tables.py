@@ -210,7 +210,7 @@ def faster(source: Source) -> Rows:
 
 
 def stair_drill(source: Source) -> Rows:
-    """Return when the 25th, 50th ... person is out by law and speeds on stairs, below the observed ones, and how many are near."""
+    """Return when the 25th, 50th ... person is out by law and speeds on stairs, below the observed ones; how many are near."""
     found = [(*name.partition(", ")[::2], row) for name, row in _report(source, "stair-drill").items()]
     for what, law, row in found:
         if law == "dem, SFPE" and row["unit"] != "1":
