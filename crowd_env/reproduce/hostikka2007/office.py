@@ -18,7 +18,6 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import COUNT
 from crowd_env.core.files.foreign import rows_in
 from crowd_env.envs.rollout import Episode
-from crowd_env.geometry.geometry import box
 from crowd_env.physics import SCHEMES
 from crowd_env.rendering.canvas import new_figure, quiet_axes, series
 from crowd_env.rendering.libraries import Figure
