@@ -44,8 +44,9 @@ def join_near_parts(area: Area, what: str) -> Area:
     if missing <= 0:
         return area
     i, j = near[0]
+    gap = round(1000 * float(shapely.distance(parts[i], parts[j])), 2)
     at = place(shapely.get_coordinates(shapely.shortest_line(parts[i], parts[j]))[0])
-    warnings.warn(f"{what}: parts that lie less than 1 cm apart are joined, such as at {at}", stacklevel=4)
+    warnings.warn(f"{what}: parts that lie less than 1 cm apart are joined, such as {gap:g} mm at {at}", stacklevel=4)
     return joined
 
 

@@ -94,7 +94,7 @@ CASES = [
     ("run plan.wkt --exit 6,2,6,3 --exit 6,2.5,6,4", "overlap"),
     (f"run plan.wkt {DOOR} --people 900", "900 people do not fit"),
     (f"run plan.wkt {DOOR} --unit inch", "inch m, cm, mm"),
-    (f"run plan.wkt {DOOR} --unit mm", "length 0.001 m"),
+    (f"run plan.wkt {DOOR} --unit mm", "not on the boundary"),
     ("run mm.wkt --exit 6000,2000,6000,3000", "6000 m x 5000 m mm --unit"),
     ("run mm.wkt --exit 6000,2000,6000,3000 --people 500000", "mm --unit"),
     ("run huge.wkt --exit 600000,0,600000,100", "--unit mm"),

@@ -76,7 +76,7 @@ def test_nobody_is_lost_and_no_height_jumps():
             assert np.nanmax(np.abs(now - before), initial=0.0) <= STEEPEST * 1.9 * env.decision_dt
         before = now
     out, there = np.isfinite(state.exit_time).sum(), state.active.sum()
-    assert 20 < out < 35 and out + there + simulation.entrances.coming[0] == 274 and not simulation.escaped.any()
+    assert 20 < out < 45 and out + there + simulation.entrances.coming[0] == 274 and not simulation.escaped.any()
 
 
 @pytest.mark.nightly

@@ -7,9 +7,11 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
 from crowd_env.core.kernels.jit import allocating_kernel, inner_kernel, kernel
-from crowd_env.routing.fields.lookup import crosses
+from crowd_env.routing.fields.grid import capped_distance
+from crowd_env.routing.fields.lookup import crosses, exit_frame, through_exit
 from crowd_env.routing.fields.string_pulling import Targets, aim, passes
 
+_BEFORE = 2.5  # spacings before a seam, within which people walk straight over it
 _LEAN = 2.0  # how much a direction turns away from the wall per body radius of depth in the band along it
 
 
@@ -189,3 +191,24 @@ def carried_along(time: Floats, value: Floats) -> Floats:
         if weights > 0.0:
             carried[i, j] = total / weights
     return carried
+
+
+def lead_over_seams(
+    seams: Floats, time: Floats, direction: Floats, target: Ints, origin: Floats, spacing: float, radius: float
+) -> None:
+    """Let people right before ``seams`` (Y, 2, 2) walk straight over them, in place, where no straight line leads there."""
+    for k in range(len(seams)):
+        near = capped_distance(seams[k : k + 1], time.shape, origin, spacing, _BEFORE * spacing)
+        least = np.nanmin(np.where(near < 0.999 * _BEFORE * spacing, time, np.nan), initial=np.inf)
+        close = (near < 0.999 * _BEFORE * spacing) & (target < 0) & (time < least + 4.0 * _BEFORE * spacing)
+        _lead_over(seams[k : k + 1], close, origin, spacing, radius, direction)
+
+
+@kernel
+def _lead_over(seam: Floats, close: Bools, origin: Floats, spacing: float, radius: float, direction: Floats) -> None:
+    frame = exit_frame(seam, 0)
+    for i in range(close.shape[0]):
+        for j in range(close.shape[1]):
+            if close[i, j]:
+                x, y = origin[0] + j * spacing, origin[1] + i * spacing
+                direction[i, j, 0], direction[i, j, 1] = through_exit(frame, x, y, radius, radius)

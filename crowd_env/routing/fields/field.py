@@ -29,10 +29,10 @@ from crowd_env.routing.fields.domain import (
     require_reached,
     source_distance,
 )
-from crowd_env.routing.fields.extension import extend_once, fill_from_nearest
+from crowd_env.routing.fields.extension import extend_once, fill_from_nearest, lead_over_seams
 from crowd_env.routing.fields.lookup import FieldArrays
 from crowd_env.routing.fields.marching import Gate, gate, lead_through, march, march_on, march_through
-from crowd_env.routing.fields.sheets import NOWHERE, SheetGround, Window, field_of_sheets, lead_over_seams
+from crowd_env.routing.fields.sheets import NOWHERE, SheetGround, Window, field_of_sheets
 from crowd_env.routing.fields.string_pulling import make_targets, pull_strings
 
 
@@ -341,7 +341,7 @@ def _solve(
     while extend(band):
         band = 0.0  # further passes fill gaps that are narrower than the disc: straight to the better end
     if plan.start is not None:
-        lead_over_seams(plan.exits[plan.start > 0.0], time, direction, target, nodes, radius)
+        lead_over_seams(plan.exits[plan.start > 0.0], time, direction, target, nodes.origin, h, radius)
     require_reached(plan, nodes, np.isnan(time))
     fill_from_nearest(time, direction, nodes.inside, ~np.isnan(time), h)
     target[:] = np.append(plan.rows, np.full(len(targets.rest) + 1, -1))[target]  # from here on rows of exits

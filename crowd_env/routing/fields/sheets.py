@@ -12,21 +12,18 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bools, Floats, Ints
-from crowd_env.core.kernels.jit import kernel
+from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import place
 from crowd_env.geometry.sheets import bare_surface, seam_name
 from crowd_env.geometry.surface import heights, slopes_at
 from crowd_env.routing.fields import grid
-from crowd_env.routing.fields.domain import Grid
-from crowd_env.routing.fields.lookup import ALONE, BLEND, exit_frame, through_exit
+from crowd_env.routing.fields.lookup import ALONE, BLEND
 
 Field: TypeAlias = Any  # a `crowd_env.routing.fields.field.NavigationField`, which is made of this
 
 _NOTHING = 1e-6  # m2
 _SOONER = 0.05  # s; a seam that leads out sooner by less changes nothing
-_NEAR = 2.5  # spacings before a seam, within which people walk straight over it
 
 
 class Window(NamedTuple):
@@ -239,22 +236,3 @@ def _rows_of(geometry: Geometry, part: Geometry, names: list[str], offset: Float
         off = [float(np.hypot(*(geometry.exits[r].mean(axis=0) - line.mean(axis=0)))) for r in rows]
         found.append(rows[int(np.argmin(off))] if rows else -1)
     return np.array(found, dtype=np.int64)
-
-
-def lead_over_seams(seams: Floats, time: Floats, direction: Floats, target: Ints, nodes: Grid, radius: float) -> None:
-    """Let people right before ``seams`` (Y, 2, 2) walk straight over them, in place, where no straight line leads there."""
-    for k in range(len(seams)):
-        near = grid.capped_distance(seams[k : k + 1], time.shape, nodes.origin, nodes.spacing, _NEAR * nodes.spacing)
-        least = np.nanmin(np.where(near < 0.999 * _NEAR * nodes.spacing, time, np.nan), initial=np.inf)
-        close = (near < 0.999 * _NEAR * nodes.spacing) & (target < 0) & (time < least + 4.0 * _NEAR * nodes.spacing)
-        _lead_over(seams[k : k + 1], close, nodes.origin, nodes.spacing, radius, direction)
-
-
-@kernel
-def _lead_over(seam: Floats, close: Bools, origin: Floats, spacing: float, radius: float, direction: Floats) -> None:
-    frame = exit_frame(seam, 0)
-    for i in range(close.shape[0]):
-        for j in range(close.shape[1]):
-            if close[i, j]:
-                x, y = origin[0] + j * spacing, origin[1] + i * spacing
-                direction[i, j, 0], direction[i, j, 1] = through_exit(frame, x, y, radius, radius)
