@@ -41,7 +41,7 @@ def accuracy_of(law):
     return 1e-8 if isinstance(make_scheme(law), IterativeScheme) else 0.0
 
 
-ROUGH = 1e-4  # of 90 people, who press each other longer
+ROUGH = 1e-3  # of 90 people: they press each other longer
 
 
 def above_each_other(law, walking, count, radius, seconds):
