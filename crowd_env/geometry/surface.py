@@ -153,8 +153,8 @@ def slope_at(surface: Surface, s: int, x: float, y: float) -> int:
 
 
 @inner_kernel
-def sheet_beyond(surface: Surface, g: int, sheet: int, x: float, y: float) -> int:
-    """Return the sheet that a point lies on which was on ``sheet`` of place ``g`` before: the next one, behind a seam."""
+def sheet_beyond(surface: Surface, g: int, sheet: int, x: float, y: float, reach: float = BEHIND) -> int:
+    """Return the sheet that a point lies on, coming from ``sheet`` of place ``g``: the next one, up to ``reach`` behind a seam."""
     for k in range(surface.seam_start[g], surface.seam_start[g + 1]):
         if surface.seam_from[k] == sheet:
             ax, ay = surface.seam[k, 0, 0], surface.seam[k, 0, 1]
@@ -162,7 +162,7 @@ def sheet_beyond(surface: Surface, g: int, sheet: int, x: float, y: float) -> in
             length = np.sqrt(tx * tx + ty * ty)
             behind = (ty * (x - ax) - tx * (y - ay)) / length
             along = (tx * (x - ax) + ty * (y - ay)) / length
-            if 0.0 < behind < BEHIND and 0.0 < along < length:
+            if 0.0 < behind < reach and 0.0 < along < length:
                 return surface.seam_to[k]
     return sheet
 
@@ -174,6 +174,13 @@ def height_at(surface: Surface, s: int, x: float, y: float) -> float:
     if t < 0:
         return surface.level[s]
     return surface.plane[t, 0] * x + surface.plane[t, 1] * y + surface.plane[t, 2]
+
+
+@inner_kernel
+def rise_at(surface: Surface, s: int, x: float, y: float, ex: float, ey: float) -> float:
+    """Return the rise per meter, seen from above, at a point of sheet ``s`` along a unit vector."""
+    t = slope_at(surface, s, x, y)
+    return 0.0 if t < 0 else surface.plane[t, 0] * ex + surface.plane[t, 1] * ey
 
 
 @inner_kernel

@@ -13,7 +13,7 @@ from crowd_env.scenarios.floor_plan import scenario_from_plan
 from crowd_env.scenarios.generated import draw_place
 from crowd_env.scenarios.plans.reading import is_plan, split_level
 from crowd_env.scenarios.scenario import COMMON, Scenario, changed_place
-from crowd_env.scenarios.shipped import places
+from crowd_env.scenarios.shipped import office, places
 from crowd_env.scenarios.shipped.theatre import theatre
 
 # Name -> function that makes the scenario; its keyword arguments are the scenario's options.
@@ -33,6 +33,7 @@ SCENARIOS: dict[str, Callable[..., Scenario]] = {
     "supermarket-v0": places.supermarket,
     "stadium-sector-v0": places.stadium_sector,
     "floor-v0": places.floor,
+    "building-v0": office.building,
     "generated-v0": draw_place,
 }
 NAMES["scenario"] = SCENARIOS

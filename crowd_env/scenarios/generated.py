@@ -6,6 +6,8 @@ in one place of four no wider than two bodies.  One exit of several may shut in 
 of 0.6 to 2.5 m/s and radii of 0.15 to 0.3 m, and respond at once or late.  Places are turned by any angle, half of them
 mirrored.  A place is as large as its people need: they start at 0.2 to 2 /m2.  `conditions_of` returns contact law and manner.
 
+An eleventh kind is drawn only where it is asked for: a ``building`` of one to five storeys, with a stair at one end or both.
+
 `VERSION` goes up where a seed draws another place: results of training and evaluation in these places name it.
 """
 
@@ -21,12 +23,14 @@ from crowd_env.core.checks import Range, known, whole
 from crowd_env.geometry.geometry import Geometry, turning
 from crowd_env.routing.route_set import Target
 from crowd_env.routing.spec import DoorEvent
+from crowd_env.scenarios.buildings import building
 from crowd_env.scenarios.cohorts import People, people_of
 from crowd_env.scenarios.distributions import LogNormal, Normal, Uniform
 from crowd_env.scenarios.file import Line
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario, changed_place
 from crowd_env.scenarios.shapes import circle, rectangle
+from crowd_env.scenarios.shipped.office import Office
 
 VERSION = 2
 SEEDS = Range(0, 2**62)
@@ -78,6 +82,19 @@ class _Plan(NamedTuple):
     starts: Mapping[str, Floats]  # name of the region -> its corners
     routes: Mapping[str, str] = {}  # region -> exit of the people that start there
     obstacles: Sequence[Floats] = ()
+    office: Office | None = None  # a building; the exits above are the widths of its ways alone
+
+
+class _Turn(NamedTuple):
+    """How a place is moved."""
+
+    angle: float
+    mirrored: bool
+    shift: Floats  # (2,) m
+
+    def moved(self, shape: ArrayLike) -> Floats:
+        """Return a shape in its place, in whole millimeters before the turn."""
+        return turning(self.angle, self.mirrored)(np.round(np.asarray(shape), 3)) + self.shift
 
 
 def draw_place(
@@ -100,24 +117,16 @@ def draw_place(
     seed = whole("generated: seed", seed, SEEDS)
     rng = np.random.default_rng((VERSION, seed))
     drawn = list(KINDS)[int(rng.integers(len(KINDS)))]
-    drawn = drawn if kind is None else known("kind of place", kind, KINDS)
+    drawn = drawn if kind is None else known("kind of place", kind, ALL_KINDS)
     crowd = _draw_people(rng)
-    plan = KINDS[drawn](rng, crowd)
+    plan = ALL_KINDS[drawn](rng, crowd)
     turn = _turn(rng)
-    # In whole millimeters, and before the turn, so that touching shapes still touch.
-    floor = shapely.union_all(shapely.polygons([np.round(shape, 3) for shape in plan.walkable]))
     about, widths = plan.about, {name: float(np.hypot(*np.diff(line, axis=0)[0])) for name, line in plan.exits.items()}
     shuts: list[DoorEvent] = []
     if len(widths) > 1 and not plan.routes and rng.random() < 0.3:
         shuts = [DoorEvent(str(rng.choice(list(widths))), False, at=_shutting(rng, crowd.number, sum(widths.values())))]
         about += f", {shuts[0].door} shuts after {shuts[0].at:g} s"
-    geometry = Geometry.from_polygon(
-        shapely.transform(floor, turn),
-        exits={name: turn(line) for name, line in plan.exits.items()},
-        doors={one.door: one.door for one in shuts},
-        obstacles=[turn(shape) for shape in plan.obstacles],
-        regions={name: turn(shape) for name, shape in plan.starts.items()},
-    )
+    geometry = _geometry(plan, turn, [one.door for one in shuts])
     shares = np.full(len(plan.starts), crowd.number // len(plan.starts))
     shares[: crowd.number % len(plan.starts)] += 1
     cohorts = [
@@ -139,6 +148,21 @@ def draw_place(
     )
     given = {"people": people, "population": population, "time_limit": time_limit}
     return changed_place(place, {**given, "blocked_after": blocked_after, "target": target})
+
+
+def _geometry(plan: _Plan, turn: _Turn, doors: Sequence[str]) -> Geometry:
+    """Return the geometry of a plan; ``doors`` are exits that shut."""
+    if plan.office is not None:
+        return building(plan.office.levels(), plan.office.stairs()).turned(turn.angle, turn.mirrored)
+    # In whole millimeters, and before the turn, so that touching shapes still touch.
+    floor = shapely.union_all(shapely.polygons([np.round(shape, 3) for shape in plan.walkable]))
+    return Geometry.from_polygon(
+        shapely.transform(floor, turn.moved),
+        exits={name: turn.moved(line) for name, line in plan.exits.items()},
+        doors={name: name for name in doors},
+        obstacles=[turn.moved(shape) for shape in plan.obstacles],
+        regions={name: turn.moved(shape) for name, shape in plan.starts.items()},
+    )
 
 
 def kind_of(seed: int) -> str:
@@ -181,11 +205,10 @@ def _shutting(rng: np.random.Generator, people: int, width: float) -> float:
     return round(float(rng.uniform(2.0, 3.0 + 0.7 * people / (_FREE_FLOW * width))), 1)
 
 
-def _turn(rng: np.random.Generator) -> Callable[[ArrayLike], Floats]:
-    """Return a function that turns shapes by any angle, mirrors half of all places, and moves them."""
+def _turn(rng: np.random.Generator) -> _Turn:
+    """Draw how a place is turned, by any angle, half of all mirrored, and moved."""
     angle, mirror, shift = rng.uniform(0.0, 2.0 * np.pi), rng.choice([-1.0, 1.0]), rng.uniform(-20.0, 20.0, 2)
-    turn = turning(angle, mirror < 0.0)
-    return lambda shape: turn(np.round(np.asarray(shape), 3)) + shift
+    return _Turn(float(angle), bool(mirror < 0.0), shift)
 
 
 def _width(rng: np.random.Generator, people: _People, most: float = 2.4) -> float:
@@ -366,6 +389,22 @@ def _counter_flow(rng: np.random.Generator, people: _People) -> _Plan:
     return _Plan(about, [rectangle(0.0, 0.0, length, width)], exits, starts, {"left": "east", "right": "west"})
 
 
+def _building(rng: np.random.Generator, people: _People) -> _Plan:
+    """An office building of one to five storeys, a stair and an exit at one end or both."""
+    storeys, ends = int(rng.integers(1, 6)), ("west", "east")[: int(rng.integers(1, 3))]
+    corridor, depth, rooms = rng.uniform(1.5, 3.0), rng.uniform(4.0, 8.0), int(rng.integers(1, 5))
+    length = max(people.area / storeys / (2.0 * depth + corridor), 3.0 * rooms, 8.0)
+    door, out = _width(rng, people, 1.6), _width(rng, people)
+    stair = float(rng.uniform(max(1.0, 2.0 * people.body), 2.0))
+    office = Office(
+        storeys, 0.35 * int(rng.integers(8, 13)), float(length), corridor, depth, rooms, door, stair, min(out, 2.0), ends
+    )
+    way = min(office.exit, stair) if storeys > 1 else office.exit
+    exits = {end: [(0.0, 0.0), (way, 0.0)] for end in ends}
+    about = f"a building of {storeys} storeys, {len(ends)} stairs of {stair:.1f} m"
+    return _Plan(about, [], exits, dict.fromkeys(office.names, np.empty((0, 2))), office=office)
+
+
 KINDS: Mapping[str, Callable[[np.random.Generator, _People], _Plan]] = {
     "doors": _doors,
     "bottleneck": _bottleneck,
@@ -378,3 +417,5 @@ KINDS: Mapping[str, Callable[[np.random.Generator, _People], _Plan]] = {
     "crossing": _crossing,
     "counter-flow": _counter_flow,
 }
+# Beside them, kinds that are drawn only where they are asked for.
+ALL_KINDS: Mapping[str, Callable[[np.random.Generator, _People], _Plan]] = {**KINDS, "building": _building}

@@ -104,5 +104,5 @@ def test_order_is_that_of_the_rest_of_the_own_route(places, other_ways, frame):
 
 def test_observations_hold_neither_unless_they_are_named():
     of_ways = {"routes", "queues_seen", "queues_shown"}
-    assert set(TERMS) - set(USUAL) == {"direction", "opening", "stood", "lead", "ahead", "group"} | of_ways
+    assert set(TERMS) - set(USUAL) == {"direction", "opening", "slope", "stood", "lead", "ahead", "group"} | of_ways
     assert ObservationLayout().terms == USUAL and ObservationLayout().size == 46

@@ -68,6 +68,9 @@ TERMS: Mapping[str, CompiledTerm] = {
     "travel_time": CompiledTerm(1),
     # the narrowest opening on the way ahead: 1 - own diameter / width, at least 0, and the time t to it as t / (t + 5 s)
     "opening": CompiledTerm(2, usual=False),
+    # the floor on the way, here and 1 m ahead, two values each: rise over the length of the slope, and the speed there relative
+    # to that on level floor, minus 1; all four are 0 on level floor
+    "slope": CompiledTerm(4, usual=False),
     # time t since the pedestrian was last nearer to the end of the way than ever before, as t / (t + 5 s)
     "stood": CompiledTerm(1, usual=False),
     # sum of the contact impulses since the last decision / (own mass * 1 m/s), in the frame

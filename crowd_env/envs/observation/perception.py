@@ -23,7 +23,7 @@ from crowd_env.envs.observation.view import (
     View,
 )
 from crowd_env.envs.observation.ways import way_features
-from crowd_env.geometry.surface import ground_of
+from crowd_env.geometry.surface import ground_of, rise_at, share_of_speed, sheet_beyond
 from crowd_env.routing.fields.bottlenecks import bottleneck_at
 from crowd_env.routing.fields.lookup import travel_time_at, way_at
 
@@ -92,7 +92,7 @@ def write_own_features(e: int, begin: int, end: int, view: View, column: Columns
     axis, velocity, impulse = view.axis, view.state.velocity, view.impulse
     at_velocity, at_speed, at_direction = column.velocity, column.desired_speed, column.direction
     at_time, at_push, at_crush = column.travel_time, column.push, column.crush
-    at_opening, at_stood = column.opening, column.stood
+    at_opening, at_slope, at_stood = column.opening, column.slope, column.stood
     for n in range(index(begin), index(end)):
         i = view.listed[n]
         ax, ay = axis[i, 0], axis[i, 1]
@@ -108,6 +108,8 @@ def write_own_features(e: int, begin: int, end: int, view: View, column: Columns
             out[i, at_time] = clipped(time / (time + TIME_SCALE))
         if at_opening >= 0:
             write_opening(e, i, at_opening, view, out)
+        if at_slope >= 0:
+            write_slope(e, i, at_slope, view, out)
         if at_stood >= 0:
             stood = time_stood(i, view.state.time[e], view)
             out[i, at_stood] = stood / (stood + TIME_SCALE)
@@ -129,6 +131,21 @@ def write_opening(e: int, i: int, k: int, view: View, out: Rows) -> None:
         time = max(view.potential[i] - rest / speed, 0.0)
         out[i, k] = max(1.0 - 2.0 * view.bodies.radius[i] / width, 0.0)
         out[i, k + 1] = clipped(time / (time + TIME_SCALE))
+
+
+@inner_kernel
+def write_slope(e: int, i: int, k: int, view: View, out: Rows) -> None:
+    """Write the term `slope` of person ``i`` into four columns."""
+    g, sheet = view.geometry_of_env[e], view.state.sheet[i]
+    first, ex, ey = view.surface.sheet_start[g], view.direction[i, 0], view.direction[i, 1]
+    for ahead in range(2):
+        x, y = view.state.position[i, 0] + ahead * ex, view.state.position[i, 1] + ahead * ey
+        if ahead:
+            sheet = sheet_beyond(view.surface, g, sheet, x, y, 1.0)
+        rise = rise_at(view.surface, first + sheet, x, y, ex, ey)
+        out[i, k + 2 * ahead] = clipped(rise / np.sqrt(1.0 + rise * rise))
+        share = share_of_speed(view.surface, first + sheet, x, y, ex, ey)
+        out[i, k + 2 * ahead + 1] = clipped(share * np.sqrt(1.0 + rise * rise) - 1.0)
 
 
 @inner_kernel

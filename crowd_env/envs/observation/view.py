@@ -71,6 +71,7 @@ class Columns(NamedTuple):
     direction: int
     travel_time: int
     opening: int
+    slope: int
     stood: int
     push: int
     crush: int

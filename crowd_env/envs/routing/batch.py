@@ -20,7 +20,7 @@ from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.envs.metrics import EpisodeMetrics
 from crowd_env.envs.observation.layout import ObservationLayout
 from crowd_env.envs.route_choice import OpenWays
-from crowd_env.envs.routing.regions import grid_regions, named_regions
+from crowd_env.envs.routing.regions import grid_regions, named_regions, sheets_of
 from crowd_env.envs.routing.terms import RoutingLayout, RoutingView, make_terms, make_weights
 from crowd_env.envs.settings import Routing, answers_unknown, arguments_of
 from crowd_env.envs.tasks.environment import made_for
@@ -59,7 +59,7 @@ class RoutingBatch:
         signs: bool = False,
         interval: float = 2.0,
         regions: Sequence[str] = (),
-        grid: tuple[int, int] = (4, 2),
+        grid: tuple[int, int] | None = None,
         routes: Sequence[str] = (),
         doors: Sequence[str] = (),
         observation: Plain | None = None,
@@ -92,9 +92,9 @@ class RoutingBatch:
         exits, ways = self.scenario.exits, self.scenario.ways
         routes = _checked_names("route", routes, ways) or ways
         doors = _checked_names("door", doors, geometry.doors)
-        regions = _checked_names("region", regions, [*geometry.regions])
+        regions = _checked_names("region", regions, [*geometry.regions]) or (sheets_of(geometry) if grid is None else ())
         self.interval, self.autoreset = interval, autoreset
-        self.regions = named_regions(geometry, regions) if regions else grid_regions(geometry, grid)
+        self.regions = named_regions(geometry, regions) if regions else grid_regions(geometry, grid or (4, 2))
         self.layout = RoutingLayout(self.regions.names, exits, routes, doors, terms)
         if self.layout.size == 0:
             raise ValueError(f"observation: {', '.join(self.layout.names)} has no column without a door to control")
@@ -249,6 +249,7 @@ class RoutingBatch:
     def _view(self, inside: Bools, left: Bools) -> RoutingView:
         """Return the input of the terms, of people ``inside`` (P,) and people that ``left`` (P,) since the last decision."""
         env, state, rooms = self.env, self.env.simulation.state, self.env.num_envs
+        position = env.simulation.laid_out
         until = np.where(left, state.exit_time, state.time[env.env_of_person])
         since = np.fmax(self._decided[env.env_of_person], env.simulation.entrances.entry_time)
         time_inside = np.where(inside | left, until - since, 0.0)
@@ -261,17 +262,14 @@ class RoutingBatch:
             inside=as_grid(inside, rooms),
             left=as_grid(left, rooms),
             time_inside=as_grid(time_inside, rooms),
-            position=as_grid(self.env.simulation.laid_out, rooms),
+            position=as_grid(position, rooms),
             velocity=as_grid(state.velocity, rooms),
-            region=as_grid(np.where(inside, self.regions.locate(self.env.simulation.laid_out), -1), rooms),
+            region=as_grid(np.where(inside, self.regions.locate(position), -1), rooms),
             region_area=self.regions.area,
             exit_taken=as_grid(np.where(left, self._exit_of_row[state.exit_index], -1), rooms),
             exit_width=self._width,
             exit_distance=np.array(
-                [
-                    as_grid(field.travel_time_for(self.env.simulation.laid_out, 0.0) - field.behind, rooms)
-                    for field in self._fields
-                ]
+                [as_grid(field.travel_time_for(position, 0.0) - field.behind, rooms) for field in self._fields]
             ),
             on_route=np.array([as_grid(people, rooms) for people in on_route]),
             door_open=np.asarray(env.simulation.history.door_open[:, self._door], dtype=bool),

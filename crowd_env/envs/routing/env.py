@@ -45,8 +45,8 @@ class RoutingEnv(SingleEnv):
     people, physics, walking, time_limit : as `CrowdEnv` takes them.
     signs : whether the scenario's control rules act as well.
     interval : s between decisions, a whole number of physics steps.
-    regions : names of the scenario's regions to decide in; if none, the cells of a grid.
-    grid : columns and rows of that grid over the bounding box; cells without floor are left out.
+    regions : names of the scenario's regions to decide in; by default the storeys and stairs of a building, elsewhere a grid.
+    grid : columns and rows of that grid over the bounding box, by default (4, 2); cells without floor are left out.
     routes : names of exits and of the scenario's routes to choose from; if none, all of them.
     doors : names of the doors to open and close; the others are left to the scenario.
     observation : the terms that are observed, ``{"terms": ["count", "queue"]}``; by default all.  Custom `RoutingTerm` objects

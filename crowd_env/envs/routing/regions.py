@@ -1,4 +1,4 @@
-"""Where a routing controller decides: named regions of the scenario, or the cells of a grid."""
+"""Where a routing controller decides: named regions of the scenario, storeys and stairs, or the cells of a grid."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -26,6 +26,12 @@ def named_regions(geometry: Geometry, names: Sequence[str]) -> DecisionRegions:
     """Return regions of a geometry as decision regions; where they overlap the first one counts."""
     floors = {name: geometry.walkable.intersection(geometry.regions[name]) for name in names}
     return _regions(floors, partial(_first_that_holds, geometry, tuple(names)))
+
+
+def sheets_of(geometry: Geometry) -> tuple[str, ...]:
+    """Return the names of the storeys and stairs of a building; of another place none."""
+    sheets = () if geometry.building is None else geometry.building.sheets
+    return tuple(sheet.name for sheet in sheets if sheet.name in geometry.regions)
 
 
 def grid_regions(geometry: Geometry, grid: Sequence[int]) -> DecisionRegions:
