@@ -48,9 +48,9 @@ def with_stair(stair: Polygon | None = None, line: np.ndarray | None = None, ris
     )
 
 
-def ramp(rise: float, run: float, ends: float, *, up: float = 1.0, down: float = 1.0) -> tuple[list[Sheet], list[Seam]]:
+def ramp(rise: float, run: float, ends: float, **speeds: float) -> tuple[list[Sheet], list[Seam]]:
     """Return three sheets of a corridor along x, 2 m wide: level, a ramp that begins at x = 0, level again."""
-    slope = Slope(box(0, 0, run, 2), (rise / run, 0.0, 0.0), up, down)
+    slope = Slope(box(0, 0, run, 2), (rise / run, 0.0, 0.0), **speeds)
     sheets = [
         Sheet("low", box(-ends, 0, 0, 2), 0.0),
         Sheet("ramp", slope.area, slopes=(slope,)),

@@ -31,7 +31,7 @@ def list_names(as_json: AsJson = False) -> None:
         "tasks": {task.id: task.about for task in TASKS.values()},
         "contact schemes": {name: f"{one.info.title} ({one.info.reference})" for name, one in SCHEMES.items()},
         "occupant profiles": {
-            name: f"{one.people}, {speed_words(one.speed)} m/s ({one.source})" for name, one in PROFILES.items()
+            name: f"{one.people}, {speed_words(one)} m/s ({one.source})" for name, one in PROFILES.items()
         },
         "policies": {**dict.fromkeys(POLICIES, "rule"), **dict.fromkeys(PRETRAINED, "trained network")},
     }

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from crowd_env.analysis.results.config import require_data
 from crowd_env.analysis.results.folder import CONFIG
-from crowd_env.core.arrays.state import MOTIVATION
+from crowd_env.core.arrays.state import PERSONAL
 from crowd_env.core.behaviors.headway import Manner
 from crowd_env.core.checks import Plain, at, flag, known
 from crowd_env.core.files.atomic import legible
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from crowd_env.agents.evaluation.entries import Entry
 
 # Names of --set that change pedestrians, and what they change in a population.
-_DRAWN = {"speed": "desired_speed", **{name: name for name in (*DRAWN, *MOTIVATION) if name != "desired_speed"}}
+_DRAWN = {"speed": "desired_speed", **{name: name for name in (*DRAWN, *PERSONAL) if name != "desired_speed"}}
 _RUNNING = 4.0  # m/s
 _SWITCHES = {"yes": True, "no": False, "true": True, "false": False}
 _STORED = {"crowd": "walking", "physics": "scheme"}  # name in a config -> option, where it is another

@@ -130,7 +130,10 @@ def as_plain(building: Building) -> dict[str, Any]:
                 "area": one.area.wkt,
                 "level": None if np.isnan(one.level) else one.level,
                 "offset": list(one.offset),
-                "slopes": [[slope.area.wkt, list(slope.plane), slope.up, slope.down] for slope in one.slopes],
+                "slopes": [
+                    [slope.area.wkt, list(slope.plane), slope.up, slope.down, slope.belt, slope.stepped]
+                    for slope in one.slopes
+                ],
             }
             for one in building.sheets
         ],
@@ -145,7 +148,7 @@ def from_plain(data: Mapping[str, Any]) -> tuple[list[Sheet], list[Seam]]:
             one["name"],
             shapely.from_wkt(one["area"]),
             float("nan") if one["level"] is None else one["level"],
-            tuple(Slope(shapely.from_wkt(area), tuple(plane), up, down) for area, plane, up, down in one["slopes"]),
+            tuple(Slope(shapely.from_wkt(area), tuple(plane), *others) for area, plane, *others in one["slopes"]),
             tuple(one["offset"]),
         )
         for one in data["sheets"]
@@ -328,7 +331,9 @@ def united(sheets: Sequence[Sheet], seams: Sequence[Seam]) -> tuple[list[Sheet],
 def _leveled(sheet: Sheet) -> Sheet:
     """Return a sheet without slopes, if none of them rises or has speeds of its own, and all are at one height."""
     heights_of = {slope.plane[2] for slope in sheet.slopes} | ({sheet.level} if sheet.level == sheet.level else set())
-    flat = all((*slope.plane[:2], slope.up, slope.down) == (0.0, 0.0, 1.0, 1.0) for slope in sheet.slopes)
+    flat = all(
+        (*slope.plane[:2], slope.up, slope.down, slope.belt) == (0.0, 0.0, 1.0, 1.0, 0.0) for slope in sheet.slopes
+    )
     return replace(sheet, level=heights_of.pop(), slopes=()) if flat and len(heights_of) == 1 else sheet
 
 

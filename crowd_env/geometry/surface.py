@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from crowd_env.core.arrays.state import Floats, Ints, joined_starts, row_starts
+from crowd_env.core.arrays.state import Bools, Floats, Ints, joined_starts, row_starts
 from crowd_env.core.kernels.jit import allocating_kernel, inner_kernel
 
 BEHIND = 0.3  # m; a pedestrian this near behind a seam is on the other sheet
@@ -31,12 +31,16 @@ class Slope:
     area : its outline, seen from above [m].
     plane : a, b, c of the height z = a x + b y + c [m].
     up, down : walking speed along the slope, relative to that on level floor.
+    belt : speed at which it carries people upwards along the slope [m/s]; below 0 it carries them down.
+    stepped : whether pedestrians with a speed of their own on stairs walk at that one.
     """
 
     area: Polygon
     plane: tuple[float, float, float]
     up: float = 1.0
     down: float = 1.0
+    belt: float = 0.0
+    stepped: bool = False
 
 
 class Surface(NamedTuple):
@@ -50,6 +54,8 @@ class Surface(NamedTuple):
     plane: Floats  # (T, 3)  z = a x + b y + c
     up: Floats  # (T,)    speed along the slope, relative to that on level floor
     down: Floats  # (T,)
+    belt: Floats  # (T,)    m/s
+    stepped: Bools  # (T,)
     wall_start: Ints  # (S+1,)  first wall of each sheet, as rows of `Boundary.wall`; chords of a place come last
     wall_height: Floats  # (W, 2)  m   of the ends of walls
     corner_height: Floats  # (V,)    m
@@ -86,17 +92,19 @@ class Triangles(NamedTuple):
     plane: Floats
     up: Floats
     down: Floats
+    belt: Floats
+    stepped: Bools
 
 
 def triangles_of(sheets: Sequence[Sequence[Slope]]) -> Triangles:
     """Return the triangles of the slopes of each sheet."""
-    corners, of_slope, counts = [np.empty((0, 3, 2))], [np.empty((0, 5))], []
+    corners, of_slope, counts = [np.empty((0, 3, 2))], [np.empty((0, 7))], []
     for slopes in sheets:
         count = 0
         for slope in slopes:
             parts = shapely.get_parts(shapely.constrained_delaunay_triangles(slope.area))
             corners += [shapely.get_coordinates(part)[None, :3] for part in parts]
-            of_slope.append(np.tile([*slope.plane, slope.up, slope.down], (len(parts), 1)))
+            of_slope.append(np.tile([*slope.plane, slope.up, slope.down, slope.belt, slope.stepped], (len(parts), 1)))
             count += len(parts)
         counts.append(count)
     numbers = np.concatenate(of_slope)
@@ -104,7 +112,8 @@ def triangles_of(sheets: Sequence[Sequence[Slope]]) -> Triangles:
     ab, ac = triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0]
     left = ab[:, 0] * ac[:, 1] > ab[:, 1] * ac[:, 0]
     triangle[~left] = triangle[~left, ::-1]
-    return Triangles(row_starts(counts), triangle, numbers[:, :3].copy(), numbers[:, 3].copy(), numbers[:, 4].copy())
+    up, down, belt, stepped = numbers[:, 3:].T.copy()
+    return Triangles(row_starts(counts), triangle, numbers[:, :3].copy(), up, down, belt, stepped > 0.0)
 
 
 def join_surfaces(parts: Sequence[Surface]) -> Surface:
@@ -154,7 +163,7 @@ def slope_at(surface: Surface, s: int, x: float, y: float) -> int:
 
 @inner_kernel
 def sheet_beyond(surface: Surface, g: int, sheet: int, x: float, y: float, reach: float = BEHIND) -> int:
-    """Return the sheet that a point lies on, coming from ``sheet`` of place ``g``: the next one, up to ``reach`` behind a seam."""
+    """Return the sheet of a point reached from ``sheet`` of place ``g``: the next one, up to ``reach`` [m] behind a seam."""
     for k in range(surface.seam_start[g], surface.seam_start[g + 1]):
         if surface.seam_from[k] == sheet:
             ax, ay = surface.seam[k, 0, 0], surface.seam[k, 0, 1]
@@ -184,20 +193,26 @@ def rise_at(surface: Surface, s: int, x: float, y: float, ex: float, ey: float) 
 
 
 @inner_kernel
-def share_of_speed(surface: Surface, s: int, x: float, y: float, ex: float, ey: float) -> float:
-    """Return the horizontal speed at a point of sheet ``s`` along a unit vector, relative to that on level floor.
+def speed_at(
+    surface: Surface, s: int, x: float, y: float, ex: float, ey: float, own_up: float, own_down: float
+) -> tuple[float, float]:
+    """Return the horizontal speed on sheet ``s`` along a unit vector, relative to that on level floor, and a belt's in m/s.
 
     Speeds of stairs are along the slope, so the horizontal one is v cos(angle).  Across a slope people walk as on level floor,
-    in between by the share of the steepest direction.
+    in between by the share of the steepest direction.  A pedestrian's speeds on stairs, relative to
+    the own one on level floor, are nan where they are the stair's.
     """
     t = slope_at(surface, s, x, y)
     if t < 0:
-        return 1.0
+        return 1.0, 0.0
     rise = surface.plane[t, 0] * ex + surface.plane[t, 1] * ey
     steepest = np.sqrt(surface.plane[t, 0] ** 2 + surface.plane[t, 1] ** 2)
-    relative = surface.up[t] if rise > 0.0 else surface.down[t]
-    share = abs(rise) / steepest if steepest > 0.0 else 1.0
-    return (1.0 + (relative - 1.0) * share) / np.sqrt(1.0 + rise * rise)
+    relative, own = (surface.up[t], own_up) if rise > 0.0 else (surface.down[t], own_down)
+    if surface.stepped[t] and own == own:
+        relative = own
+    share = rise / steepest if steepest > 0.0 else 1.0
+    along = 1.0 / np.sqrt(1.0 + rise * rise)
+    return (1.0 + (relative - 1.0) * abs(share)) * along, surface.belt[t] * share * along
 
 
 @allocating_kernel

@@ -7,7 +7,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.kernels.fetch import fetch
 from crowd_env.core.kernels.jit import index, inner_kernel
-from crowd_env.geometry.surface import ground_of, share_of_speed
+from crowd_env.geometry.surface import ground_of, speed_at
 from crowd_env.physics.driving_force import Influences, asked_of
 from crowd_env.physics.walking.decide import decide
 from crowd_env.physics.workspace import LOOKUP_PERIOD, Batch
@@ -170,8 +170,9 @@ def _slow_on_slopes(e: int, rank_start: int, rank_stop: int, batch: Batch) -> No
             ex, ey = asked_of(i, batch)
             size = np.sqrt(ex * ex + ey * ey)
             if size > 0.0:
-                share = share_of_speed(surface, s, position[i, 0], position[i, 1], ex / size, ey / size)
-                local_speed[i] *= share
+                up, down = batch.bodies.upstairs[i], batch.bodies.downstairs[i]
+                share, belt = speed_at(surface, s, position[i, 0], position[i, 1], ex / size, ey / size, up, down)
+                local_speed[i] = max(local_speed[i] * share + belt, 0.0)
 
 
 @inner_kernel

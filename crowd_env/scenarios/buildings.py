@@ -37,6 +37,7 @@ _SLIT = 0.02  # m between two flights with a wall without thickness
 _ANOTHER = 1e-3  # m; a riser that differs by more from the one that was given gives a note
 _TURNS = Literal["straight", "u-left", "u-right"]
 _WIDTHS = Range(0.5, 50.0)
+_BELTS = Range(-1.0, 1.0)
 _FACTORS = Range(0.0, 2.0, above=True)
 
 
@@ -108,6 +109,8 @@ class Stair:
     """speed upwards along the slope, relative to that on level floor; by riser and tread by default."""
     down: Annotated[float, _FACTORS] | None = None
     """speed downwards, likewise."""
+    belt: Annotated[float, _BELTS] = 0.0
+    """m/s, of an escalator: its steps carry people up along the slope, below 0 down; people walk on it besides."""
 
     def __post_init__(self) -> None:
         _check_named("stair", self)
@@ -137,7 +140,7 @@ class Stair:
         """Yield its flights and landings between two heights [m]."""
         steps, half = self.steps(top - base), 0.5 * self.width
         speed = speed_on_stairs(steps.riser, steps.tread)
-        factors = speed if self.up is None else self.up, speed if self.down is None else self.down
+        factors = speed if self.up is None else self.up, speed if self.down is None else self.down, self.belt, True
         end, middle = steps.flights[0] * steps.tread, base + steps.flights[0] * steps.riser
         yield Piece((0.0, end), (-half, half), (base, middle), *factors)
         if len(steps.flights) == 1:
@@ -225,6 +228,8 @@ class Piece(NamedTuple):
     height: tuple[float, float] | None  # m   at both ends of ``along``; None = no floor, between two flights
     up: float = 1.0
     down: float = 1.0
+    belt: float = 0.0
+    stepped: bool = False
 
 
 class _Built(NamedTuple):
@@ -352,7 +357,7 @@ def _build(way: Way, height: Mapping[str, float]) -> _Built:
             (a, b), (low, high) = piece.along, piece.height
             gradient = (high - low) / (b - a) * ahead
             at_foot = low - (high - low) / (b - a) * a - float(gradient @ foot)
-            slopes.append(Slope(Polygon(corners(piece)), (*gradient.tolist(), at_foot), piece.up, piece.down))
+            slopes.append(Slope(Polygon(corners(piece)), (*gradient.tolist(), at_foot), *piece[3:]))
     between = tuple(Polygon(corners(piece)) for piece in pieces if piece.height is None)
     flights = [piece for piece in pieces if piece.height is not None]
     ends = [corners(flights[0])[[0, 3]], corners(flights[-1])[[1, 2]]]

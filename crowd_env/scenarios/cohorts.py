@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from crowd_env.core.arrays.state import MOTIVATION, Bodies, Floats, join_bodies, make_bodies
+from crowd_env.core.arrays.state import PERSONAL, Bodies, Floats, join_bodies, make_bodies
 from crowd_env.core.behaviors.pulls import ALONE
 from crowd_env.core.checks import at, check_fields, refuse, whole
 from crowd_env.geometry.entrances import Entries, join_entries
@@ -80,7 +80,7 @@ class Cohorts:
         ValueError
             If an option is neither a distribution nor the number, or there are fewer people than cohorts.
         """
-        common = (*DRAWN, *MOTIVATION)
+        common = (*DRAWN, *PERSONAL)
         other = [name for name, value in options.items() if name not in common and value is not None]
         if other:
             raise ValueError(f"cohorts cannot share {other[0]!r}; give them people or one of {', '.join(common)}")
@@ -133,7 +133,7 @@ class Cohorts:
             position[people] = sample_positions(geometry, radius[people], rng, region, already)
             stands[people] = True
         motivated = [part.draw_motivation(rng, own) for part, own in zip(self.parts, drawn, strict=True)]
-        given = {name: np.concatenate([getattr(own, name) for own in motivated]) for name in MOTIVATION}
+        given = {name: np.concatenate([getattr(own, name) for own in motivated]) for name in PERSONAL}
         groups = [part.draw_groups(rng, position[owner == k]) for k, part in enumerate(self.parts)]
         before = np.cumsum([0, *(part.people for part in self.parts[:-1])])
         group = [np.where(own == ALONE, ALONE, own + at) for own, at in zip(groups, before, strict=True)]

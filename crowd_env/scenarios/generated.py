@@ -397,7 +397,16 @@ def _building(rng: np.random.Generator, people: _People) -> _Plan:
     door, out = _width(rng, people, 1.6), _width(rng, people)
     stair = float(rng.uniform(max(1.0, 2.0 * people.body), 2.0))
     office = Office(
-        storeys, 0.35 * int(rng.integers(8, 13)), float(length), corridor, depth, rooms, door, stair, min(out, 2.0), ends
+        storeys,
+        0.35 * int(rng.integers(8, 13)),
+        float(length),
+        corridor,
+        depth,
+        rooms,
+        door,
+        stair,
+        min(out, 2.0),
+        ends,
     )
     way = min(office.exit, stair) if storeys > 1 else office.exit
     exits = {end: [(0.0, 0.0), (way, 0.0)] for end in ends}

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 import shapely
 
-from crowd_env.core.arrays.state import MAX_SPEED, MOTIVATION, Bodies, Floats, Ints, make_bodies
+from crowd_env.core.arrays.state import MAX_SPEED, PERSONAL, Bodies, Floats, Ints, make_bodies
 from crowd_env.core.behaviors.pulls import ALONE
 from crowd_env.core.checks import (
     COUNT,
@@ -45,7 +45,7 @@ DRAWN = {
     "relaxation_time": POSITIVE,
     "response_time": Range(0.0, 86_400.0),  # s
 }
-BOUNDS = DRAWN | MOTIVATION | {"group_size": COUNT, "wait": Range(0.0, 86_400.0)}
+BOUNDS = DRAWN | PERSONAL | {"group_size": COUNT, "wait": Range(0.0, 86_400.0)}
 
 # People of Pécol et al. 2011, Table 4, uniform within the ranges: `Population(20, **TABLE_4)`.
 TABLE_4: Mapping[str, Any] = {"radius": Uniform(0.2, 0.25), "desired_speed": Uniform(1.2, 2.0)}
@@ -90,6 +90,10 @@ class Population:
     push: Distribution | None = None
     """share of the desired speed at which a person presses on with no gap in front, 0 to 1; by default that of the manner of
     the run.  A run without a manner, in which everyone walks at full speed, makes no use of time gap and push."""
+    upstairs: Distribution | None = field(default=None, metadata={UNSAID: None})
+    """speed up stairs, along the slope, relative to the desired speed; by default that of the stair."""
+    downstairs: Distribution | None = field(default=None, metadata={UNSAID: None})
+    """speed down stairs, likewise."""
     group_size: Distribution | None = None
     """number of people who walk together, oneself included, rounded; by default everyone walks alone."""
     start_region: str | None = None
@@ -221,16 +225,16 @@ class Population:
         if not all(type(law) in _KEEP_THEIR_BOUNDS for law in laws.values()):
             return make_bodies(**drawn)
         inertia = 0.5 * drawn["mass"] * drawn["radius"] ** 2
-        not_given = {name: np.full(self.people, np.nan) for name in MOTIVATION}
+        not_given = {name: np.full(self.people, np.nan) for name in PERSONAL}
         alone = np.full(self.people, ALONE)
         return Bodies(inertia=inertia, group=alone, env_start=np.array([0, self.people]), **drawn, **not_given)
 
     def draw_motivation(self, rng: np.random.Generator, bodies: Bodies) -> Bodies:
-        """Return these bodies with the time gaps and pushes that are drawn for them, where these are given.
+        """Return these bodies with the values of `PERSONAL` that are drawn for them, where these are given.
 
         Bodies and positions are drawn before, so that they are the same with and without.
         """
-        laws: dict[str, Distribution | None] = {name: getattr(self, name) for name in MOTIVATION}
+        laws: dict[str, Distribution | None] = {name: getattr(self, name) for name in PERSONAL}
         drawn: dict[str, Any] = {name: law.sample(rng, self.people) for name, law in laws.items() if law is not None}
         return bodies._replace(**drawn)
 

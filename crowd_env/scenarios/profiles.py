@@ -1,4 +1,4 @@
-"""Occupant profiles: walking speeds of kinds of people on level floor, each with its source.
+"""Occupant profiles: walking speeds of kinds of people on level floor and on stairs, each with its source.
 
 A cohort names one, ``profile = "imo-male-under-30"``; its own speed comes first.  Bodies stay as they are: no source
 gives the room that people with aids need as a disc.
@@ -10,9 +10,9 @@ from crowd_env.core.checks import Plain, known
 from crowd_env.scenarios.distributions import Distribution, Normal, Uniform
 
 _WEIDMANN = "Weidmann 1993, Transporttechnik der Fussgänger"
-_IMO = "IMO MSC.1/Circ.1533 (2016), annex 3, table 3.4"
-_SIMULEX = "Simulex, in NIST, A Review of Building Evacuation Models, table A.4"
-_BOYCE = "Boyce, Shields and Silcock 1999, Fire Technology 35:51"
+_IMO = "IMO MSC.1/Circ.1533, annex 3"
+_SIMULEX = "Simulex (NIST TN 1680, table A.4)"
+_BOYCE = "Boyce et al. 1999, Fire Technology 35:51"
 
 
 class Profile(NamedTuple):
@@ -21,22 +21,31 @@ class Profile(NamedTuple):
     people: str
     speed: Distribution  # m/s
     source: str
+    stairs: tuple[float, float] | None = None  # m/s, up and down, along the slope, in the middle of their ranges
 
 
 PROFILES: dict[str, Profile] = {
     "weidmann": Profile("adults, the default", Normal(1.34, 0.26, 0.8, 1.9), _WEIDMANN),
-    "imo-female-under-30": Profile("women below 30 years", Uniform(0.93, 1.55), _IMO),
-    "imo-female-30-to-50": Profile("women of 30 to 50 years", Uniform(0.71, 1.19), _IMO),
-    "imo-female-over-50": Profile("women above 50 years", Uniform(0.56, 0.94), _IMO),
-    "imo-female-impaired-1": Profile("women above 50 years, mobility impaired (1)", Uniform(0.43, 0.71), _IMO),
-    "imo-female-impaired-2": Profile("women above 50 years, mobility impaired (2)", Uniform(0.37, 0.61), _IMO),
-    "imo-male-under-30": Profile("men below 30 years", Uniform(1.11, 1.85), _IMO),
-    "imo-male-30-to-50": Profile("men of 30 to 50 years", Uniform(0.97, 1.62), _IMO),
-    "imo-male-over-50": Profile("men above 50 years", Uniform(0.84, 1.4), _IMO),
-    "imo-male-impaired-1": Profile("men above 50 years, mobility impaired (1)", Uniform(0.64, 1.06), _IMO),
-    "imo-male-impaired-2": Profile("men above 50 years, mobility impaired (2)", Uniform(0.55, 0.91), _IMO),
-    "imo-crew-female": Profile("crew, women", Uniform(0.93, 1.55), _IMO),
-    "imo-crew-male": Profile("crew, men", Uniform(1.11, 1.85), _IMO),
+    "imo-female-under-30": Profile("women below 30 years", Uniform(0.93, 1.55), _IMO, (0.63, 0.75)),
+    "imo-female-30-to-50": Profile("women of 30 to 50 years", Uniform(0.71, 1.19), _IMO, (0.59, 0.65)),
+    "imo-female-over-50": Profile("women above 50 years", Uniform(0.56, 0.94), _IMO, (0.49, 0.6)),
+    "imo-female-impaired-1": Profile(
+        "women above 50 years, mobility impaired (1)", Uniform(0.43, 0.71), _IMO, (0.37, 0.45)
+    ),
+    "imo-female-impaired-2": Profile(
+        "women above 50 years, mobility impaired (2)", Uniform(0.37, 0.61), _IMO, (0.31, 0.39)
+    ),
+    "imo-male-under-30": Profile("men below 30 years", Uniform(1.11, 1.85), _IMO, (0.67, 1.01)),
+    "imo-male-30-to-50": Profile("men of 30 to 50 years", Uniform(0.97, 1.62), _IMO, (0.63, 0.855)),
+    "imo-male-over-50": Profile("men above 50 years", Uniform(0.84, 1.4), _IMO, (0.51, 0.67)),
+    "imo-male-impaired-1": Profile(
+        "men above 50 years, mobility impaired (1)", Uniform(0.64, 1.06), _IMO, (0.39, 0.51)
+    ),
+    "imo-male-impaired-2": Profile(
+        "men above 50 years, mobility impaired (2)", Uniform(0.55, 0.91), _IMO, (0.33, 0.44)
+    ),
+    "imo-crew-female": Profile("crew, women", Uniform(0.93, 1.55), _IMO, (0.63, 0.75)),
+    "imo-crew-male": Profile("crew, men", Uniform(1.11, 1.85), _IMO, (0.67, 1.01)),
     "simulex-male": Profile("men", Uniform(1.15, 1.55), _SIMULEX),
     "simulex-female": Profile("women", Uniform(0.95, 1.35), _SIMULEX),
     "simulex-child": Profile("children", Uniform(0.6, 1.2), _SIMULEX),
@@ -50,16 +59,17 @@ PROFILES: dict[str, Profile] = {
 }
 
 
-def speed_words(speed: Distribution) -> str:
-    """Return "0.93 to 1.55" or "1.34 ± 0.26 (0.8 to 1.9)" [m/s]."""
-    low, high = f"{speed.low:g}", f"{speed.high:g}"
+def speed_words(profile: Profile) -> str:
+    """Return "0.93 to 1.55" or "1.34 ± 0.26 (0.8 to 1.9)" [m/s], and the speeds on stairs."""
+    speed = profile.speed
+    words = f"{speed.low:g}" if speed.low == speed.high else f"{speed.low:g} to {speed.high:g}"
     if isinstance(speed, Normal):
-        return f"{speed.mean:g} ± {speed.sd:g} ({low} to {high})"
-    return low if low == high else f"{low} to {high}"
+        words = f"{speed.mean:g} ± {speed.sd:g} ({words})"
+    return words if profile.stairs is None else f"{words}, stairs {profile.stairs[0]:g} up, {profile.stairs[1]:g} down"
 
 
 def with_profile(table: Plain) -> Plain:
-    """Return a table of a `Population` with the speed of its profile, if it has none.
+    """Return a table of a `Population` with the speeds of its profile, where it has none.
 
     Raises
     ------
@@ -68,4 +78,10 @@ def with_profile(table: Plain) -> Plain:
     """
     if not (name := table.get("profile")):
         return table
-    return {"desired_speed": PROFILES[known("profile", name, PROFILES)].speed, **table}
+    profile = PROFILES[known("profile", name, PROFILES)]
+    given: dict[str, Distribution] = {"desired_speed": profile.speed}
+    if profile.stairs is not None:
+        usual = 0.5 * (profile.speed.low + profile.speed.high)
+        ratios = zip(("upstairs", "downstairs"), profile.stairs, strict=True)
+        given |= {key: Uniform(speed / usual, speed / usual) for key, speed in ratios}
+    return {**given, **table}

@@ -45,7 +45,10 @@ def test_a_controller_decides_storey_by_storey_and_stair_by_stair():
         assert observation[layout["count"]].sum() == pytest.approx(observation[layout["inside"]][0], abs=1e-6)
         seen, over = seen + observation[layout["count"]], terminated or truncated
     assert info["inside"] == 0 and (env.batch.env.simulation.state.exit_index == layout.exits.index("east")).all()
-    assert (seen[[0, 1, 2, 5, 6]] > 0.0).all() and seen[3:5].tolist() == [0.0, 0.0]  # nobody took the stairs in the west
+    assert (seen[[0, 1, 2, 5, 6]] > 0.0).all() and seen[3:5].tolist() == [
+        0.0,
+        0.0,
+    ]  # nobody took the stairs in the west
 
 
 def test_kinds_on_request_change_no_other_place():

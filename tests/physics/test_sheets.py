@@ -127,18 +127,32 @@ def test_a_ramp_that_does_not_rise_is_level_floor(name, walking):
         assert_same(arrays(both[0]), arrays(both[1]))
 
 
+ON_SLOPES = {
+    "": ({}, {}),
+    "own speeds": ({"stepped": True}, {"upstairs": 0.4, "downstairs": 0.5}),
+    "a belt": ({"belt": 0.5}, {}),
+}
+
+
 @pytest.mark.parametrize("climbs", [True, False])
 @every_scheme
 def test_ten_meters_of_slope_take_as_long_as_the_speed_says(name, climbs):
+    for kind, (slope, own) in ON_SLOPES.items():
+        relative = own.get("upstairs", UP) if climbs else own.get("downstairs", DOWN)
+        belt = slope.get("belt", 0.0) * (1.0 if climbs else -1.0)
+        ten_meters(name, climbs, 1.3 * relative + belt, slope, own, kind)
+
+
+def ten_meters(name, climbs, walks, slope, own, kind):
+    """Check the time that a pedestrian alone takes at the speed ``walks`` [m/s] along a slope."""
     rise, along = 6.0, 12.0
     run_length = np.sqrt(along**2 - rise**2)
     x = run_length + 1.0 if climbs else -1.0
     out = np.array([[x, 0.0], [x, 2.0]] if climbs else [[x, 2.0], [x, 0.0]])
-    place = laid(*ramp(rise, run_length, 1.0, up=UP, down=DOWN), {"out": (2 if climbs else 0, out)})
+    place = laid(*ramp(rise, run_length, 1.0, up=UP, down=DOWN, **slope), {"out": (2 if climbs else 0, out)})
     speed, cosine = 1.3, run_length / along
-    walks = speed * (UP if climbs else DOWN)
     start = 1.0 * cosine if climbs else 11.0 * cosine
-    bodies = make_bodies([0.2], [70.0], desired_speed=speed, relaxation_time=0.3)
+    bodies = make_bodies([0.2], [70.0], desired_speed=speed, relaxation_time=0.3, **own)
     alone = started(place, bodies, [[start, 1.0]], 1, name, velocity=[[walks * cosine * (1 if climbs else -1), 0.0]])
     end = start + (10.0 if climbs else -10.0) * cosine
     before = start
@@ -147,7 +161,7 @@ def test_ten_meters_of_slope_take_as_long_as_the_speed_says(name, climbs):
         alone.advance()
         assert alone.state.time[0] < 60.0
     late = (alone.state.position[0, 0] - end) / (alone.state.position[0, 0] - before) * alone.dt
-    assert alone.state.time[0] - late == pytest.approx(10.0 / walks, rel=0.01)
+    assert alone.state.time[0] - late == pytest.approx(10.0 / walks, rel=0.01), kind
     assert alone.state.sheet[0] == 1
 
 

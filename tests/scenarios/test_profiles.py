@@ -66,4 +66,14 @@ def test_speeds_of_the_imo_are_those_of_ando_within_a_quarter():
 def test_the_page_has_every_profile():
     text = (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")
     for name, one in PROFILES.items():
-        assert f"| `{name}` | {one.people} | {speed_words(one.speed)} | {one.source} |" in text
+        assert f"| `{name}` | {one.people} | {speed_words(one)} | {one.source} |" in text
+
+
+def test_speeds_on_stairs_lie_in_the_ranges_of_their_source():
+    """IMO MSC.1/Circ.1533, annex 3, table 3.5: men below 30 years walk down at 0.76 to 1.26 m/s, and up at 0.5 to 0.84."""
+    people = as_people({"people": 3, "profile": "imo-male-under-30"})
+    for ratio, low, high in ((people.downstairs.low, 0.76, 1.26), (people.upstairs.low, 0.5, 0.84)):
+        ends = np.array([1.11, 1.85]) * ratio
+        np.testing.assert_allclose(ends, [low, high], rtol=0.02)
+    assert as_people({"people": 3, "profile": "imo-male-under-30", "upstairs": 0.4}).upstairs == Uniform(0.4, 0.4)
+    assert as_people({"people": 3, "profile": "wheelchair"}).upstairs is None

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from crowd_env.core.checks import POSITIVE, SHARE
+from crowd_env.core.checks import POSITIVE, SHARE, Range
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -20,8 +20,9 @@ Indices = NDArray[np.uint32]  # unsigned, because numba checks every signed inde
 # m/s; an upper bound under any push: the fastest recorded run is 12.4 (Bolt, 100 m, Berlin 2009).
 MAX_SPEED = 12.5
 
-# How people press on, and which values are allowed; nan = as in the manner of the run.
-MOTIVATION = {"time_gap": POSITIVE, "push": SHARE}
+_ON_STAIRS = Range(0.0, 2.0, above=True)
+# What a pedestrian may have of its own, and which values are allowed; nan = the usual.
+PERSONAL = {"time_gap": POSITIVE, "push": SHARE, "upstairs": _ON_STAIRS, "downstairs": _ON_STAIRS}
 
 
 class Bodies(NamedTuple):
@@ -35,6 +36,8 @@ class Bodies(NamedTuple):
     response_time: Floats  #: (P,) s, stands still until then
     time_gap: Floats  #: (P,) s, of the headway that is kept; nan = that of the manner of the run
     push: Floats  #: (P,) share of the desired speed at which one presses on; nan = that of the manner
+    upstairs: Floats  #: (P,) speed up stairs, along the slope, relative to the desired speed; nan = that of the stair
+    downstairs: Floats  #: (P,) speed down stairs, likewise
     group: Ints  #: (P,) pedestrians of an environment with one number walk together; -1 = alone
     env_start: Ints  #: (E+1,) first slot of each environment
 
@@ -78,6 +81,8 @@ def make_bodies(
     response_time: Floats | float = 0.0,
     time_gap: Floats | float = np.nan,
     push: Floats | float = np.nan,
+    upstairs: Floats | float = np.nan,
+    downstairs: Floats | float = np.nan,
     group: Ints | int = -1,
     env_start: Ints | None = None,
 ) -> Bodies:
@@ -112,6 +117,8 @@ def make_bodies(
         response_time=full("response_time", response_time),
         time_gap=full("time_gap", time_gap),
         push=full("push", push),
+        upstairs=full("upstairs", upstairs),
+        downstairs=full("downstairs", downstairs),
         group=np.array(np.broadcast_to(numbers, (count,)), dtype=np.int64),
         env_start=np.array([0, count]) if env_start is None else _whole_numbers("env_start", env_start),
     )
@@ -180,8 +187,8 @@ def check_bodies(bodies: Bodies) -> None:
     for name in ("desired_speed", "response_time"):
         values = getattr(bodies, name)
         _require(name, values, (values >= 0.0) & (values < np.inf), "finite and >= 0")
-    for name in MOTIVATION:
-        check_motivation(name, getattr(bodies, name))
+    for name in PERSONAL:
+        check_personal(name, getattr(bodies, name))
     _require("desired_speed", bodies.desired_speed, bodies.desired_speed <= MAX_SPEED, f"at most {MAX_SPEED} m/s")
     start = bodies.env_start
     _check_array("bodies.env_start", start, np.int64, np.shape(start)[:1])
@@ -195,9 +202,9 @@ def check_bodies(bodies: Bodies) -> None:
         raise ValueError(f"group of pedestrian {bad} is {bodies.group[bad]}; it must be from -1 to {most[bad]}")
 
 
-def check_motivation(name: str, values: Floats) -> None:
-    """Raise ValueError unless everyone's time gap or push (N,) is one that is allowed; nan, that of the manner, is."""
-    allowed = MOTIVATION[name]
+def check_personal(name: str, values: Floats) -> None:
+    """Raise ValueError unless all values (N,) of a name in `PERSONAL` are allowed; nan, the usual one, is."""
+    allowed = PERSONAL[name]
     outside = (values <= allowed.low if allowed.above else values < allowed.low) | (values > allowed.high)
     _require(name, values, ~(outside | np.isinf(values)), str(allowed))
 

@@ -23,7 +23,7 @@ from crowd_env.envs.observation.view import (
     View,
 )
 from crowd_env.envs.observation.ways import way_features
-from crowd_env.geometry.surface import ground_of, rise_at, share_of_speed, sheet_beyond
+from crowd_env.geometry.surface import ground_of, rise_at, sheet_beyond, speed_at
 from crowd_env.routing.fields.bottlenecks import bottleneck_at
 from crowd_env.routing.fields.lookup import travel_time_at, way_at
 
@@ -144,8 +144,10 @@ def write_slope(e: int, i: int, k: int, view: View, out: Rows) -> None:
             sheet = sheet_beyond(view.surface, g, sheet, x, y, 1.0)
         rise = rise_at(view.surface, first + sheet, x, y, ex, ey)
         out[i, k + 2 * ahead] = clipped(rise / np.sqrt(1.0 + rise * rise))
-        share = share_of_speed(view.surface, first + sheet, x, y, ex, ey)
-        out[i, k + 2 * ahead + 1] = clipped(share * np.sqrt(1.0 + rise * rise) - 1.0)
+        up, down = view.bodies.upstairs[i], view.bodies.downstairs[i]
+        share, belt = speed_at(view.surface, first + sheet, x, y, ex, ey, up, down)
+        speed = share + belt / max(view.bodies.desired_speed[i], SLOWEST)
+        out[i, k + 2 * ahead + 1] = clipped(speed * np.sqrt(1.0 + rise * rise) - 1.0)
 
 
 @inner_kernel

@@ -92,7 +92,9 @@ class RoutingBatch:
         exits, ways = self.scenario.exits, self.scenario.ways
         routes = _checked_names("route", routes, ways) or ways
         doors = _checked_names("door", doors, geometry.doors)
-        regions = _checked_names("region", regions, [*geometry.regions]) or (sheets_of(geometry) if grid is None else ())
+        regions = _checked_names("region", regions, [*geometry.regions]) or (
+            sheets_of(geometry) if grid is None else ()
+        )
         self.interval, self.autoreset = interval, autoreset
         self.regions = named_regions(geometry, regions) if regions else grid_regions(geometry, grid or (4, 2))
         self.layout = RoutingLayout(self.regions.names, exits, routes, doors, terms)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.core.arrays.state import Bodies, Bools, Floats, Ints, check_motivation
+from crowd_env.core.arrays.state import Bodies, Bools, Floats, Ints, check_personal
 from crowd_env.core.behaviors.outline import Outline
 from crowd_env.core.behaviors.pulls import Pulls, pulls_of
 from crowd_env.core.checks import FINITE, Range, array, require_all
@@ -138,7 +138,7 @@ def motivation_of(name: str, value: Any, people: int) -> Floats:
     """
     given = array(name, value, (people,) if np.ndim(value) else ())
     values = np.broadcast_to(np.asarray(given, dtype=np.float64), (people,))
-    check_motivation(name, values)
+    check_personal(name, values)
     return values
 
 

@@ -23,6 +23,8 @@ from crowd_env.routing.fields.lookup import ALONE, BLEND
 Field: TypeAlias = Any  # a `crowd_env.routing.fields.field.NavigationField`, which is made of this
 
 _NOTHING = 1e-6  # m2
+_WALK = 1.34  # m/s; ways on a moving belt are those at this speed, ...
+_AGAINST = 0.02  # ... and at least this share of it
 _SOONER = 0.05  # s; a seam that leads out sooner by less changes nothing
 
 
@@ -170,13 +172,14 @@ class _Sheets:
             sloped = on >= 0
             if sloped.any():
                 plane = surface.plane[on[sloped]]
-                up, down = surface.up[on[sloped]], surface.down[on[sloped]]
+                belt = surface.belt[on[sloped]] / _WALK
+                up, down = surface.up[on[sloped]] + belt, surface.down[on[sloped]] - belt
                 falls = np.full(len(plane), True)
                 if name is not None:
                     end = heights(surface, np.full(1, s), ends[name][None])[0]
                     falls = heights(surface, np.full(len(plane), s), flat[sloped]) >= end
                 rise = np.hypot(plane[:, 0], plane[:, 1])
-                found[sloped] = np.where(falls, down, up) / np.sqrt(1.0 + rise**2)
+                found[sloped] = np.maximum(np.where(falls, down, up), _AGAINST) / np.sqrt(1.0 + rise**2)
             return found.reshape(points.shape[:-1])
 
         return speed_to
