@@ -47,9 +47,11 @@ class FixedSplit:
     def act(self, observation: np.ndarray, batch: RoutingBatch, rng: np.random.Generator) -> np.ndarray:
         """Return the same choices for every observation."""
         geometry, routes = batch.scenario.geometry, batch.layout.routes
-        middle = geometry.exits.mean(axis=1)[:, 0]
+        middle = geometry.boundary.exit.mean(axis=1)[:, 0]
         left, right = (routes.index(geometry.exit_names[k]) for k in (middle.argmin(), middle.argmax()))
-        low, _, high, _ = geometry.bounds
-        of_region = np.where(batch.regions.center[:, 0] < (low + high) / 2.0, left, right)
+        center, (low, _, high, _) = batch.regions.center, geometry.bounds
+        if geometry.building is not None:
+            center, low, high = geometry.on_sheets(center)[0], middle.min(), middle.max()
+        of_region = np.where(center[:, 0] < (low + high) / 2.0, left, right)
         row = np.concatenate([of_region, np.ones(len(batch.layout.doors), dtype=np.int64)])
         return np.tile(row, (len(observation), 1))

@@ -21,7 +21,7 @@ from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import Positive, Range, at, check_fields, known, plain_name, refuse
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import ROUNDED, SLIVER, Area, Shape, place, read_area, read_areas, read_lines
-from crowd_env.geometry.sheets import SEAM, Seam, Sheet, lay_out
+from crowd_env.geometry.sheets import SEAM, Seam, Sheet, lay_out, united
 from crowd_env.geometry.surface import BEHIND, Slope
 
 HEADROOM = 2.0  # m; people walk under a stair, or on it under a level, only where it is higher
@@ -281,18 +281,21 @@ def building(levels: Sequence[Level], stairs: Sequence[Stair] = (), ramps: Seque
         *(Sheet(level.name, floor.walkable, level.height) for level, floor in zip(levels, floors, strict=True)),
         *(Sheet(one.way.name, one.area, slopes=one.slopes) for one in built),
     ]
-    offsets = lay_out([sheet.area for sheet in sheets])
-    sheets = [replace(sheet, offset=tuple(offset)) for sheet, offset in zip(sheets, offsets.tolist(), strict=True)]
     number = {sheet.name: s for s, sheet in enumerate(sheets)}
     seams = [Seam(line, number[level], number[one.way.name]) for one in built for _, level, line in one.mouths()]
+    floor_of = {sheet.name: sheet.area for sheet in sheets}
+    sheets, seams, joined = united(sheets, seams)
+    laid = lay_out([sheet.area for sheet in sheets])
+    sheets = [replace(sheet, offset=tuple(offset)) for sheet, offset in zip(sheets, laid.tolist(), strict=True)]
+    offsets = laid[joined]
     shapes: dict[str, Any] = {"exits": {}, "regions": {}, "doors": {}, "thin_walls": []}
     for level, floor, offset in zip(levels, floors, offsets, strict=False):
         _add_shapes(shapes, level, floor, offset)
     taken = {*shapes["exits"], *shapes["regions"]}
     whole = {
-        sheet.name: shapely.transform(sheet.area, lambda points, by=offset: points + by)
-        for sheet, offset in zip(sheets, offsets, strict=True)
-        if sheet.name not in taken
+        name: shapely.transform(area, lambda points, by=offset: points + by)
+        for (name, area), offset in zip(floor_of.items(), offsets, strict=True)
+        if name not in taken
     }
     return Geometry.from_sheets(sheets, seams, **{**shapes, "regions": {**whole, **shapes["regions"]}})
 
@@ -334,7 +337,7 @@ def _require_names(levels: Sequence[Level], ways: Sequence[Way]) -> None:
 def _build(way: Way, height: Mapping[str, float]) -> _Built:
     what = f"{way.KIND} {way.name!r}"
     base, top = (height[known("level", name, height, f"{what}: ")] for name in (way.lower, way.upper))
-    if base >= top:
+    if base > top or (base == top and isinstance(way, Stair)):
         raise ValueError(
             f"{what} climbs from {way.lower!r} at {base:g} m to {way.upper!r} at {top:g} m; the upper level must be higher"
         )

@@ -114,6 +114,17 @@ def test_a_note_gives_risers_that_are_not_as_given():
         building([LOW, HIGH], [STAIR])
 
 
+def test_a_ramp_that_does_not_rise_makes_one_floor_of_two_wings():
+    place = building(
+        [LOW, Level("wing", 0.0, box(24, 0, 40, 10))], ramps=[Ramp("bridge", "low", "wing", (20, 5), 0, 4.0)]
+    )
+    (floor,) = place.building.sheets
+    assert floor.level == 0.0 and not floor.slopes and floor.area.area == pytest.approx(200.0 + 160.0 + 8.0)
+    assert place.regions["wing"].area == pytest.approx(160.0) and place.regions["bridge"].area == pytest.approx(8.0)
+    with pytest.raises(ValueError, match="the upper level must be higher"):
+        building([LOW, Level("wing", 0.0, box(24, 0, 40, 10))], [Stair("steps", "low", "wing", (20, 5), 0)])
+
+
 def test_names_of_levels_and_stairs_are_regions_unless_taken():
     low = replace(LOW, regions={"high": box(1, 1, 3, 3)}, obstacles=[box(15, 8, 16, 9)])
     place = building([low, HIGH], [STAIR])
