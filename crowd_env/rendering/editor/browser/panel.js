@@ -56,7 +56,7 @@ function showProblems(editor) {
     const points = [...text.matchAll(POINT)].map(([, x, y]) => [Number(x), Number(y)]);
     return element("li", {}, [button(text, () => editor.showPlaces(points), { className: "problem" })]);
   });
-  const facts = shown.floor ? `${shown.area.toFixed(1)} m² of floor, ${shown.count || 0} people, room for about ${shown.capacity}` : "";
+  const facts = shown.floor ? `${shown.area.toFixed(1)} m² of floor, people: ${shown.count || 0}, room for about ${shown.capacity}` : "";
   const fine = problems.length || !shown.floor ? [] : [element("p", { className: "good", textContent: "Nothing stands in the way of a run." })];
   byId("problems").replaceChildren(
     element("h2", { textContent: problems.length ? `To be looked at (${problems.length})` : "Ready" }),
