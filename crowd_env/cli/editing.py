@@ -251,13 +251,13 @@ class Editor:
             words = f"{self.path.name} has changed since this page has read it; the next time it is kept aside"
             return {"failed": f"{words} and written", "revision": now}
         before, comments, head = self.project
-        if now not in ("", self._ours) and self.path.read_text(encoding="utf-8") != self._text():
-            keep_aside(self.path)
+        foreign = now not in ("", self._ours) and self.path.read_text(encoding="utf-8") != self._text()
+        kept = keep_aside(self.path).name if foreign else ""
         same = {name: text for name, text in comments.items() if _at(before, name) == _at(content, name)}
         self.project = Project(content, same, head)
         write_text(self.path, self._text())
         self._ours = self.revision
-        return {"saved": str(self.path), "revision": self._ours}
+        return {"saved": str(self.path), "revision": self._ours, "kept": kept}
 
 
 def _at(content: Any, name: str) -> Any:

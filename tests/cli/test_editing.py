@@ -137,8 +137,9 @@ def test_what_was_written_by_hand_is_kept(project):
     for k in range(2):  # two sessions
         editor = Editor(project_in(project.read_text()), project)
         content = {"geometry": {"file": "office.dxf"}, "population": {"people": 4 + k}}
-        editor.answer("save", {"content": content, "revision": editor.revision})
-        editor.answer("save", {"content": content, "revision": editor.revision})
+        for again in (False, True):
+            answer = editor.answer("save", {"content": content, "revision": editor.revision})
+            assert answer["kept"] == ("office.toml~" if not k and not again else "")
     assert project.with_name("office.toml~").read_text() == hand and not project.with_name("office.toml~2").exists()
     assert (
         project.read_text().startswith("# ours\n\n[geometry]") and 'file = "office.dxf" # of May' in project.read_text()
@@ -181,8 +182,9 @@ def test_people_who_are_locked_in_are_a_problem(project):
 def test_save_keeps_a_project_that_was_there(project):
     project.write_text("# hand notes\n")
     line = f"plan {project.with_suffix('.dxf')} --layers walkable=A-AREA --save {project} --out {project.with_suffix('.png')}"
-    for _ in range(2):
-        assert call(line).exit_code == 0
+    said = [call(line) for _ in range(2)]
+    assert [one.exit_code for one in said] == [0, 0]
+    assert [f"it is kept as {project}~" in " ".join(one.stderr.split()) for one in said] == [True, False]
     assert project.with_name("office.toml~").read_text() == "# hand notes\n"
     assert not project.with_name("office.toml~2").exists()
 
