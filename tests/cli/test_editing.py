@@ -13,7 +13,7 @@ from commands import call
 from late import late
 from office_drawing import AREA, EXIT, LAYERS, draw_office
 from repository import ROOT
-from shapely.geometry import Polygon
+from shapely.geometry import Polygon, box, mapping
 
 from crowd_env import make_scenario
 from crowd_env.cli.editing import Editor, Server, look
@@ -83,6 +83,21 @@ def test_what_is_wrong_is_shown_beside_the_floor(project, change, words):
     found = look(OFFICE | change, project)
     assert words in found["error"] and str(project.parent) not in found["error"]
     assert found["area"] == pytest.approx(AREA)
+
+
+@pytest.mark.parametrize(
+    ("size", "levels", "words"),
+    [(6, ["0", "1"], "it has 2 levels (0, 1), and people walk on one"), (60000, ["0"], "taken as meters")],
+)
+def test_a_list_of_the_page_is_named_and_no_option(tmp_path, size, levels, words):
+    rooms = [
+        {"type": "Feature", "properties": {"kind": "room", "level": level}, "geometry": mapping(box(0, 0, size, size))}
+        for level in levels
+    ]
+    (tmp_path / "house.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": rooms}))
+    found = look({"geometry": {"file": "house.geojson"}}, tmp_path / "house.toml", layers=True)
+    assert words in found["error"] and found["error"].endswith("choose under “The drawing and its layers”")
+    assert not any(word in found["error"] for word in ("unit m", "Python", "house.geojson:"))
 
 
 def test_an_area_in_parts_is_drawn_whole():

@@ -189,7 +189,7 @@ def test_units(unit, factor, tmp_path):
 def test_what_comes_first_is_the_unit_not_the_crowd(tmp_path):
     shape = shapely.affinity.scale(ROOM, 1000, 1000, origin=(0, 0))
     with pytest.raises(
-        ValueError, match=r"6000 m x 5000 m and an exit 1000 m wide: is it in mm or cm\? Then say --unit mm"
+        ValueError, match=r"6000 m x 5000 m and an exit 1000 m wide: is it in mm or cm\? .*; --unit mm if"
     ):
         make_scenario(written(tmp_path / "a.wkt", shape), exits=["6000,2000,6000,3000"], people=400_000)
 

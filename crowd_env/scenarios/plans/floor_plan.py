@@ -14,7 +14,7 @@ from crowd_env.geometry.parsing import Area
 
 
 class RoleError(ValueError):
-    """A drawing lacks something that its layers may give.
+    """A drawing lacks something that its layers, a level or a unit give.
 
     Parameters
     ----------

@@ -240,8 +240,8 @@ def _at_level(drawing: Drawing, path: Path, level: str | None) -> Drawing:
         return drawing.levels[level]
     if len(drawing.levels) > 1:
         first = next(iter(drawing.levels))
-        choose = f"choose one, such as {path.name}:{first}, or level={first!r} in Python"
-        raise ValueError(f"it has {len(drawing.levels)} levels ({names}), and people walk on one: {choose}")
+        lacks = f"it has {len(drawing.levels)} levels ({names}), and people walk on one"
+        raise RoleError(lacks, f"choose one, such as {path.name}:{first}, or level={first!r} in Python")
     return drawing
 
 
