@@ -75,7 +75,7 @@ function drawZones(context, zones, view, theme, floor) {
   context.lineWidth = 1;
   context.font = `12px ${theme.font}`;
   context.textAlign = "center";
-  context.textBaseline = "bottom";
+  context.textBaseline = "middle";
   context.fillStyle = context.strokeStyle = theme.zone;
   for (const { name, rings } of zones) {
     const area = ringsPath(rings, view);
@@ -84,9 +84,11 @@ function drawZones(context, zones, view, theme, floor) {
     context.globalAlpha = 0.75;
     context.stroke(area);
     const [x, y] = [0, 1].map((axis) => rings[0].map((point) => point[axis]));
-    const middle = view.px((Math.min(...x) + Math.max(...x)) / 2);
+    const [[left, right], [low, high]] = [x, y].map((all) => [Math.min(...all), Math.max(...all)]);
     context.globalAlpha = 1;
-    context.fillText(name, middle, view.py(Math.min(...y)) - 4);
+    if (context.measureText(name).width < view.scale * (right - left)) {
+      context.fillText(name, view.px((left + right) / 2), view.py((low + high) / 2));
+    }
   }
   context.restore();
 }
