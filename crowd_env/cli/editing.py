@@ -39,7 +39,7 @@ from crowd_env.scenarios.project import Project, project_text
 
 _FINE = 3  # decimals of meters on the page
 _MOST_POINTS = 400_000  # of layers on the page
-_ROLES = "choose what each draws under “The drawing and its layers”"
+_CHOOSE = "choose under “The drawing and its layers”"
 _PEOPLE = 2000  # that are drawn
 _OPTION = re.compile(r"--(?=[a-z])")  # the page has fields for what the options of the command give
 _RUNS = Range(1, 1000)
@@ -99,7 +99,7 @@ def page_alone(content: Plain, path: Path) -> str:
 
 def _plainly(error: object, path: Path, drawing: str | None) -> str:
     """Return a message without the paths of the project and of its drawing, which are known, and for a page."""
-    text = f"{error.lacks}; {_ROLES}" if isinstance(error, RoleError) else _OPTION.sub("", str(error))
+    text = f"{error.lacks}; {_CHOOSE}" if isinstance(error, RoleError) else _OPTION.sub("", str(error))
     for name in (path, path.parent / (drawing or "")):
         text = text.replace(f"{name}: ", "")
     return legible(text)
@@ -251,13 +251,13 @@ class Editor:
             words = f"{self.path.name} has changed since this page has read it; the next time it is kept aside"
             return {"failed": f"{words} and written", "revision": now}
         before, comments, head = self.project
-        if now not in ("", self._ours) and self.path.read_text(encoding="utf-8") != self._text():
-            keep_aside(self.path)
+        foreign = now not in ("", self._ours) and self.path.read_text(encoding="utf-8") != self._text()
+        kept = keep_aside(self.path).name if foreign else ""
         same = {name: text for name, text in comments.items() if _at(before, name) == _at(content, name)}
         self.project = Project(content, same, head)
         write_text(self.path, self._text())
         self._ours = self.revision
-        return {"saved": str(self.path), "revision": self._ours}
+        return {"saved": str(self.path), "revision": self._ours, "kept": kept}
 
 
 def _at(content: Any, name: str) -> Any:

@@ -45,7 +45,7 @@ _EDIT = (
     "Edit a floor plan or a scenario file on a page in the browser: exits, doors, areas, people, runs; --save names the file "
     "that is written, default that of the scenario, or .toml beside the drawing. Ctrl+C ends it."
 )
-_SAVE = "File, .toml, for what was understood of a floor plan: edit it, then run it."
+_SAVE = "File, .toml, for what was understood of a floor plan: edit it, then run it. What was there is kept as FILE~."
 
 
 @app.command()

@@ -106,7 +106,7 @@ def _openings(edges: Floats, name: str, shape: BaseGeometry, area: Area) -> list
                     _say_moved(name, float(np.hypot(*(moved - segment).T).max()))
                     break
             if not pieces:
-                raise ValueError(_off_boundary(name, segment, area))
+                raise ValueError(_off_boundary(edges, name, segment, area))
             found += pieces
     return found
 
@@ -226,7 +226,7 @@ def _overlaps(edges: Floats, name: str, segment: Floats, tolerance: float) -> li
     return [_Opening(int(row), float(low[row]), float(high[row]), name) for row in np.flatnonzero(near)]
 
 
-def _off_boundary(name: str, segment: Floats, area: Area) -> str:
+def _off_boundary(edges: Floats, name: str, segment: Floats, area: Area) -> str:
     samples = segment[0] + np.linspace(0, 1, 101)[:, None] * (segment[1] - segment[0])
     away = shapely.distance(shapely.boundary(area), shapely.points(samples))
     worst = int(np.argmax(away))
@@ -236,9 +236,15 @@ def _off_boundary(name: str, segment: Floats, area: Area) -> str:
             f"{place(segment[1])} the boundary leaves its line, by {away[worst]:.3g} m at {place(samples[worst])}; draw it "
             "in the pieces that the boundary has, or as a polygon"
         )
+    how, then = "is not on", f"a line must lie within {_WALL} m of it"
+    if on := _overlaps(edges, name, segment, _WALL):
+        row, low, high, _ = max(on, key=lambda one: one.high - one.low)
+        (a, b), (length,) = edges[row], tangents(edges[[row]])[1]
+        ends = (place(a + (b - a) * (s / length)) for s in (low, high))
+        how, then = "reaches beyond", f"shorten it to {high - low:.3g} m, from {' to '.join(ends)}"
     return (
-        f"exit {name!r} is not on the boundary of the walkable area: its point {place(samples[worst])} is "
-        f"{away[worst]:.3g} m away from it; a line must lie within {_WALL} m of it (or give the exit as a polygon)"
+        f"exit {name!r} {how} the boundary of the walkable area: its point {place(samples[worst])} is "
+        f"{away[worst]:.3g} m away from it; {then} (or give the exit as a polygon)"
     )
 
 

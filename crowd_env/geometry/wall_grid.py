@@ -76,11 +76,16 @@ def _grid_of(wall: Floats, row: Ints, reach: float | None) -> tuple[Floats, floa
     low, high = wall.min(axis=(0, 1)) - reach, wall.max(axis=(0, 1)) + reach  # people walk beyond the last wall too
     size = max(CELL, float(np.sqrt(np.prod(high - low) / _MOST_CELLS)))
     columns, rows = (np.floor((high - low) / size).astype(int) + 1).tolist()
-    left, bottom = np.meshgrid(low[0] + size * np.arange(columns), low[1] + size * np.arange(rows))
-    cells = shapely.box(left.ravel(), bottom.ravel(), left.ravel() + size, bottom.ravel() + size)
+    close = np.zeros((rows, columns), dtype=bool)  # only these can be within reach: in a large place they are few
+    around = (wall.min(axis=1) - reach - low) / size - 1.0, (wall.max(axis=1) + reach - low) / size + 2.0
+    for (j, i), (last_j, last_i) in np.maximum(around, 0.0).astype(int).transpose(1, 0, 2).tolist():
+        close[i:last_i, j:last_j] = True
+    bottom, left = low[1] + size * np.nonzero(close)[0], low[0] + size * np.nonzero(close)[1]
+    cells = shapely.box(left, bottom, left + size, bottom + size)
     cell, near = shapely.STRtree(shapely.linestrings(wall)).query(cells, predicate="dwithin", distance=reach)
     order = np.lexsort((near, cell))
-    return low, size, (rows, columns), np.bincount(cell, minlength=len(cells)), row[near[order]]
+    cell = np.flatnonzero(close)[cell]
+    return low, size, (rows, columns), np.bincount(cell, minlength=close.size), row[near[order]]
 
 
 def pairs_within(points: Floats, distance: float) -> tuple[Ints, Ints]:

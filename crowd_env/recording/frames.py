@@ -84,8 +84,9 @@ class FrameSampler:
         fixed = geometry.door_of_wall < 0
         leaves = zip(geometry.door_of_wall[~fixed], geometry.walls[~fixed], strict=True)
         outline = env.simulation.outline
+        zones = {zone.region: geometry.regions[zone.region].wkt for zone in scenario.zones}
         return {
-            "facts": {**facts, "finished": False, **_of_building(geometry)},
+            "facts": {**facts, "finished": False, **_of_building(geometry), "zones": zones},
             "walkable": geometry.walkable.wkt,
             "thin_walls": geometry.walls[geometry.two_sided & fixed].copy(),
             "doors": tuple((geometry.doors[k], line.copy()) for k, line in leaves),

@@ -11,6 +11,8 @@ from crowd_env.recording import Recording
 _NAMED = ("scheme", "strategy", *IN_WORDS, "seed")
 _UNSAID = {None, "", "none"}.union(*(behavior.unsaid for behavior in IN_WORDS.values()))
 
+_DRAWN = ("building", "zones")  # facts that pictures show
+
 
 def _short(name: str, value: Any) -> str:
     """Return a fact in a few words; a table of parameters is only named."""
@@ -73,6 +75,8 @@ def fact_rows(recording: Recording) -> list[list[str]]:
             rows.append([name, _text(value)])
 
     for name, value in recording.facts.items():
+        if name in _DRAWN:
+            continue
         add(str(name).replace("_", " "), value)
     return rows
 

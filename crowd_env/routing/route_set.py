@@ -103,26 +103,28 @@ class RoutePlan:
             if rule.route not in wanted:
                 wanted[rule.route] = Route(rule.route, (rule.route,))
         first_half: list[RouteField] = []
-        second_half: list[RouteField] = []  # of routes that lead via a region; they come last
+        second_half: list[RouteField] = []  # of routes that lead via regions; they come last
         for route in wanted.values():
-            if route.via is None:
-                first_half.append(self._field(route.name, route, closed))
-            else:
-                goal, following = list(self.geometry.regions).index(route.via), len(wanted) + len(second_half)
-                first_half.append(self._field(route.name, route, closed, goal, following))
-                second_half.append(self._field(f"{route.name}/then", route, closed))
+            goals, half, name = [*map(list(self.geometry.regions).index, route.stops)], first_half, route.name
+            for goal in goals:
+                following = len(wanted) + len(second_half) + (half is second_half)
+                half.append(self._field(name, route, closed, goal, following))
+                half, name = second_half, f"{name}/then"
+            half.append(self._field(name, route, closed))
         made = [*first_half, *second_half]
-        made = [_with_time_to_exit(route, made) for route in made]
         if self.rules:
             made = [_with_regions(route, self.geometry) for route in made]
-            made = [_with_regions_beyond(route, made, self.geometry) for route in made]
+        for k in range(len(made) - 1, -1, -1):  # what follows comes later
+            made[k] = _with_time_to_exit(made[k], made)
+            if self.rules:
+                made[k] = _with_regions_beyond(made[k], made, self.geometry)
         return RouteSet(self, tuple(made))
 
     def _field(
         self, name: str, route: Route, closed: frozenset[str], goal: int = -1, following: int = -1
     ) -> RouteField:
         """Return a route, or the half of it that leads to its region ``goal``."""
-        via = route.via if goal >= 0 else None
+        via = list(self.geometry.regions)[goal] if goal >= 0 else None
         exits = route.exits or None if via is None else None
         doors = zip(self.geometry.doors, self.geometry.exits_of_door, strict=True)
         # A route to closed exits alone stays as it is: people that choose it wait there.
@@ -261,8 +263,8 @@ def _check_routes(plan: RoutePlan) -> None:
         taken.add(route.name)
         for name in route.exits:
             known("exit", name, exits, f"route {route.name!r} names an ")
-        if route.via is not None:
-            known("region", route.via, regions, f"route {route.name!r} names an ")
+        for name in route.stops:
+            known("region", name, regions, f"route {route.name!r} names an ")
     for zone in plan.zones:
         known("region", zone.region, regions, "speed zone names an ")
     for rule in plan.rules:
@@ -302,10 +304,10 @@ def _with_regions(route: RouteField, geometry: Geometry) -> RouteField:
 
 
 def _with_time_to_exit(route: RouteField, routes: Sequence[RouteField]) -> RouteField:
-    """Add to a route via a region the travel time to the exit: to the region, and from where one comes to it."""
+    """Add to a route via regions the travel time to the exit: to the first, and from where one comes to it."""
     if route.following < 0:
         return route
-    then, time = routes[route.following].field, route.field.travel_time
+    then, time = routes[route.following].potential, route.field.travel_time
     on_from = then.travel_time_near(route.field.nodes())
     on_from[np.isnan(on_from)] = np.nanmax(then.travel_time)  # where closed doors lock people in
     to_exit = replace(route.field, travel_time=time + carried_along(time, on_from), behind=then.behind)

@@ -17,12 +17,12 @@ class Route:
     """name by which rules, cohorts and controllers refer to the route."""
     exits: tuple[str, ...] = ()
     """names of the exits that the route may lead to, the best of which is taken; all exits by default."""
-    via: str | None = None
-    """name of the region that the route leads to first; none by default."""
+    via: str | tuple[str, ...] | None = None
+    """name of the region that the route leads to first, or of several in turn; none by default."""
     strategy: OfRoutes = "shortest"
     """what counts on the route: "shortest", "fastest" or "comfortable"."""
     until: NotNegative = field(default=0.0, metadata={UNSAID: 0.0})
-    """s, the time until which people wait in ``via``; a `Population.wait` may hold them for longer."""
+    """s, the time until which people wait in ``via``, its first region; a `Population.wait` may hold them for longer."""
 
     def __post_init__(self) -> None:
         check_fields(f"route {shown(self.name)}", self)
@@ -30,6 +30,11 @@ class Route:
             raise ValueError("a route needs a name")
         if self.until and self.via is None:
             raise ValueError(f"route {self.name!r}: until is a time to wait in a region; give via too")
+
+    @property
+    def stops(self) -> tuple[str, ...]:
+        """Names of the regions that the route leads to, in turn."""
+        return (self.via,) if isinstance(self.via, str) else self.via or ()
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,10 @@ from crowd_env.core.checks import Plain, at, counted, known, refuse, table, text
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import SLIVER, Area, read_area, read_exits
 from crowd_env.geometry.placement import lattice
+from crowd_env.routing.speed_map import SpeedZone
 from crowd_env.scenarios.arrivals import Arrivals
 from crowd_env.scenarios.cohorts import People, as_people, people_of
-from crowd_env.scenarios.plans.floor_plan import FloorPlan, listed
+from crowd_env.scenarios.plans.floor_plan import FloorPlan, Start, listed
 from crowd_env.scenarios.plans.reading import is_name, read_plan
 from crowd_env.scenarios.population import Population
 from crowd_env.scenarios.scenario import Scenario
@@ -116,7 +117,11 @@ def scenario_on(
         )
         geometry = geometry.with_regions(_reached(geometry, plan))
         limit = 1.0 if time_limit is None else time_limit
-        given = {"name": plan.name, "title": plan.title, **options}
+        zones = tuple(SpeedZone(one, factor=by) for one, by in plan.speeds.items() if one in geometry.regions)
+        taken = {part.route for part in population.parts}
+        routes = {way.name: way for start in plan.starts.values() if (way := start.route) and way.name in taken}
+        drawn = {"zones": zones, "routes": tuple(routes.values())}
+        given = {"name": plan.name, "title": plan.title, **drawn, **options}
         place = Scenario(**given, geometry=geometry, population=population, time_limit=limit)
         note_cut_starts(place)
         return place.with_enough_time() if time_limit is None else place
@@ -166,13 +171,17 @@ def with_own(
     return replace(
         plan,
         regions=rest | {name: read_area(shape, f"region {name!r}") for name, shape in own.items()},
-        starts={renamed.get(name, name): start for name, start in plan.starts.items()},
+        starts={
+            renamed.get(name, name): start._replace(via=tuple(renamed.get(one, one) for one in start.via))
+            for name, start in plan.starts.items()
+        },
+        speeds={renamed.get(name, name): factor for name, factor in plan.speeds.items()},
     )
 
 
 def _taken(key: str, own: Mapping[str, Any], drawn: Mapping[str, Any], plan: FloorPlan) -> dict[str, Any]:
     """Return shapes, with the shapes of the plan for their names."""
-    names = {name: shape for name, shape in own.items() if is_name(shape)}
+    names = {name: shape for name, shape in own.items() if is_name(shape, drawn)}
     for name, shape in names.items():
         if shape not in drawn:
             there = f"its {key} are {listed(drawn, most=12)}" if drawn else f"it has no {key}"
@@ -222,7 +231,7 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
     coming = {name: start for name, start in plan.starts.items() if come and start.arrivals}
     late = [
         Population(
-            **{"exits": start.exits, **fields, "start_region": name},
+            **{**_goal(start), **fields, "start_region": name},
             people=sum(many for _, many in start.arrivals),
             arrivals=Arrivals(timetable=tuple(start.arrivals)),
         )
@@ -254,10 +263,14 @@ def people_on(plan: FloorPlan, people: int | None = None, **fields: Any) -> Peop
                 close = f"{PEOPLE} people would stand closer than {_CROWDED:g} a m2"
                 wanted = f"the file says {sum(said.values())} people" if said else close
                 warnings.warn(f"{wanted}; {usual} start in the start areas of the plan, --people decides", stacklevel=2)
-    goals = {name: {} if fields.get("route") else {"exits": plan.starts[name].exits} for name in shares}
+    goals = {name: {} if fields.get("route") else _goal(plan.starts[name]) for name in shares}
     parts = [Population(**{**goals[name], **fields, "people": n, "start_region": name}) for name, n in shares.items()]
     there = people_of(parts).changed(people=usual if people is None else people)
     return people_of([*there.parts, *late])
+
+
+def _goal(start: Start) -> Plain:
+    return {"exits": start.exits} if start.route is None else {"route": start.route.name}
 
 
 def _room(plan: FloorPlan, radius: float, beside: bool) -> dict[str, int]:

@@ -60,6 +60,7 @@ def project_of(
                 "people": one.people,
                 "start_region": one.start_region,
                 "exits": list(one.exits) or None,
+                "route": one.route,
                 "arrivals": None
                 if one.arrivals is None
                 else {"timetable": [list(group) for group in one.arrivals.timetable]},
@@ -76,7 +77,11 @@ def project_of(
         comments |= {f"geometry.{group}.{name}": _about(shape) + layers.get(name, "") for name, shape in table.items()}
     said = f"{plan.title} as it was understood; crowd-env plan {path.name} draws it, docs/scenarios.md lists all keys"
     none = () if plan.exits else ("no exits yet: under [geometry.exits], name = line on the edge, [[2, 8], [3, 8]]",)
-    return Project({**others, "geometry": geometry, **crowd}, comments, (said, *plan.notes, *none))
+    zones = [{"region": name, "factor": factor} for name, factor in plan.speeds.items()]
+    ways = {way.name: way for start in plan.starts.values() if (way := start.route)}
+    routes = [{"name": name, "exits": list(way.exits), "via": list(way.stops)} for name, way in ways.items()]
+    content = {**others, "geometry": geometry, **crowd, "zones": zones, "routes": routes}
+    return Project({key: one for key, one in content.items() if one}, comments, (said, *plan.notes, *none))
 
 
 def _given(table: Plain) -> Plain:

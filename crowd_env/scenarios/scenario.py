@@ -325,7 +325,7 @@ class Scenario:
         stay, spot, taken = np.concatenate([*lengths]), np.full((len(routes), 2), np.nan), np.array(routes)
         for route in halts:
             here = np.flatnonzero(taken == route.name)
-            spots = lattice(self.geometry, self.room * self.population.radius.high, route.via)
+            spots = lattice(self.geometry, self.room * self.population.radius.high, route.stops[0])
             if len(spots):
                 spot[here] = spots[rng.permutation(len(spots))[np.arange(len(here)) % len(spots)]]
         return stay, spot

@@ -13,7 +13,7 @@ from commands import call
 from late import late
 from office_drawing import AREA, EXIT, LAYERS, draw_office
 from repository import ROOT
-from shapely.geometry import Polygon
+from shapely.geometry import Polygon, box, mapping
 
 from crowd_env import make_scenario
 from crowd_env.cli.editing import Editor, Server, look
@@ -85,6 +85,21 @@ def test_what_is_wrong_is_shown_beside_the_floor(project, change, words):
     assert found["area"] == pytest.approx(AREA)
 
 
+@pytest.mark.parametrize(
+    ("size", "levels", "words"),
+    [(6, ["0", "1"], "it has 2 levels (0, 1), and people walk on one"), (60000, ["0"], "taken as meters")],
+)
+def test_a_list_of_the_page_is_named_and_no_option(tmp_path, size, levels, words):
+    rooms = [
+        {"type": "Feature", "properties": {"kind": "room", "level": level}, "geometry": mapping(box(0, 0, size, size))}
+        for level in levels
+    ]
+    (tmp_path / "house.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": rooms}))
+    found = look({"geometry": {"file": "house.geojson"}}, tmp_path / "house.toml", layers=True)
+    assert words in found["error"] and found["error"].endswith("choose under “The drawing and its layers”")
+    assert not any(word in found["error"] for word in ("unit m", "Python", "house.geojson:"))
+
+
 def test_an_area_in_parts_is_drawn_whole():
     found = look({"geometry": {"file": "office.dxf"}, "population": {"people": 5}}, ROOT / "examples" / "office.toml")
     for rings in (found["regions"]["offices"], found["drawn"]["regions"]["offices"]):  # ten rooms
@@ -137,8 +152,9 @@ def test_what_was_written_by_hand_is_kept(project):
     for k in range(2):  # two sessions
         editor = Editor(project_in(project.read_text()), project)
         content = {"geometry": {"file": "office.dxf"}, "population": {"people": 4 + k}}
-        editor.answer("save", {"content": content, "revision": editor.revision})
-        editor.answer("save", {"content": content, "revision": editor.revision})
+        for again in (False, True):
+            answer = editor.answer("save", {"content": content, "revision": editor.revision})
+            assert answer["kept"] == ("office.toml~" if not k and not again else "")
     assert project.with_name("office.toml~").read_text() == hand and not project.with_name("office.toml~2").exists()
     assert (
         project.read_text().startswith("# ours\n\n[geometry]") and 'file = "office.dxf" # of May' in project.read_text()
@@ -181,8 +197,9 @@ def test_people_who_are_locked_in_are_a_problem(project):
 def test_save_keeps_a_project_that_was_there(project):
     project.write_text("# hand notes\n")
     line = f"plan {project.with_suffix('.dxf')} --layers walkable=A-AREA --save {project} --out {project.with_suffix('.png')}"
-    for _ in range(2):
-        assert call(line).exit_code == 0
+    said = [call(line) for _ in range(2)]
+    assert [one.exit_code for one in said] == [0, 0]
+    assert [f"it is kept as {project}~" in " ".join(one.stderr.split()) for one in said] == [True, False]
     assert project.with_name("office.toml~").read_text() == "# hand notes\n"
     assert not project.with_name("office.toml~2").exists()
 

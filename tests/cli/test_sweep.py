@@ -118,7 +118,7 @@ def test_a_wider_exit_keeps_all_else(place):
         ("moon=x2", "unknown number of people 'moon'; known: people, radius"),
         ("people=many", "people=many: 'many' is no number"),
         ("cohorts.guests.people=3", "key 'cohorts.guests.people' cannot be set: there is no 'guests'"),
-        ("exit_width=30", "an exit of this width leaves its wall: exit 'out' is not on the boundary"),
+        ("exit_width=30", "an exit of this width leaves its wall: exit 'out' reaches beyond the boundary"),
         ("geometry.layers=1,2", "geometry: layers tells how a drawing is read, and there is no file"),
         ("geometry.unit=m,cm", "geometry: unit tells how a drawing is read"),
         ("exit_width=-1,2", "exit_width is -1"),

@@ -278,8 +278,9 @@ NAN = float("nan")
         ),
         (
             lambda: from_polygon(ROOM, exits={"a": [[5, 4], [5, 6]]}),
-            r"exit 'a' is not on the boundary.*\(5, 6\) is 1 m",
+            r"exit 'a' reaches beyond the boundary .*\(5, 6\) is 1 m away.*shorten it to 1 m, from \(5, 4\) to \(5, 5\)",
         ),
+        (lambda: from_polygon(ROOM, exits={"a": [[5.1, 6], [5.1, 4]]}), r"beyond.* to 1 m, from \(5, 4\) to \(5, 5\)"),
         (lambda: from_polygon(ROOM, exits={"a": [[4.6, 2], [4.6, 3]]}), r"exit 'a' .*0.4 m away.*within 0.3 m"),
         (lambda: from_polygon(ROOM, exits={"a": [[5, 2], [5, 2]]}), r"exit 'a' at \(5, 2\) has length 0 m"),
         (lambda: from_polygon(ROOM, exits={"a": [[5, 2], [5, NAN]]}), "exit 'a' has a coordinate that is not finite"),

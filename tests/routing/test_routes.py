@@ -15,6 +15,7 @@ from navigation_plans import RADIUS, exit_targets, shortest
 from shapely.geometry import LineString, Point, box
 
 from crowd_env.core.kernels.jit import kernel
+from crowd_env.envs.crowd import CrowdEnv
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields.field import join_fields, travel_time_field
 from crowd_env.routing.fields.lookup import direction_at, travel_time_at
@@ -207,6 +208,27 @@ def test_a_route_via_a_region_has_two_halves():
     assert time_at(route_set, "detour/then", 8.0, 2.0) == pytest.approx(8.0, abs=1e-6)
 
 
+def test_a_route_leads_to_its_regions_in_turn():
+    place = hall(regions={"bay": box(8, 3, 9, 4), "nook": box(2, 3, 3, 4)})
+    route_set = RoutePlan(place, RADIUS, routes=[Route("round", ("west",), via=("bay", "nook"))]).build()
+    first = route_set.routes[route_set.number("round")]
+    second = route_set.routes[first.following]
+    last = route_set.routes[second.following]
+    assert (first.goal, second.goal, last.goal, last.following) == (0, 1, -1, -1)
+    at = np.array([[5.0, 3.5]])
+    on_foot = 3.0 + 5.0 + 3.0  # to the bay, back to the nook, and out
+    assert first.potential.travel_time_for(at, 0.0)[0] == pytest.approx(on_foot, rel=0.03)
+    people = Population(1, starts=[(5.0, 3.5)], route="round")
+    routes = (Route("round", ("west",), via=["bay", "nook"]),)
+    env = CrowdEnv(Scenario("round", place, people, 60.0, routes=routes))
+    env.reset(seed=0)
+    seen = []
+    while not env.finished.all():
+        env.step(None)
+        seen += [name for name in place.regions if place.contains(env.simulation.state.position, name)[0]]
+    assert list(dict.fromkeys(seen)) == ["bay", "nook"] and np.isfinite(env.simulation.state.exit_time[0])
+
+
 def test_nearest_is_the_exit_of_the_shortest_way_not_of_the_shortest_line():
     # The west exit is behind a wall that reaches up to y = 3.2, which makes the way longer than the line.
     geometry = Geometry.from_polygon(
@@ -296,6 +318,7 @@ def test_regions_on_the_way_are_those_that_the_path_walks_through():
     [
         ({"routes": [Route("a", ("north",))]}, "route 'a' names an unknown exit 'north'; known: west, east"),
         ({"routes": [Route("a", via="hall")]}, "route 'a' names an unknown region 'hall'; known: bay"),
+        ({"routes": [Route("a", via=("bay", "hall"))]}, "route 'a' names an unknown region 'hall'; known: bay"),
         ({"routes": [Route("a"), Route("a")]}, "route 'a': the name is taken or holds a '/'; take another"),
         ({"routes": [Route("out")]}, "route 'out': the name is taken"),
         ({"routes": [Route("a/b")]}, "route 'a/b': the name is taken or holds a '/'"),

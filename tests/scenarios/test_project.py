@@ -101,6 +101,15 @@ def test_a_drawing_that_changes_keeps_its_project(tmp_path):
     assert place.geometry.area == pytest.approx(12 * 9 - 1) and place.exits == ("main", "side")
 
 
+def test_names_of_a_drawing_may_look_like_shapes(tmp_path):
+    """They were taken for well-known text in the project that the command had written."""
+    path = drawing(tmp_path, **{"side, (A)": ("exit", box(0, 3, 0.1, 5)), "desk (B)": ("region", box(8, 1, 9, 2))})
+    saved = tmp_path / "saved.toml"
+    assert call(f"plan {path} --save {saved} --out {tmp_path / 'plan.png'}").exit_code == 0
+    place = make_scenario(saved)
+    assert "side, (A)" in place.exits and "desk (B)" in place.geometry.regions
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

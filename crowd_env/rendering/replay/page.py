@@ -205,6 +205,11 @@ def plain_plan(recording: Recording) -> tuple[Plain, Floats]:
         "thin_walls": [plain(wall) for wall in recording.thin_walls],
         "doors": [plain(leaf) for _, leaf in recording.doors],
         "exits": [{"name": name, "ends": plain(segment)} for name, segment in recording.exits],
+        "zones": [
+            {"name": name, "rings": [plain(ring) for ring in (*shells_of(zone), *holes_of(zone))]}
+            for name, text in recording.facts.get("zones", {}).items()
+            for zone in (from_wkt(text, f"zone {name!r} of the recording"),)
+        ],
     }
     return plan, origin
 

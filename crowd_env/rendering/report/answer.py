@@ -32,15 +32,17 @@ def answer(runs: Sequence[Runs]) -> Plain:
 
 def _sentence(one: Runs) -> str:
     figures = one.figures
-    people = people_words(figures["came"]["mean"] if "came" in figures else figures["people"])
+    mean = figures["came"]["mean"] if "came" in figures else figures["people"]
     ended, every = figures["runs"] - figures["unfinished_runs"], figures["runs"]
     last = figures["evacuation_time"]
     if not ended:
-        return f"In none of {counted(every, 'run', 'runs')} did all of the {people} get out."
+        return f"In none of {counted(every, 'run', 'runs')} did all get out."
     bounds = interval(last, digits=1)
     sure = f", 95 % interval {bounds} s" if bounds else ""
     of = f"of the {ended} of {every} runs in which all got out" if ended < every else f"of {every} runs"
-    text = f"{people} are out after {number(last['mean'], 's', 1)}" + (f" (mean {of}{sure})." if every > 1 else ".")
+    text = f"{people_words(mean)} {'is' if mean == 1 else 'are'} out after {number(last['mean'], 's', 1)}" + (
+        f" (mean {of}{sure})." if every > 1 else "."
+    )
     return (
         f"In {figures['unfinished_runs']} of {every} runs people are left inside. Else {text}"
         if ended < every

@@ -7,7 +7,7 @@ import datetime
 from collections.abc import Sequence
 from pathlib import Path
 
-from crowd_env.analysis.figures import PEAK, recorded_flow
+from crowd_env.analysis.figures import PEAK, people_words, recorded_flow
 from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.rendering.pages import filled
 from crowd_env.rendering.report.assumptions import assumptions
@@ -55,9 +55,9 @@ def write_report(
 
 
 def _asked(runs: Sequence[Runs]) -> str:
-    people = dict.fromkeys(f"{'up to ' * ('came' in one.figures)}{one.figures['people']}" for one in runs)
+    people = dict.fromkeys("up to " * ("came" in one.figures) + people_words(one.figures["people"]) for one in runs)
     counts = dict.fromkeys(str(len(one.episodes)) for one in runs)
-    text = f"How long do {' or '.join(people)} people take to leave, and by which exits? "
+    text = f"How long does it take {' or '.join(people)} to leave, and by which exits? "
     text += f"{' or '.join(counts)} simulated {'evacuation' if set(counts) == {'1'} else 'evacuations'}"
     return text + (
         f" of each of {len(runs)}, compared: {'; '.join(one.name for one in runs)}." if len(runs) > 1 else "."

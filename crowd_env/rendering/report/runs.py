@@ -79,7 +79,8 @@ def _remarks(one: Runs) -> Iterator[str]:
         )
     if figures["unfinished_runs"]:
         yield (
-            f"in {figures['unfinished_runs']} of {finished} runs people were left inside, {figures['unfinished']} in all: "
+            f"in {figures['unfinished_runs']} of {counted(finished, 'run', 'runs')} people were left inside, "
+            f"{figures['unfinished']} in all: "
             "mean exit times, flows and shares of the exits are of those who got out, and times so found are too short"
         )
     if version != __version__:
@@ -92,7 +93,7 @@ def _remarks(one: Runs) -> Iterator[str]:
     if figures["escaped"]:
         yield "people were found outside of the plan: its figures are void"
     if figures["unconverged_steps"]:
-        yield f"the contact solver ended above its tolerance in {figures['unconverged_steps']} steps"
+        yield f"the contact solver ended above its tolerance in {counted(figures['unconverged_steps'], 'step', 'steps')}"
 
 
 def _load(folder: Path, place_of: PlaceOf) -> Runs:

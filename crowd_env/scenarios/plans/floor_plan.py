@@ -11,10 +11,11 @@ from shapely.geometry.base import BaseGeometry
 
 from crowd_env.core.files.atomic import legible
 from crowd_env.geometry.parsing import Area
+from crowd_env.routing.spec import Route
 
 
 class RoleError(ValueError):
-    """A drawing lacks something that its layers may give.
+    """A drawing lacks something that its layers, a level or a unit give.
 
     Parameters
     ----------
@@ -53,6 +54,12 @@ class Start(NamedTuple):
     arrivals: Sequence[
         tuple[float, int]
     ] = ()  # (time [s], people) of groups that come; all are there at the start without
+    via: tuple[str, ...] = ()  # regions that they walk to before, in turn
+
+    @property
+    def route(self) -> Route | None:
+        """Their route, if it leads to regions."""
+        return Route(" then ".join((*self.via, *self.exits)), self.exits, self.via) if self.via else None
 
 
 @dataclass
@@ -84,6 +91,7 @@ class Drawing:
     closing : exits of the file that others have replaced: they close the openings of walls all the same.
     regions : name -> area.
     starts : name of a region in which people start -> these people, as far as the file knows them.
+    speeds : name of a region, such as stairs -> factor of the speed there.
     unit : the file's, as a word for messages, if it names one.
     meters : how many meters that unit is, if it is known.
     on_ground : whether the coordinates are meters for sure, projected from degrees.
@@ -102,6 +110,7 @@ class Drawing:
     closing: list[BaseGeometry] = field(default_factory=list)
     regions: dict[str, BaseGeometry] = field(default_factory=dict)
     starts: dict[str, Start] = field(default_factory=dict)
+    speeds: dict[str, float] = field(default_factory=dict)
     unit: str | None = None
     meters: float | None = None
     on_ground: bool = False
@@ -146,6 +155,7 @@ class FloorPlan:
     exits : name -> line on the edge of the walkable area, or area that people walk into [m].
     regions : name -> area [m].
     starts : name of a region in which people start -> these people, as far as the file knows them.
+    speeds : name of a region, such as stairs -> factor of the speed there.
     notes : a sentence on each shape that was dropped, or read in another way than may be meant.
     level : of the file, if one was chosen.
     meters : how many meters a unit of the file was taken for.
@@ -157,6 +167,7 @@ class FloorPlan:
     exits: Mapping[str, BaseGeometry]
     regions: Mapping[str, Area] = field(default_factory=dict)
     starts: Mapping[str, Start] = field(default_factory=dict)
+    speeds: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     level: str | None = None
     meters: float = 1.0

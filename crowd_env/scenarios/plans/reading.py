@@ -3,7 +3,7 @@
 import json
 import os
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -240,8 +240,8 @@ def _at_level(drawing: Drawing, path: Path, level: str | None) -> Drawing:
         return drawing.levels[level]
     if len(drawing.levels) > 1:
         first = next(iter(drawing.levels))
-        choose = f"choose one, such as {path.name}:{first}, or level={first!r} in Python"
-        raise ValueError(f"it has {len(drawing.levels)} levels ({names}), and people walk on one: {choose}")
+        lacks = f"it has {len(drawing.levels)} levels ({names}), and people walk on one"
+        raise RoleError(lacks, f"choose one, such as {path.name}:{first}, or level={first!r} in Python")
     return drawing
 
 
@@ -317,7 +317,7 @@ def _plan(
         floor, drawn_obstacles = (_scaled(shapes, meters, origin) for shapes in (drawing.walkable, drawing.obstacles))
         doors = [replace(door, shape=_scaled([door.shape], meters, origin)[0]) for door in drawing.doors]
         if drawing.walls:
-            shapes = {name: one for name, one in beside.items() if not is_name(one)}
+            shapes = {name: one for name, one in beside.items() if not is_name(one, own)}
             closing = [*own.values(), *_scaled(drawing.closing, meters, origin), *read_exits(shapes).values()]
             openings = [door.shape for door in doors]
             floor, drawn_obstacles = rooms_between(drawing.walls, drawn_obstacles, closing, openings, notes)
@@ -334,18 +334,22 @@ def _plan(
     notes += [str(warning.message) for warning in said if issubclass(warning.category, UserWarning)]
     names = {name: f"{name} (area)" if name in exits else name for name in regions}  # no region has the name of an exit
     starts = {
-        names[name]: start._replace(exits=tuple(one for one in start.exits if one in exits))
+        names[name]: start._replace(
+            exits=tuple(one for one in start.exits if one in exits),
+            via=tuple(names[one] for one in start.via if one in names),
+        )
         for name, start in drawing.starts.items()
         if name in regions
     }
+    speeds = {names[name]: factor for name, factor in drawing.speeds.items() if name in names}
     regions = {names[name]: shape for name, shape in regions.items()}
     layer_of = {names.get(name, name): one for name, one in drawing.layer_of.items() if not (given and name in exits)}
-    return FloorPlan(path, walkable, exits, regions, starts, tuple(notes), meters=meters, layer_of=layer_of)
+    return FloorPlan(path, walkable, exits, regions, starts, speeds, tuple(notes), meters=meters, layer_of=layer_of)
 
 
-def is_name(shape: Any) -> bool:
-    """Return whether what stands for a shape is the name of one in the file."""
-    return isinstance(shape, str) and not set(shape) & set("(,")
+def is_name(shape: Any, drawn: Collection[str]) -> bool:
+    """Return whether what stands for a shape is a name: of one ``drawn`` in the file, or no WKT and no coordinates."""
+    return isinstance(shape, str) and (shape in drawn or not set(shape) & set("(,"))
 
 
 def _judged(drawing: Drawing) -> tuple[float, str]:

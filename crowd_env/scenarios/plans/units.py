@@ -1,6 +1,7 @@
 """The unit of the coordinates of a plan: the user's has priority, the file's counts only if it is plausible."""
 
 from crowd_env.core.checks import known
+from crowd_env.scenarios.plans.floor_plan import RoleError
 
 _METERS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}
 
@@ -58,13 +59,10 @@ def judge_unit(
             return meters, f"taken as {said}, as the file says: the plan is {size}; --unit m if it is in meters"
     seen = f"taken as meters, the plan is {width:.4g} m x {height:.4g} m"
     seen += f" and an exit {widest:.4g} m wide" if widest > _WIDE_EXIT else ""
-    ask = ""
-    if across > _LARGEST or widest > _WIDEST_EXIT:
-        ask = "is it in mm or cm? Then say --unit mm or --unit cm"
-    elif across < _SMALL:
-        ask = "is it in km or degrees? It must be in m, cm, mm, ft or in"
-    if ask:
-        raise ValueError(f"{seen}{file_says}: {ask}; --unit m if it is in meters")
+    huge = across > _LARGEST or widest > _WIDEST_EXIT
+    if huge or across < _SMALL:
+        ask = f"is it in {'mm or cm' if huge else 'km or degrees'}? It must be in m, cm, mm, ft or in"
+        raise RoleError(f"{seen}{file_says}: {ask}", "--unit mm if it is in mm, --unit m if it is in meters")
     if across > _LARGE or widest > _WIDE_EXIT:
         return 1.0, f"{seen}{file_says}: is it in cm? Then say --unit cm; --unit m if it is in meters"
     if file_says:

@@ -1,12 +1,15 @@
 """Scenarios of Vadere (JSON): the bounds without obstacles are walkable; targets are exits, sources are starts."""
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
 import shapely
 from shapely.geometry import Point, Polygon, box
 
 from crowd_env.core.checks import NOT_NEGATIVE, POSITIVE, Plain, number
+from crowd_env.scenarios.buildings import RISERS, TREADS, speed_on_stairs
 from crowd_env.scenarios.plans.floor_plan import Drawing, Start, listed
 
 _MOST_COME = 1000  # people of a source over time; more than these are rarely meant to be simulated one by one
@@ -17,8 +20,9 @@ _MEANS = {
     "normal": "mean",
     "poisson": "numberPedsPerSecond",
 }
+_PACE = 0.63  # m
 _BOX = ("x", "y", "width", "height")
-_LEFT_OUT = ("stairs", "targetChangers", "absorbingAreas", "teleporter")  # changes of the walk, beside targets
+_LEFT_OUT = ("targetChangers", "absorbingAreas", "teleporter")  # changes of the walk, beside targets
 
 
 def is_vadere(content: Any) -> bool:
@@ -28,7 +32,7 @@ def is_vadere(content: Any) -> bool:
 
 
 def read_vadere(content: Plain, meters: float | None) -> Drawing:
-    """Read the topography of a scenario, releases 1 to 4; targets that are no way out are regions."""
+    """Read the topography of a scenario, releases 1 to 4; targets that are no way out are regions, stairs slow ones."""
     places = content["scenario"]["topography"]
     try:
         drawing, late = Drawing(unit="m", meters=1.0), []
@@ -39,8 +43,12 @@ def read_vadere(content: Plain, meters: float | None) -> Drawing:
         for target in targets:
             role = "exit" if _absorbs(target) else "region"
             drawing.add(role, f"target-{target['id']}", _shape(target, f"target {target['id']}"))
+        for k, stairs in enumerate(map(_plain, places.get("stairs", ()))):
+            name = f"stairs-{stairs['id']}"
+            _add_stairs(drawing, name + f"-{k}" * (name in drawing.speeds), stairs)
         for source in sources:
-            name, own = f"source-{source['id']}", Start(_people(source), _way(source, targets)[-1:], _timetable(source))
+            way = _way(source, targets)
+            name, own = f"source-{source['id']}", Start(_people(source), way[-1:], _timetable(source), way[:-1])
             drawing.add("start", name, _shape(source, f"source {source['id']}"), own)
             law, every = _law(source)
             late += [] if _at_once(source) or own.arrivals else [f"{name} ({law or 'no law'})"]
@@ -49,10 +57,6 @@ def read_vadere(content: Plain, meters: float | None) -> Drawing:
         ways = [_way(source, targets) for source in sources if source.get("targetIds")]
         for left_out, what in (
             (not all(ways), "to which targets the people of a source walk; they choose among all exits"),
-            (
-                any(len(way) > 1 for way in ways),
-                "the targets that people of a source walk to before the one that they leave by",
-            ),
             (bool(late), f"when people of {listed(late)} come one after the other; they stand there at the start"),
         ):
             drawing.notes += [f"left out: {what}"] * left_out
@@ -64,6 +68,22 @@ def read_vadere(content: Plain, meters: float | None) -> Drawing:
     if places.get("dynamicElements"):
         drawing.notes.append("left out: people who stand in the scenario (dynamicElements); --starts takes positions")
     return drawing
+
+
+def _add_stairs(drawing: Drawing, name: str, stairs: Plain) -> None:
+    """Add stairs as a region with the speed of the SFPE Handbook, seen from above, both ways.
+
+    The file has no risers; two of them and a tread are a pace (Blondel, Cours d'architecture, 1675).
+    """
+    shape, (x, y) = _shape(stairs, name), _numbers(f"{name}: upwardDirection", stairs["upwardDirection"], "x", "y")
+    deep = np.ptp(shapely.get_coordinates(shape) @ (x, y)) / (math.hypot(x, y) or 1.0)
+    deep /= number(f"{name}: treadCount", stairs["treadCount"], POSITIVE)
+    tread = float(np.clip(deep, TREADS.low, TREADS.high))
+    riser = max(0.5 * (_PACE - tread), RISERS.low)
+    drawing.add("region", name, shape)
+    drawing.speeds[name] = factor = round(speed_on_stairs(riser, tread) * tread / math.hypot(riser, tread), 3)
+    steps = f"treads of {deep:.3f} m, taken with risers of {riser:.3f} m"
+    drawing.notes.append(f"{name}: people walk at {factor:.2f} of their speed, up and down (SFPE): {steps}")
 
 
 def _add_bounds(drawing: Drawing, attributes: Plain) -> None:

@@ -322,7 +322,7 @@ def test_elements_keep_their_ties(browser: Any, server: Server) -> None:
 
 def test_walls_alone_and_an_exit_are_a_plan(browser: Any, server: Server) -> None:
     tab = Tab(browser, server.url)
-    assert "choose what each draws" in tab.page.locator("#problems").inner_text()
+    assert "choose under" in tab.page.locator("#problems").inner_text()
     for layer, role in (("A-WALL", "obstacles"), ("A-AREA", "left_out")):
         tab.page.get_by_label(f"What {layer} is").select_option(role)
         tab.settle()

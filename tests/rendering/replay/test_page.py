@@ -6,9 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 from replayed_pages import Parsed, read_page, walk_out
+from shapely.geometry import box
 
+from crowd_env import CrowdEnv, Geometry, Population, Scenario, SpeedZone
 from crowd_env.core.behaviors.outline import Outline
+from crowd_env.recording import record
 from crowd_env.rendering.palette import pressure_color
 from crowd_env.rendering.replay import write_page
 
@@ -56,6 +60,18 @@ def test_coordinates_of_maps_lose_nothing(tmp_path: Path) -> None:
     (found,) = read_page(write_page(tmp_path / "far.html", far).path)
     order = np.argsort(far.person, kind="stable")
     np.testing.assert_allclose(found["y"], far.position[order, 1] - 5_628_000.0, rtol=0, atol=0.51e-3)
+
+
+def test_zones_of_a_recording_are_on_the_page(tmp_path: Path) -> None:
+    room = Geometry.from_wkt("POLYGON ((0 0, 6 0, 6 4, 0 4, 0 0))", exits={"out": [[6, 1], [6, 3]]})
+    room = room.with_regions({"stairs": box(2, 1, 3, 4), "stage": box(0, 0, 1, 1)})
+    people = Population(people=1, starts=[(5.5, 2)])
+    place = Scenario("room", room, people, 9.0, zones=(SpeedZone("stairs", speed=0.5),))
+    page = write_page(tmp_path / "out.html", record(CrowdEnv([place])))
+    about = Parsed(page.path.read_text("utf-8")).about()["recordings"][0]
+    (zone,) = about["plan"]["zones"]
+    assert zone["name"] == "stairs" and shapely.equals(shapely.Polygon(*zone["rings"]), box(2, 1, 3, 4))
+    assert not any("POLYGON" in value for _, value in about["facts"])
 
 
 def test_the_page_is_well_formed_and_needs_nothing_else(tmp_path: Path) -> None:

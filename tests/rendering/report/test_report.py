@@ -5,6 +5,8 @@ import shutil
 import sys
 import tempfile
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -17,11 +19,12 @@ from crowd_env.cli.report import place_of
 from crowd_env.envs.metrics import t_quantile
 from crowd_env.envs.rollout import run_episodes
 from crowd_env.physics.simulation.simulation import Simulation
-from crowd_env.rendering.report.answer import answer
+from crowd_env.rendering.report.answer import _sentence, answer
 from crowd_env.rendering.report.assumptions import limits_of
 from crowd_env.rendering.report.figures import differences
 from crowd_env.rendering.report.maps import _worst, heat_of, measure
-from crowd_env.rendering.report.runs import load_runs
+from crowd_env.rendering.report.page import _asked
+from crowd_env.rendering.report.runs import Runs, load_runs
 
 pytestmark = pytest.mark.more
 
@@ -56,6 +59,16 @@ def page(folders: Path) -> Path:
     code, _, said = command("report", folders / "nearest", folders / "shortest", "-o", path)
     assert code == 0 and f"report: {path} (" in said
     return path
+
+
+@looped("people", [1, 2])
+def test_one_pedestrian_is_one_person(people: int) -> None:
+    time = {"mean": 9.0, "ci95": (None, None)}
+    figures = {"people": people, "runs": 1, "unfinished_runs": 0, "evacuation_time": time}
+    runs = cast(Runs, SimpleNamespace(figures=figures, episodes=[0]))
+    one = people == 1
+    assert f"does it take {people} {'person' if one else 'people'} to leave" in _asked([runs])
+    assert _sentence(runs) == ("1 person is" if one else "2 people are") + " out after 9.0 s."
 
 
 def test_the_page_needs_nothing_else_and_shows_every_section(page: Path) -> None:

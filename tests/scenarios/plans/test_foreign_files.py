@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import shapely
 from cases import looped
+from commands import call
 from plan_files import EAST, ROOM, feature, geojson, room_drawing
 
-from crowd_env import CrowdEnv, make_scenario
+from crowd_env import CrowdEnv, Route, make_scenario
 from crowd_env.scenarios.floor_plan import people_on
 from crowd_env.scenarios.plans.floor_plan import Start
 from crowd_env.scenarios.plans.reading import is_plan, read_plan
@@ -321,20 +322,54 @@ def test_attributes_of_a_thing_may_lie_in_a_table_of_their_own(tmp_path):
 
 
 def test_people_of_a_source_walk_to_their_own_target(tmp_path):
-    """The own target is far, another is near; one of the way is noted; exits that are given take the place of all."""
-    targets = [target(3, 7.5, 1, 0.5, 1), target(4, 0, 1, 0.5, 1), target(5, 4, 4, 1, 1, absorbing=False)]
+    """The own target is far, another is near; one lies on the way; exits that are given take the place of all."""
+    targets = [target(3, 7.5, 1, 0.5, 1), target(4, 0, 1, 0.5, 1), target(5, 5.5, 4, 1, 1, absorbing=False)]
     sources = [source(1, 1.0, 4) | {"targetIds": [3]}, source(2, 5.0, 4) | {"targetIds": [5, 4, 3]}, source(6, 3.0, 2)]
     path = vadere(tmp_path / "room.scenario", targets=targets, sources=sources)
-    with pytest.warns(UserWarning, match="the targets that people of a source walk to before the one"):
-        place = make_scenario(path)
-    assert [part.exits for part in place.population.parts] == [("target-3",), ("target-4",), ()]
+    place = make_scenario(path)
+    assert [(part.exits, part.route) for part in place.population.parts] == [
+        (("target-3",), None),
+        ((), "target-5 then target-4"),
+        ((), None),
+    ]
+    assert place.routes == (Route("target-5 then target-4", ("target-4",), ("target-5",)),)
     project = tmp_path / "room.toml"
     project.write_text('[geometry]\nfile = "room.scenario"\n[geometry.exits]\nfar = "target-3"\nnear = "target-4"\n')
-    with pytest.warns(UserWarning, match="the targets that people"):
-        assert [part.exits for part in make_scenario(project).population.parts] == [("far",), ("near",), ()]
+    renamed = make_scenario(project)
+    assert [part.exits for part in renamed.population.parts] == [("far",), (), ()]
+    assert renamed.routes == (Route("target-5 then near", ("near",), ("target-5",)),)
+    saved = tmp_path / "saved.toml"
+    assert call(f"plan {path} --save {saved} --out {tmp_path / 'plan.png'}").exit_code == 0
+    again = make_scenario(saved)
+    assert again.routes == place.routes and [p.route for p in again.population.parts] == [
+        p.route for p in place.population.parts
+    ]
     with pytest.warns(UserWarning, match="left out for those that are given"):
         other = make_scenario(path, exits=["0.5,3,0.5,4"])
     assert not any(part.exits for part in other.population.parts)
+
+
+def test_stairs_of_vadere_slow_people_down(tmp_path):
+    """Ten treads of 0.3 m turned by 45 degrees: 2 risers + tread = 0.63 m, 51.8 (tread / riser)^0.5 m/min along the slope."""
+    turned = shapely.affinity.rotate(shapely.box(4.5, 2, 5.5, 5), -45.0)
+    points = [{"x": x, "y": y} for x, y in turned.exterior.coords[:-1]]
+    flight = {
+        "id": 6,
+        "shape": {"type": "POLYGON", "points": points},
+        "treadCount": 10,
+        "upwardDirection": {"x": 1, "y": 1},
+    }
+    level = {"id": 6, "shape": flight["shape"], "treadCount": 6, "upwardDirection": {"x": 1, "y": -1}}
+    path = vadere(tmp_path / "room.scenario", obstacles=[], stairs=[flight, level], sources=[source(1, 1.0, 4)])
+    with pytest.warns(UserWarning, match=r"stairs-6: people walk at 0\.7\d of their speed, .*treads of 0\.300 m"):
+        place = make_scenario(path)
+    first, second = place.zones
+    assert (first.region, second.region) == ("stairs-6", "stairs-6-1")
+    expected = 51.8 / 84.0 * np.sqrt(0.3 / 0.165) * 0.3 / np.hypot(0.3, 0.165)
+    assert first.factor == pytest.approx(expected, abs=5e-4) and second.factor < first.factor
+    saved = tmp_path / "saved.toml"
+    assert call(f"plan {path} --save {saved} --out {tmp_path / 'plan.png'}").exit_code == 0
+    assert make_scenario(saved).zones == place.zones
 
 
 def test_people_of_vadere_come_as_its_spawner_says(tmp_path):

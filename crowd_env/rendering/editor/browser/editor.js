@@ -214,7 +214,7 @@ class Editor {
   // Take the answer of what has saved; a second try overwrites what another has saved meanwhile.
   keep(answer) {
     this.revision = answer.revision ?? this.revision;
-    this.say(answer.failed || `saved: ${answer.saved}`);
+    this.say(answer.failed || `saved: ${answer.saved}${answer.kept ? `; what was there is kept as ${answer.kept}` : ""}`);
     if (!answer.failed) this.project.saved = JSON.stringify(this.project.content);
     return !answer.failed;
   }

@@ -49,14 +49,17 @@ function showPanel(editor) {
   if (focused && document.activeElement.id !== focused && byId(focused)) byId(focused).focus();
 }
 
+// A message that shows the places it names when it is clicked.
+function placed(editor, text, className) {
+  const points = [...text.matchAll(POINT)].map(([, x, y]) => [Number(x), Number(y)]);
+  return element("li", {}, [points.length ? button(text, () => editor.showPlaces(points), { className }) : element("p", { className, textContent: text })]);
+}
+
 function showProblems(editor) {
   const { shown } = editor.project;
   const problems = [shown.error, ...(shown.remarks || [])].filter(Boolean);
-  const rows = problems.map((text) => {
-    const points = [...text.matchAll(POINT)].map(([, x, y]) => [Number(x), Number(y)]);
-    return element("li", {}, [button(text, () => editor.showPlaces(points), { className: "problem" })]);
-  });
-  const facts = shown.floor ? `${shown.area.toFixed(1)} m² of floor, ${shown.count || 0} people, room for about ${shown.capacity}` : "";
+  const rows = problems.map((text) => placed(editor, text, "problem"));
+  const facts = shown.floor ? `${shown.area.toFixed(1)} m² of floor, people: ${shown.count || 0}, room for about ${shown.capacity}` : "";
   const fine = problems.length || !shown.floor ? [] : [element("p", { className: "good", textContent: "Nothing stands in the way of a run." })];
   byId("problems").replaceChildren(
     element("h2", { textContent: problems.length ? `To be looked at (${problems.length})` : "Ready" }),
@@ -260,7 +263,7 @@ function showLayers(editor) {
 function showNotes(editor) {
   const { shown } = editor.project;
   byId("notes").replaceChildren(
-    element("ul", {}, (shown.notes || []).map((text) => element("li", { className: "quiet", textContent: text }))),
+    element("ul", {}, (shown.notes || []).map((text) => placed(editor, text, "problem note"))),
     element("pre", { textContent: shown.text || JSON.stringify(editor.project.content, null, 2) }),
   );
 }

@@ -2,17 +2,24 @@
 
 const LEFT = 44; // px, for numbers of the axes
 const RIGHT = 14;
-const BELOW = 18;
+const BELOW = 32; // for the numbers and the name of the axis of time
 const ABOVE = 17; // for the name of a curve
 
-// Multiples of 1, 2 or 5 times a power of ten, at most about `most`.
-function ticksBetween(begin, end, most) {
+const LONG = 180; // s; longer times are read in minutes
+
+// Multiples of 1, 2 or 5 times a power of ten, or of 1, 2, 5, 10, 15 or 30 minutes if `long`, at most about `most`.
+function ticksBetween(begin, end, most, long) {
   if (end - begin < 1e-3) return [Number(begin.toPrecision(6))];
   const power = 10 ** Math.floor(Math.log10((end - begin) / most));
-  const step = [1, 2, 5, 10].map((one) => one * power).find((one) => (end - begin) / one <= most);
+  const minutes = long && power >= 10 && [30, 60, 120, 300, 600, 900, 1800, 3600].find((one) => (end - begin) / one <= most);
+  const step = minutes || [1, 2, 5, 10].map((one) => one * power).find((one) => (end - begin) / one <= most);
   const first = Math.ceil(begin / step - 1e-6);
   const count = Math.floor(end / step + 1e-6) - first + 1;
   return Array.from({ length: count }, (_, k) => Number(((first + k) * step).toPrecision(6)));
+}
+
+function minutesText(time) {
+  return `${Math.floor(time / 60)}:${`${Math.round(time % 60)}`.padStart(2, "0")}`;
 }
 
 class Charts {
@@ -49,13 +56,23 @@ class Charts {
     context.fillStyle = theme.quiet;
     context.font = `11px ${theme.font}`;
     context.textBaseline = "bottom";
-    const ticks = ticksBetween(this.begin, this.end, Math.max(Math.floor(width / 75), 2));
-    ticks.forEach((tick, k) => {
-      context.textAlign = tick > this.begin + 1e-3 ? "center" : "left";
-      const text = k === ticks.length - 1 ? `${tick} s` : `${tick}`;
+    const long = this.end > LONG;
+    const ticks = ticksBetween(this.begin, this.end, Math.max(Math.floor(width / 75), 2), long);
+    context.strokeStyle = theme.quiet;
+    context.lineWidth = 1;
+    for (const tick of ticks) {
+      const at = Math.round(this.x(tick)) + 0.5;
+      context.beginPath();
+      context.moveTo(at, height - BELOW - 3);
+      context.lineTo(at, height - BELOW + 1);
+      context.stroke();
+      context.textAlign = "center";
+      const text = long ? minutesText(tick) : `${tick}`;
       const x = Math.min(this.x(tick), width - 0.5 * context.measureText(text).width - 2);
-      context.fillText(text, x, height - 1);
-    });
+      context.fillText(text, x, height - 15);
+    }
+    context.fillStyle = theme.ink;
+    context.fillText(`Time [${long ? "min:s" : "s"}]`, (LEFT + width - RIGHT) / 2, height - 1);
   }
 
   drawOne(context, theme, { name, most, curve }, top, bottom) {

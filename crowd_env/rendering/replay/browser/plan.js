@@ -1,4 +1,4 @@
-// The still part of a picture: floor, walls, obstacles, doors and exits; y of meters points up, y of pixels down.
+// The still part of a picture: floor, zones, walls, obstacles, doors and exits; y of meters points up, y of pixels down.
 
 const WALL_THICKNESS = 0.11; // m, as drawn; walls of the model have none
 
@@ -51,6 +51,7 @@ function drawPlan(context, recording, view, theme) {
   for (const { ends } of plan.exits) context.fill(matPath(ends, view, (wall + Math.min(0.35 * scale, 14)) / scale));
   context.fillStyle = theme.floor;
   context.fill(floor, "evenodd");
+  drawZones(context, plan.zones, view, theme, floor);
   context.lineCap = "round";
   context.lineWidth = Math.max(0.06 * scale, 2);
   context.strokeStyle = theme.wall;
@@ -64,6 +65,32 @@ function drawPlan(context, recording, view, theme) {
   context.lineWidth = Math.min(Math.max(0.35 * wall, 2), 4);
   context.stroke(linesPath(plan.exits.map(({ ends }) => ends), view));
   drawScaleBar(context, view, theme);
+}
+
+// Where people walk at another speed, such as stairs: tinted and framed, as on the picture of the plan.
+function drawZones(context, zones, view, theme, floor) {
+  context.save();
+  context.clip(floor, "evenodd");
+  context.setLineDash([4, 2]);
+  context.lineWidth = 1;
+  context.font = `12px ${theme.font}`;
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  context.fillStyle = context.strokeStyle = theme.zone;
+  for (const { name, rings } of zones) {
+    const area = ringsPath(rings, view);
+    context.globalAlpha = 0.15;
+    context.fill(area, "evenodd");
+    context.globalAlpha = 0.75;
+    context.stroke(area);
+    const [x, y] = [0, 1].map((axis) => rings[0].map((point) => point[axis]));
+    const [[left, right], [low, high]] = [x, y].map((all) => [Math.min(...all), Math.max(...all)]);
+    context.globalAlpha = 1;
+    if (context.measureText(name).width < view.scale * (right - left)) {
+      context.fillText(name, view.px((left + right) / 2), view.py((low + high) / 2));
+    }
+  }
+  context.restore();
 }
 
 function drawScaleBar(context, view, theme) {

@@ -191,7 +191,7 @@ function readTheme() {
   return {
     background: color("background"), floor: color("floor"), wall: color("wall"), obstacle: color("obstacle"),
     exit: color("exit"), mat: color("mat"), ink: color("ink"), quiet: color("quiet"), faint: color("faint"),
-    rim: color("rim"), tick: color("tick"), force: color("force"), exitInk: color("exit-ink"), series: [color("series-0"), color("series-1")],
+    rim: color("rim"), tick: color("tick"), force: color("force"), exitInk: color("exit-ink"), series: [color("series-0"), color("series-1")], zone: color("series-3"),
     font: getComputedStyle(document.body).fontFamily,
   };
 }
