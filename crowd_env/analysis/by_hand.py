@@ -52,7 +52,7 @@ def by_hand(place: Scenario, check: PlanCheck | None = None, strategy: str | Non
         if passage is not None and not passage.is_exit:
             lost = {exits: cut_off(place, passage.gap.line[None], exits, check.position) for exits in sets}
             here = [(one, int(lost[one.exits][check.cohort == k].sum())) for k, one in enumerate(cohorts)]
-            queues.append(_queue(here, _effective(passage.gap.width), spot(passage.gap)))
+            queues.append(_queue(here, _effective(passage.gap.width), spot(check.geometry, passage.gap.line)))
     queue, effective, at, _ = max(queues)
     time = max(*(over for *_, over in queues), *(one.response[1] + one.walk[1] for one in cohorts))
     spans = [[*one.response, *one.walk] for one in cohorts]

@@ -359,6 +359,9 @@ def cells(place: Scenario, figures: Plain) -> dict[str, str]:
     if figures.get("sections"):
         said = [f"{name}, {found['length']:.2f} m: {_flows(found)}" for name, found in figures["sections"].items()]
         rows["flow inside"] = listed(said, _SECTIONS_SHOWN, "\n")
+    if figures.get("storeys"):
+        said = [f"{name} {number(found['empty']['mean'], 's', 1)}" for name, found in figures["storeys"].items()]
+        rows["empty after"] = listed(said, _SECTIONS_SHOWN, "\n")
     left = counted(figures["unfinished"], "person", "people"), counted(figures["unfinished_runs"], "run", "runs")
     rows["unfinished"] = f"{left[0]} in {left[1]}"
     if figures["unfinished_runs"]:

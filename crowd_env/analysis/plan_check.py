@@ -6,9 +6,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from crowd_env.analysis.figures import listed
-from crowd_env.analysis.passages import Gap, Passage, narrowest_passages
+from crowd_env.analysis.passages import Passage, narrowest_passages
 from crowd_env.analysis.terrain import Terrain, survey
 from crowd_env.analysis.ways_out import remarks_on
 from crowd_env.core.arrays.state import Floats, Ints
@@ -143,7 +144,7 @@ def check_plan(
     there = np.repeat([part.arrivals is None for part in people.parts], [part.people for part in people.parts])
     if len(radius):  # arriving people are not drawn
         position, radius, cohort = position[there], radius[there], cohort[there]
-    remarks += _of_exits(widths, passages, people)
+    remarks += _of_exits(geometry, passages, people)
     for exit, far in geometry.close_behind.items():
         way = f"floor begins {far:.2f} m behind exit {exit!r}"
         remarks.append(f"{way}: people vanish halfway, and more pass than through a free door; draw the ground between")
@@ -203,9 +204,9 @@ def _of_size(geometry: Geometry) -> Iterable[str]:
         yield f"the plan is {size}: are its coordinates in meters?"
 
 
-def _of_exits(widths: dict[str, float], passages: dict[str, Passage | None], people: People) -> Iterable[str]:
+def _of_exits(geometry: Geometry, passages: dict[str, Passage | None], people: People) -> Iterable[str]:
     least, most = 2.0 * people.radius.low, 2.0 * people.radius.high
-    for name, width in widths.items():
+    for name, width in geometry.exit_lengths.items():
         exit_is = f"exit {name!r} is {width:.2f} m wide"
         if width < least:
             yield f"{exit_is}, narrower than the smallest body ({least:.2f} m): nobody passes"
@@ -218,7 +219,7 @@ def _of_exits(widths: dict[str, float], passages: dict[str, Passage | None], peo
         if passage is None:
             yield f"nobody who starts has a way to exit {name!r}"
         else:
-            yield from _of_passage(passage, width, least, most)
+            yield from _of_passage(geometry, passage, width, least, most)
 
 
 def _of_stuck(geometry: Geometry, people: People) -> Iterable[str]:
@@ -227,26 +228,27 @@ def _of_stuck(geometry: Geometry, people: People) -> Iterable[str]:
         where = geometry.walkable if part.start_region is None else geometry.regions[part.start_region]
         radii = np.linspace(part.radius.low, part.radius.high, _SIZES).tolist()
         starts = where if part.starts is None and part.arrivals is None else part.spots(geometry)
-        for radius, (x, y) in stuck_bodies(geometry.walkable, geometry.ways_on, radii, starts):
-            yield f"who starts around ({x:.2f}, {y:.2f}) and is {2 * radius:.2f} m wide or more cannot get out"
+        for radius, at in stuck_bodies(geometry.walkable, geometry.ways_on, radii, starts):
+            yield f"who starts around {spot(geometry, at)} and is {2 * radius:.2f} m wide or more cannot get out"
 
 
-def _of_passage(passage: Passage, width: float, least: float, most: float) -> Iterable[str]:
+def _of_passage(geometry: Geometry, passage: Passage, width: float, least: float, most: float) -> Iterable[str]:
     for gap, share in ((passage.gap, passage.behind), (passage.tighter, passage.few)):
         if gap is None or gap.width >= min(most, width):
             continue
         who = "all" if share > 0.995 else f"{100 * share:.2g} % of those"
         bodies = f"the smallest body ({least:.2f} m)" if gap.width < least else f"the largest bodies ({most:.2f} m)"
         yield (
-            f"{who} who start pass {gap.width:.2f} m at {spot(gap)} on the way to exit {passage.exit!r}, "
-            f"narrower than {bodies}"
+            f"{who} who start pass {gap.width:.2f} m at {spot(geometry, gap.line)} on the way to exit "
+            f"{passage.exit!r}, narrower than {bodies}"
         )
 
 
-def spot(gap: Gap) -> str:
-    """Return where the middle of a gap is, to the centimeter."""
-    x, y = gap.line.mean(axis=0)
-    return f"({x:.2f}, {y:.2f})"
+def spot(geometry: Geometry, points: ArrayLike) -> str:
+    """Return where the middle of points (..., 2) is, to the centimeter; in a building on which storey, in true coordinates."""
+    (x, y), sheet = geometry.on_sheets(np.reshape(points, (-1, 2)).mean(axis=0))
+    storey = "" if geometry.building is None else f"{geometry.building.sheets[sheet].name} "
+    return f"{storey}({x:.2f}, {y:.2f})"
 
 
 def check_place(scenario: Scenario, seed: int = 0) -> PlanCheck:
@@ -297,7 +299,7 @@ def cells(check: PlanCheck) -> dict[str, str]:
     """Return the rows of the table of a place: label -> cell."""
     geometry = check.geometry
     x0, y0, x1, y1 = geometry.bounds
-    lost = ["{:.3g} m2 around ({:.2f}, {:.2f})".format(area, *_inside(part)) for part, area in check.unreached]
+    lost = [f"{area:.3g} m2 around {spot(geometry, _inside(part))}" for part, area in check.unreached]
     exits = [f"{name} {width:.2f} m" for name, width in check.widths.items()]
     rows = {
         "plan": f"{geometry.area:.1f} m2 in {x1 - x0:.2f} m x {y1 - y0:.2f} m{_of_sheets(geometry)}",
@@ -346,5 +348,9 @@ def _passage(check: PlanCheck, name: str) -> str:
     if passage is None:
         return f"to {name}: no way"
     share = 100.0 * passage.behind
-    where = "the exit itself" if passage.is_exit else f"at {spot(passage.gap)}, for {share:.0f} % of the people"
+    where = (
+        "the exit itself"
+        if passage.is_exit
+        else f"at {spot(check.geometry, passage.gap.line)}, for {share:.0f} % of the people"
+    )
     return f"to {name}: {passage.gap.width:.2f} m, {passage.gap.width / check.body[1]:.1f} bodies, {where}"

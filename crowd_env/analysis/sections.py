@@ -4,7 +4,7 @@ People are counted by their centers: a straight way between two decisions crosse
 of the plan, such as "to +x" or "to -x+y", so that nobody has to know from which end a line was drawn.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from crowd_env.core.arrays.state import Bools, Floats, Ints, segment_lengths
 from crowd_env.core.checks import Plain
 from crowd_env.envs.crowd import CrowdEnv, Step
 from crowd_env.envs.rollout import Episode
+from crowd_env.geometry.sheets import Building
 
 _TO_AND_FRO = 2.0  # s; a crossing that is taken back within this time is none
 _SAME_PLACE = 0.3  # m; a passage whose middle is so near to a door is that door
@@ -29,10 +30,14 @@ class Place(NamedTuple):
     name: str
     lines: Floats  # (K, 2, 2) m, from one end to the other
     length: float  # m of floor
+    sheets: tuple[int, ...] = ()  # two of a building that meet here
+    onto: tuple[str, ...] = ()  # their names
 
     @property
     def directions(self) -> tuple[str, str]:
-        """Names of the directions to the left and to the right of the way along the lines."""
+        """Names of the directions to the left and to the right of the way along the lines; where sheets meet, to each."""
+        if self.sheets:
+            return f"to {self.onto[0]}", f"to {self.onto[1]}"
         x, y = self.lines[-1, 1] - self.lines[0, 0]
         left = np.array([-y, x]) / max(float(np.hypot(x, y)), 1e-9)
         return _words(left), _words(-left)
@@ -45,7 +50,7 @@ def _words(way: Floats) -> str:
 
 
 def places_of(check: PlanCheck) -> list[Place]:
-    """Return where people are counted: the doors inside, the narrowest passages on the way out, the sections of the scenario.
+    """Return where people are counted: doors inside, the narrowest passages on the way out, seams, and the scenario's sections.
 
     An exit counts its people itself.
     """
@@ -61,26 +66,45 @@ def places_of(check: PlanCheck) -> list[Place]:
         lines = passage.gap.line[None]
         known = np.concatenate([np.empty((0, 2, 2)), *(one.lines for one in found.values())])
         if distances(lines.mean(axis=1), known)[0] > _SAME_PLACE:
-            name = f"passage at {spot(passage.gap)}"
+            name = f"passage at {spot(geometry, lines)}"
             found[name] = Place(name, lines, passage.gap.width)
     own = {one.name: Place(one.name, np.array([one.line]), one.length_on(geometry)) for one in check.sections}
-    return list((found | own).values())
+    return list((found | {one.name: one for one in _seams(geometry.building)} | own).values())
+
+
+def _seams(building: Building | None) -> Iterator[Place]:
+    """Yield where the sheets of a building meet; two that meet at several lines do so at one place."""
+    if building is None:
+        return
+    ends = np.sort([(seam.left, seam.right) for seam in building.seams], axis=1).reshape(-1, 2)
+    for pair in dict.fromkeys(map(tuple, ends.tolist())):
+        lines = building.lines[(ends[building.seam] == pair).all(axis=1)]
+        onto = building.sheets[pair[0]].name, building.sheets[pair[1]].name
+        yield Place(" – ".join(onto), lines, 0.5 * float(segment_lengths(lines).sum()), pair, onto)
 
 
 class CrossingRecorder:
     """Keeps the crossings of places by people: a `crowd_env.envs.rollout.Recorder`.
 
-    Of each evacuation it keeps (C, 4): time [s], person, place, and 1 for a way to the left of the line or -1.
+    Of each evacuation it keeps (C, 4): time [s], person, place, and 1 for a way to the left of the line or -1.  Where there are
+    seams each person has a row more, of place -1 - s, for the sheet s on which it came; its way is 0.
     """
 
     def __init__(self, places: Sequence[Place]) -> None:
-        self._lines = np.concatenate([np.empty((0, 2, 2)), *(one.lines for one in places)])
-        self._place = np.repeat(np.arange(len(places)), [len(one.lines) for one in places])
+        lines = [one.lines[: 0 if one.sheets else None] for one in places]
+        self._lines = np.concatenate([np.empty((0, 2, 2)), *lines])
+        self._place = np.repeat(np.arange(len(places)), list(map(len, lines)))
+        self._meeting: dict[tuple[int, ...], tuple[int, int]] = {}  # sheets from and to -> place and way
+        for k, one in enumerate(places):
+            if one.sheets:
+                self._meeting |= {one.sheets[::-1]: (k, 1), one.sheets: (k, -1)}
+                self._meeting |= {(-1, s): (-1 - s, 0) for s in one.sheets}
 
     def begin(self, env: CrowdEnv, runs: Sequence[int]) -> None:
         """Forget the batch before, and look at the first moment of this one."""
         self._crossed: list[Floats] = []
-        self._seen = [self._look(env, env.active)]
+        nobody = np.zeros(env.num_people, dtype=bool)
+        self._seen = [self._look(env, there) for there in (nobody, env.active)]
 
     def add(self, env: CrowdEnv, step: Step) -> None:
         """Look where people are; many looks are gone through at once."""
@@ -104,14 +128,29 @@ class CrossingRecorder:
     def _count(self, env: CrowdEnv) -> None:
         """Go through all looks but the last, which the next ones begin with."""
         position, time, sheet, there = (np.array(column) for column in zip(*self._seen, strict=True))
-        low, high = np.minimum(position[:-1], position[1:]), np.maximum(position[:-1], position[1:])
-        near = (low <= self._lines.max(axis=(0, 1))) & (high >= self._lines.min(axis=(0, 1)))
-        look, moved = np.nonzero(near.all(axis=2) & (low < high).any(axis=2) & there[1:] & (sheet[:-1] == sheet[1:]))
-        person, line, part, sign = crossings(position[look, moved], position[look + 1, moved], self._lines)
-        look, moved = look[person], moved[person]
-        since, until = (time[k, env.env_of_person[moved]] for k in (look, look + 1))
-        self._crossed.append(np.column_stack([since + part * (until - since), moved, self._place[line], sign]))
+        if len(self._lines):
+            low, high = np.minimum(position[:-1], position[1:]), np.maximum(position[:-1], position[1:])
+            near = (low <= self._lines.max(axis=(0, 1))) & (high >= self._lines.min(axis=(0, 1)))
+            moves = near.all(axis=2) & (low < high).any(axis=2) & there[1:] & (sheet[:-1] == sheet[1:])
+            look, moved = np.nonzero(moves)
+            person, line, part, sign = crossings(position[look, moved], position[look + 1, moved], self._lines)
+            look, moved = look[person], moved[person]
+            since, until = (time[k, env.env_of_person[moved]] for k in (look, look + 1))
+            self._crossed.append(np.column_stack([since + part * (until - since), moved, self._place[line], sign]))
+        if self._meeting:
+            self._count_on_sheets(env, time, sheet, there)
         self._seen = self._seen[-1:]
+
+    def _count_on_sheets(self, env: CrowdEnv, time: Floats, sheet: Ints, there: Bools) -> None:
+        """Note where people come in, and where they come from sheet to sheet: half-way between two looks."""
+        sheet, of_env = np.where(there, sheet, -1), env.env_of_person
+        look, moved = np.nonzero((sheet[:-1] != sheet[1:]) & there[1:])
+        at = 0.5 * (time[look, of_env[moved]] + time[look + 1, of_env[moved]])
+        rows = zip(
+            at.tolist(), moved.tolist(), sheet[look, moved].tolist(), sheet[look + 1, moved].tolist(), strict=True
+        )
+        found = [(when, n, *self._meeting[off, onto]) for when, n, off, onto in rows if (off, onto) in self._meeting]
+        self._crossed.append(np.array(found).reshape(-1, 4))
 
 
 def crossings(before: Floats, after: Floats, lines: Floats) -> tuple[Ints, Ints, Floats, Ints]:

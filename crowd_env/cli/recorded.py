@@ -21,7 +21,8 @@ Sources = Annotated[list[Path], typer.Argument(metavar="DIR...", help=f"{_SOURCE
 Source = Annotated[Path, typer.Argument(metavar="DIR", help=f"{_SOURCE}.")]
 
 FilmWidth = Annotated[
-    int | None, of_output("Width of the film in px; default 480 for each evacuation.", min=160, max=3840)
+    int | None,
+    of_output("Width of the film in px; default 480 for each evacuation, 960 of a building.", min=160, max=3840),
 ]
 _FILM = "Film, .mp4 or .gif, or picture, .png; default film.mp4 there."
 _AT = "Moment in s; default the end if the exits block, else the hardest push."

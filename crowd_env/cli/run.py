@@ -16,9 +16,10 @@ from rich.text import Text
 
 from crowd_env.analysis.by_hand import by_hand
 from crowd_env.analysis.figures import FEWEST, cells, doubts, report, runs_enough
-from crowd_env.analysis.plan_check import check_place
+from crowd_env.analysis.plan_check import check_place, spot
 from crowd_env.analysis.results.crowding import CrowdingRecorder
 from crowd_env.analysis.sections import CrossingRecorder, flows_at, places_of
+from crowd_env.analysis.storeys import storeys_of
 from crowd_env.analysis.ways_out import remarks_on
 from crowd_env.cli import options
 from crowd_env.cli.console import show_table
@@ -93,8 +94,8 @@ def run(
         place, physics, ways, led = setting
         walk, start = place.longest_walk()
         if walk > place.time_limit:
-            where = f"({start[0]:.1f}, {start[1]:.1f})"
-            say(f"note: from {where} it takes up to {walk:.0f} s to walk out; the time limit is {place.time_limit:g} s")
+            takes = f"it takes up to {walk:.0f} s to walk out; the time limit is {place.time_limit:g} s"
+            say(f"note: from {spot(place.geometry, start)} {takes}")
         for remark in remarks_on(place, ways.strategy):
             say(f"note: {remark}", "yellow")
         here = config_of(asked, setting, runs=runs, until=until, seed=seed, like=config) | {"notes": notes}
@@ -127,6 +128,8 @@ def run(
         )
         figures = report(place, physics.law, done.episodes, dt=physics.dt, strategy=ways.strategy)
         figures["sections"] = flows_at(places, done.episodes)
+        storeys = storeys_of(place.geometry, places, done.episodes, figures)
+        figures["storeys"] = {one.sheet.name: one.figures for one in storeys}
         if not place.goes_on:
             figures["by_hand"] = by_hand(place, check, ways.strategy)
         if led is not None:

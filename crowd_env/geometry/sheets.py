@@ -47,6 +47,23 @@ class Sheet:
     slopes: tuple[Slope, ...] = ()
     offset: tuple[float, float] = (0.0, 0.0)
 
+    @property
+    def title(self) -> str:
+        """Its name, of a level with its height."""
+        return f"{self.name}  {self.level:+.2f} m" if self.level == self.level else self.name
+
+    @property
+    def floors(self) -> list[Area]:
+        """The level and the slopes, each a plane."""
+        slopes = [slope.area for slope in self.slopes]
+        return slopes if np.isnan(self.level) else [shapely.difference(self.area, shapely.union_all(slopes)), *slopes]
+
+    @property
+    def middle(self) -> float:
+        """The height [m] of the level, or half-way between the lowest and the highest of the slopes."""
+        planes = (shapely.get_coordinates(one.area) @ one.plane[:2] + one.plane[2] for one in self.slopes)
+        return self.level if self.level == self.level else float(np.quantile(np.concatenate([*planes]), (0, 1)).mean())
+
 
 @dataclass(frozen=True, eq=False)
 class Seam:
@@ -89,6 +106,11 @@ class Building:
         """Return the offset (2,) [m] of the sheet of this name; ValueError if it is unknown."""
         names = [sheet.name for sheet in self.sheets]
         return self.offsets[names.index(known("level", name, names))]
+
+    @property
+    def letters(self) -> list[str]:
+        """A letter (Y,) for each of ``lines``, the same at both ends of a seam: A to Z, then A1 to Z1 ..."""
+        return [chr(ord("A") + k % 26) + str(k // 26 or "") for k in self.seam.tolist()]
 
     @property
     def from_sheet(self) -> Ints:

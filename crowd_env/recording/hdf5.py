@@ -79,6 +79,8 @@ class Hdf5Writer:
     def _append(self, file: Any, part: Frames) -> None:
         (x, y), (ox, oy), (vx, vy) = part.position.T, facing(part).T, part.velocity.T
         of_bodies = {"x": x, "y": y, "ox": ox, "oy": oy, "vx": vx, "vy": vy, "pressure": part.pressure}
+        if "height" in part.memory:
+            of_bodies["z"] = part.memory["height"]
         frame = len(file["frames"]) + part.frame
         rows = _packed(file["trajectory"].dtype, frame=frame, id=part.person, **of_bodies, **_optional(part))
         count = {"time": part.times, "rows": len(file["trajectory"]) + part.frame_start[1:]}

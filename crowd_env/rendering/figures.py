@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from crowd_env.analysis.figures import number
 from crowd_env.analysis.results.folder import inside
+from crowd_env.analysis.storeys import Storey
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import Plain
 from crowd_env.rendering.canvas import hex_of, name_panel, new_figure, quiet_axes, series, without_formulas
@@ -62,6 +64,28 @@ def egress_curves(
     axes.set_ylim(0.0, 1.04 * max(len(times) for every in runs.values() for times in every))
     axes.locator_params(axis="y", integer=True)
     _legend(figure)
+    return without_formulas(figure)
+
+
+def storey_figure(storeys: Sequence[Storey]) -> Figure:
+    """Draw how many people are on each storey and stair against time, a row for each, and return the figure.
+
+    A row's height is the most people on any of them; an area is the mean over runs.
+    """
+    figure = new_figure((8.2, 0.8 + min(0.55, 16.0 / len(storeys)) * len(storeys)), dpi=_DPI)
+    axes = quiet_axes(figure.add_subplot(), "time [s]", "", grid=True)
+    most = max(one.figures["most"]["mean"] for one in storeys) or 1.0
+    end = 1.02 * max((one[-1, 0] for stay in storeys for one in stay.counts if len(one)), default=1.0)
+    grid = np.linspace(0.0, end, 600)
+    for base, stay in enumerate(reversed(storeys)):
+        counts = [np.append(0.0, one[:, 1])[np.searchsorted(one[:, 0], grid, "right")] for one in stay.counts]
+        color = series(2 if stay.sheet.slopes else 0)
+        axes.fill_between(grid, base, base + 0.85 * np.mean(counts, axis=0) / most, color=color, alpha=0.6, linewidth=0)
+        empty = number(stay.figures["empty"]["mean"], "s", 0).replace("-", "no run")
+        text = f"at most {number(stay.figures['most']['mean'], digits=1)}\nempty after {empty}"
+        axes.annotate(text, (end, base), (6, 1), textcoords="offset points", annotation_clip=False, fontsize=8.5)
+    axes.set_yticks(range(len(storeys)), labels=[stay.sheet.title for stay in reversed(storeys)], va="bottom")
+    axes.set(xlim=(0.0, end), ylim=(0.0, len(storeys)))
     return without_formulas(figure)
 
 

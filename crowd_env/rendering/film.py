@@ -16,7 +16,7 @@ from crowd_env.rendering.libraries import Image, drawing_library
 from crowd_env.rendering.palette import BACKGROUND
 from crowd_env.rendering.words import titles as titles_of
 
-_PANEL, _WIDEST = 480, 1280  # px, of one evacuation and of a film, if no width is asked for
+_PANEL, _WIDEST = 480, 1280  # px, of one evacuation (of a building twice that) and of a film, if no width is asked for
 _SECONDS = 30.0  # s  that a film lasts at most, if no speed is asked for
 _FPS = 20.0  # 1/s, if no rate is asked for
 _REST = 1.5  # s, on the last frame
@@ -46,7 +46,7 @@ def write_film(
     titles : what stands above each; default what tells them apart, or what is known of a single one.
     fps : frames per second; a GIF counts in hundredths of a second, so that 30 becomes 33.3.  Default 20; of a GIF that lasts
         longer than 15 s as many as make about 300 frames, but at least 10.
-    width : px of the whole film; default 480 an evacuation, at most 1280.
+    width : px of the whole film; default 480 an evacuation, 960 of a building, at most 1280.
     speed : how many seconds of the evacuations a second of the film shows; default 1, or the whole number at which the film
         lasts 30 s at most.  Unless it is 1 the picture says it.
     progress : called with the number of frames that have just been drawn, and of all frames.
@@ -147,7 +147,8 @@ class _Stage:
         self, films: list[Recording], titles: Sequence[str], width: int | None, end: float, speed: float = 1.0
     ) -> None:
         count = len(films)
-        width = min(_PANEL * count, _WIDEST) if width is None else width
+        storeys = any(recording.geometry.building is not None for recording in films)
+        width = min(_PANEL * count * (1 + storeys), _WIDEST) if width is None else width
         panel = 2 * (width // (2 * count))
         text = float(np.clip(panel / 32.0, 10.0, 18.0))
         same_place = len({recording.walkable for recording in films}) == 1

@@ -11,8 +11,8 @@ from crowd_env.analysis.plan_check import PlanCheck
 from crowd_env.core.checks import counted
 from crowd_env.rendering.canvas import draw_bodies, draw_floor, draw_lines, fill_rings, hex_of, mark
 from crowd_env.rendering.libraries import Axes, Line2D, PathPatch
-from crowd_env.rendering.palette import EXIT, EXIT_MAT, OBSTACLE, QUIET, SEAM, SERIES, WALL, Color
-from crowd_env.rendering.plan import exit_areas, exit_places, holes_of, name_places, shells_of
+from crowd_env.rendering.palette import EXIT, EXIT_MAT, INK, OBSTACLE, QUIET, SEAM, SERIES, WALL, Color
+from crowd_env.rendering.plan import exit_areas, exit_places, holes_of, label_seams, label_sheets, shells_of
 from crowd_env.scenarios.plans.floor_plan import listed
 
 DOOR: Color = (196, 120, 32)
@@ -84,9 +84,11 @@ def draw_place(axes: Axes, check: PlanCheck, *, widths: bool, edge: bool = True,
         others.append(mark(names, color=hex_of(SECTION), linewidth=1.6, dashes=(5, 2)))
     if geometry.building is not None:
         draw_lines(axes, geometry.building.lines, SEAM, 4.5, 5, capstyle="butt")
-        for name, corner in name_places(geometry.building):
+        for name, corner, _ in label_sheets(geometry.building):
             axes.annotate(name, tuple(corner), (0, -11), textcoords="offset points", fontsize=size, color=hex_of(QUIET))
-        others.append(mark("here one comes to another sheet", color=hex_of(SEAM), linewidth=4.5))
+        for letter, middle, outward in label_seams(geometry.building):
+            _label(axes, letter, middle, (size + 1) * outward, INK, size, boxed=False)
+        others.append(mark("to the sheet with the same letter", color=hex_of(SEAM), linewidth=4.5))
     exits = _name_exits(axes, check, widths, size)
     people = _draw_people(axes, check)
     return Layers(exits, regions, people, others)

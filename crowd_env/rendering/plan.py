@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike
 
 from crowd_env.core.arrays.state import Floats
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.geometry.sheets import Building
+from crowd_env.geometry.sheets import GAP, Building
 from crowd_env.rendering.libraries import Image, drawing_library
-from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, OBSTACLE, QUIET, SEAM, WALL, Color
+from crowd_env.rendering.palette import BACKGROUND, EXIT, EXIT_MAT, FLOOR, INK, OBSTACLE, QUIET, SEAM, WALL, Color
+from crowd_env.rendering.text import put_text, shortened
 
 _WALL_THICKNESS = 0.11  # m, as drawn; walls of the model have none
 _THIN_WALL = 0.04  # m, walls that are touched from both sides
@@ -85,24 +86,27 @@ def draw_plan(geometry: Geometry, layout: Layout) -> Image:
     return image
 
 
-def _name_sheets(image: Image, building: Building, layout: Layout) -> None:
-    """Write the name of each level below its lower left corner."""
-    import PIL.ImageDraw
-    import PIL.ImageFont
-
-    draw, font = PIL.ImageDraw.Draw(image), PIL.ImageFont.load_default(0.8 * layout.text)
-    for name, corner in name_places(building):
-        if name in (sheet.name for sheet in building.sheets):
-            continue  # a stair is small, and its name long
-        x, y = layout.pixels(corner).tolist()
-        draw.text((x, y + layout.wall), name, fill=QUIET, font=font)
-
-
-def name_places(building: Building) -> Iterator[tuple[str, Floats]]:
-    """Yield the name of each sheet, with its level if it has one, and its lower left corner (2,) in the layout [m]."""
+def label_sheets(building: Building) -> Iterator[tuple[str, Floats, float]]:
+    """Yield the title of each sheet, its lower left corner (2,) in the layout [m], and how much room there is for it [m]."""
     for sheet in building.sheets:
-        level = f"  {sheet.level:+.2f} m" if sheet.level == sheet.level else ""
-        yield f"{sheet.name}{level}", np.add(sheet.area.bounds[:2], sheet.offset)
+        x0, y0, x1, _ = sheet.area.bounds
+        yield sheet.title, np.add((x0, y0), sheet.offset), x1 - x0 + GAP
+
+
+def label_seams(building: Building) -> Iterator[tuple[str, Floats, Floats]]:
+    """Yield the letter of each seam line, the same at both ends, the middle (2,) of the line [m], and what way (2,) is out."""
+    for letter, (a, b) in zip(building.letters, building.lines, strict=True):
+        yield letter, 0.5 * (a + b), _outward(a, b)
+
+
+def _name_sheets(image: Image, building: Building, layout: Layout) -> None:
+    size = 0.65 * layout.text
+    for name, corner, room in label_sheets(building):
+        x, y = layout.pixels(corner).tolist()
+        put_text(image, shortened(name, room * layout.scale, size), (x, y + layout.wall + 0.7 * size), size, QUIET)
+    for letter, middle, outward in label_seams(building):
+        x, y = layout.pixels(middle) + (layout.wall + 0.7 * size) * outward * (1.0, -1.0)
+        put_text(image, letter, (x, y), size, INK, side="center", bold=True)
 
 
 def _fill(image: Image, layout: Layout, shapes: Sequence[Sequence[Floats]], color: Color) -> None:

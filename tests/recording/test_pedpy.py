@@ -8,10 +8,11 @@ import pytest
 from cases import looped
 from late import late
 from recordings import two_doors
+from storeys import with_stair
 
-from crowd_env import make_scenario
+from crowd_env import Scenario, make_scenario
 from crowd_env.envs.rollout import run_episodes
-from crowd_env.recording import RunRecorder, load
+from crowd_env.recording import RunRecorder, load, of_storey, record
 
 pedpy = late("pedpy")
 
@@ -123,3 +124,39 @@ def test_the_speed_is_the_one_that_people_have(tmp_path):
     ours = np.hypot(*kept.velocity.T)[inside]
     assert len(ours) > 20 and np.median(np.abs(speed[inside] / ours - 1.0)) < 0.01
     assert ours.mean() == pytest.approx(kept.desired_speed[kept.person[inside]].mean(), rel=0.1)
+
+
+@pytest.fixture(scope="module")
+def house():
+    """24 people in a house of two storeys and a stair, recorded."""
+    return record(Scenario("house", with_stair(), [{"people": 24, "desired_speed": 1.4}], 60.0), seed=5)
+
+
+@looped("suffix", READERS)
+def test_a_storey_of_a_building_is_a_trajectory_in_true_coordinates_that_counts_at_its_seams(suffix, house, tmp_path):
+    true, height, sheet = house.places()
+    for s, name in enumerate(("ground", "upper", "stair")):
+        storey = of_storey(house, name)
+        path = storey.save(tmp_path / f"{name}{suffix}")
+        trajectory, area = opened(path)
+        assert pedpy.is_trajectory_valid(traj_data=trajectory, walkable_area=area), name
+        data = trajectory.data.sort_values(["frame", "id"])
+        np.testing.assert_array_equal(data[["frame", "id"]], np.stack([storey.frame, storey.person], axis=1))
+        read = load(path)
+        np.testing.assert_array_equal(read.memory["height"], storey.memory["height"])
+        rows = {(f, n): k for k, (f, n) in enumerate(zip(house.frame.tolist(), house.person.tolist(), strict=True))}
+        same = [rows[key] for key in zip(storey.frame.tolist(), storey.person.tolist(), strict=True)]
+        np.testing.assert_array_equal(storey.position, true[same])
+        np.testing.assert_array_equal(storey.memory["height"], height[same])
+        assert set(np.flatnonzero(sheet == s)) <= set(same)
+        for k, (way, line) in enumerate(storey.exits):
+            _, crossings = pedpy.compute_n_t(traj_data=trajectory, measurement_line=pedpy.MeasurementLine(line))
+            for n in np.flatnonzero(storey.exit_index == k):
+                frame = crossings.set_index("id").frame[n]
+                assert abs(frame / 10.0 - storey.exit_time[n]) <= 0.1 + 1e-9, way
+    assert [name for name, _ in of_storey(house, "stair").exits] == ["to ground", "to upper"]
+    assert np.ptp(of_storey(house, "stair").memory["height"]) > 2.5
+    with pytest.raises(ValueError, match="storey or stair"):
+        of_storey(house, "attic")
+    with pytest.raises(ValueError, match="storey or stair"):
+        of_storey(record("room-v0", people=2), "upper")

@@ -13,6 +13,7 @@ from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.core.checks import Plain
 from crowd_env.core.files.atomic import check_suffix, write_text
 from crowd_env.geometry.parsing import from_wkt
+from crowd_env.geometry.sheets import sheets_at
 from crowd_env.physics.pressure import INJURY
 from crowd_env.recording import Recording
 from crowd_env.rendering import palette
@@ -21,6 +22,7 @@ from crowd_env.rendering.discs import unit_discs
 from crowd_env.rendering.pages import filled
 from crowd_env.rendering.palette import Color, blend, darker, pressure_color
 from crowd_env.rendering.plan import holes_of, shells_of
+from crowd_env.rendering.replay.stack import stack_of, stacked_plan, storeys_of
 from crowd_env.rendering.replay.tracks import contacts_of, thinned_frames, tracks_of
 from crowd_env.rendering.words import fact_rows, outcome, titles
 
@@ -116,6 +118,11 @@ def _packed(recording: Recording, frames: Ints) -> tuple[dict[str, Any], str]:
     }
     if tracks.angle is not None:
         columns["angle"] = tracks.angle
+    if (building := recording.geometry.building) is not None:
+        at, projected = np.column_stack([tracks.x, tracks.y]), stack_of(recording, building)
+        u, v = projected(at).T
+        columns |= {"sheet": sheets_at(at, building.sheets), "stack_x": u, "stack_y": v}
+        plan = {**plan, **storeys_of(building, origin), "stack": stacked_plan(recording, building, projected)}
     if contacts is not None:
         # Lines between people go from body to body; where a wall is touched must be given.
         x, y = np.where(contacts.j < 0, (contacts.point - origin).T, 0.0)
@@ -148,7 +155,7 @@ _LARGEST = 2**15 - 1
 # Columns that go in steps, and what they are rounded to; coarser if 16 bits would not do.  Steps are differences from number to
 # number in 16 bits: of a pedestrian that walks steadily they are small and much alike.
 _STEPS = {
-    **dict.fromkeys(("x", "y"), 1e-3),
+    **dict.fromkeys(("x", "y", "stack_x", "stack_y"), 1e-3),
     **dict.fromkeys(("speed", "contact_x", "contact_y"), 1e-2),
     "pressure": 5.0,
     "angle": 2.0 * np.pi / 1024,
@@ -243,7 +250,7 @@ def plain_colors() -> Plain:
 
 def style_variables() -> str:
     """Return the colors of a page as properties of its style sheet; other dark ones stand in the style sheet itself."""
-    alike = ("background", "floor", "wall", "obstacle", "exit", "ink", "faint")
+    alike = ("background", "floor", "wall", "obstacle", "exit", "seam", "ink", "faint")
     named = {name: getattr(palette, name.upper()) for name in alike} | {"mat": palette.EXIT_MAT}
     named["quiet"] = tuple(darker(palette.QUIET, by=0.06))  # small letters need more contrast than those of a film
     curves = (palette.SERIES, darker(palette.SERIES, by=-0.2))  # on a dark page lighter

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from crowd_env.analysis.figures import FIGURES, exit_names, named, number
+from crowd_env.analysis.figures import FIGURES, exit_names, named, number, people_words
 from crowd_env.analysis.plan_check import cells, check_place
 from crowd_env.analysis.results.crowding import SERVICE
 from crowd_env.core.checks import Plain, counted
@@ -15,7 +15,7 @@ from crowd_env.envs.rollout import Episode
 from crowd_env.geometry.voronoi import REACH
 from crowd_env.physics.pressure import INJURY
 from crowd_env.rendering.canvas import encoded
-from crowd_env.rendering.figures import egress_curves, share_figure
+from crowd_env.rendering.figures import egress_curves, share_figure, storey_figure
 from crowd_env.rendering.heat import heat_maps
 from crowd_env.rendering.palette import SERIES
 from crowd_env.rendering.report.answer import answer, share_words, time_words
@@ -36,6 +36,8 @@ def figures(runs: Sequence[Runs], measured: Sequence[Measured]) -> Plain:
         "curves": _curves(runs),
         "exits": _exits(runs),
         "gaps": _gaps(runs),
+        "storeys": [_storeys(one, measured) for one in runs if one.storeys],
+        "storeys_head": _STOREYS,
         "maps": [],
         "pressed": table(_PRESSED, measured),
         "reach": f"{REACH:g}",
@@ -58,7 +60,7 @@ def figures(runs: Sequence[Runs], measured: Sequence[Measured]) -> Plain:
                 "rows": rows,
                 "service": [_AREAS, service],
                 "service_head": ("level", *one.service),
-                "zones": [_zone(zone) for zone in one.zones],
+                "zones": [_zone(zone) for zone in one.zones if not zone.is_sheet],
             }
         )
     return found
@@ -83,6 +85,37 @@ def _zone(zone: Zone) -> tuple[str, ...]:
     return (zone.name, *people, number(zone.empty["mean"], digits=1))
 
 
+_STOREYS = (
+    "storey or stair",
+    "people at\nthe start",
+    "most\nat once",
+    "densest\n[1/m²]",
+    "empty after\n[s]",
+    "left by",
+)
+
+
+def _storeys(one: Runs, measured: Sequence[Measured]) -> Plain:
+    """Return the picture and the table of storeys and stairs: people are means over runs."""
+    zones = {zone.name: zone for found in measured if found.name == one.name for zone in found.zones if zone.is_sheet}
+    rows = []
+    for stay in one.storeys:
+        found = stay.figures
+        ways = [_way(name, taken, found["runs"]) for name, taken in found["left"].items() if taken["people"]]
+        people = (number(found[key]["mean"], digits=1) for key in ("started", "most"))
+        densest = number(zones[stay.sheet.name].densest, digits=1) if stay.sheet.name in zones else "–"
+        rows.append(
+            (stay.sheet.title, *people, densest, number(found["empty"]["mean"], digits=1), "\n".join(ways) or "–")
+        )
+    return {"name": one.name, "png": encoded(storey_figure(one.storeys)), "rows": rows}
+
+
+def _way(name: str, taken: Plain, runs: int) -> str:
+    flow, peak = (number(taken[key]["mean"]) for key in ("flow_per_meter", "peak_flow_per_meter"))
+    people = f"{name}: {people_words(round(taken['people'] / runs, 1))}"
+    return people if flow == "-" else f"{people}, {flow}, peak {peak} 1/(s m)"
+
+
 def _places(runs: Sequence[Runs]) -> list[dict[str, Any]]:
     """Return each plan that differs from the others, as it was understood."""
     parts = []
@@ -102,8 +135,8 @@ def _places(runs: Sequence[Runs]) -> list[dict[str, Any]]:
 def _spot(place: Worst | None, unit: str, scale: float = 1.0) -> str:
     if place is None:
         return "–"
-    at = f"at ({place.x:.1f}, {place.y:.1f}) m, {place.distance:.1f} m from exit {place.exit}"
-    return f"{scale * place.value:.1f} {unit} {at}"
+    exit = f", {place.distance:.1f} m from exit {place.exit}" if place.exit else ""
+    return f"{scale * place.value:.1f} {unit} at {place.where} m{exit}"
 
 
 def _curves(runs: Sequence[Runs]) -> str:

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from crowd_env.analysis.figures import named
-from crowd_env.analysis.results.crowding import SERVICE, wall_pieces
+from crowd_env.analysis.plan_check import spot
+from crowd_env.analysis.results.crowding import SERVICE, wall_pieces, zones_of
 from crowd_env.analysis.results.measurements import CELL, Grid, grid_over
 from crowd_env.core.arrays.state import Floats
 from crowd_env.core.checks import Plain
@@ -28,8 +29,9 @@ class Worst(NamedTuple):
     x: float  # m
     y: float  # m
     value: float
-    exit: str  # the nearest, as the crow flies
-    distance: float  # m, to its middle
+    where: str  # in words, in a building with the storey
+    exit: str  # the nearest on its storey, as the crow flies; "" = none
+    distance: float | None  # m, to its middle
 
 
 class Zone(NamedTuple):
@@ -39,6 +41,8 @@ class Zone(NamedTuple):
     area: float  # m2
     most: Plain  # people at once, over runs
     empty: Plain  # s  when it was empty for good, over runs
+    densest: float  # 1/m2  of any moment of any run
+    is_sheet: bool  # a storey or stair of a building
 
 
 class Measured(NamedTuple):
@@ -80,6 +84,7 @@ def measure(runs: Runs) -> Measured | None:
     geometry = runs.scenario.geometry
     grid = grid_over(geometry)
     density, pressure = (np.max([getattr(one, name) for one in found], axis=0).astype(np.float64) for name in _UNITS)
+    sheets = [] if geometry.building is None else [sheet.name for sheet in geometry.building.sheets]
     spent = np.sum([one.service for one in found], axis=0)
     service = dict(zip(SERVICE, (spent / max(spent.sum(), 1e-9)).tolist(), strict=True))
     zones = [
@@ -88,8 +93,10 @@ def measure(runs: Runs) -> Measured | None:
             geometry.area_of(name),
             named(np.array([one.zone_most[k] for one in found], dtype=np.float64)),
             named(np.array([one.zone_empty[k] for one in found])),
+            float(density.ravel()[cells].max(initial=0.0)),
+            name in sheets,
         )
-        for k, name in enumerate(geometry.regions)
+        for k, (name, cells) in enumerate(zip(geometry.regions, zones_of(geometry, grid), strict=True))
     ]
     return Measured(
         name=runs.name,
@@ -143,12 +150,14 @@ def _most_loaded(geometry: Geometry, load: Floats) -> list[Worst]:
 def _largest(geometry: Geometry, points: Floats, left: Floats) -> list[Worst]:
     """Return the places with the largest values that are ``left``, `_APART` from each other."""
     middles = geometry.exits.mean(axis=1)
+    exit_sheet = geometry.on_sheets(middles)[1]
     found: list[Worst] = []
     while len(found) < _PLACES and left.max(initial=0.0) > 0.0:
         best = int(left.argmax())
-        gaps = np.hypot(*(middles - points[best]).T)
-        nearest = int(gaps.argmin())
-        place = (float(points[best, 0]), float(points[best, 1]), float(left[best]))
-        found.append(Worst(*place, geometry.exit_names[nearest], float(gaps[nearest])))
+        here = np.flatnonzero(exit_sheet == geometry.on_sheets(points[best])[1])
+        gaps = np.hypot(*(middles[here] - points[best]).T)
+        nearest = (geometry.exit_names[here[gaps.argmin()]], float(gaps.min())) if len(here) else ("", None)
+        where = spot(geometry, points[best])
+        found.append(Worst(float(points[best, 0]), float(points[best, 1]), float(left[best]), where, *nearest))
         left[np.hypot(*(points - points[best]).T) < _APART] = 0.0
     return found

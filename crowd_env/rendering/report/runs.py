@@ -11,6 +11,7 @@ from crowd_env.analysis.results.config import read_config
 from crowd_env.analysis.results.crowding import Crowding
 from crowd_env.analysis.results.folder import CONFIG, KEPT, ResultsFolder
 from crowd_env.analysis.sections import flows_at, places_of
+from crowd_env.analysis.storeys import Storey, storeys_of
 from crowd_env.core.behaviors import IN_WORDS
 from crowd_env.core.checks import Plain, counted
 from crowd_env.core.files.atomic import legible
@@ -38,6 +39,7 @@ class Runs(NamedTuple):
     episodes: list[Episode]
     figures: Plain  # of `crowd_env.analysis.figures.report`
     crowding: list[Crowding]  # of the runs that have it
+    storeys: list[Storey]  # of a building
 
     @property
     def draw(self) -> str:
@@ -117,10 +119,13 @@ def _load(folder: Path, place_of: PlaceOf) -> Runs:
         raise ValueError(f"{folder / KEPT} holds no finished run; the command that began it goes on with it")
     figures = report(scenario, scheme, episodes, dt=config["dt"], strategy=config["strategy"])
     check = check_place(scenario)
-    figures["sections"] = flows_at(places_of(check), episodes)
+    places = places_of(check)
+    figures["sections"] = flows_at(places, episodes)
+    storeys = storeys_of(scenario.geometry, places, episodes, figures)
+    figures["storeys"] = {one.sheet.name: one.figures for one in storeys}
     if not scenario.goes_on:
         figures["by_hand"] = by_hand(scenario, check, config["strategy"])
-    return Runs("", folder, config, scenario, scheme, episodes, figures, kept.crowding(episodes))
+    return Runs("", folder, config, scenario, scheme, episodes, figures, kept.crowding(episodes), storeys)
 
 
 def _names(runs: Sequence[Runs]) -> list[str]:

@@ -6,6 +6,8 @@ It needs Playwright (``pip install playwright``; its own browsers are not needed
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +15,10 @@ import numpy as np
 import pytest
 from late import late
 from replayed_pages import walk_out
+from storeys import with_stair
 
-from crowd_env.recording import Recording
+from crowd_env import Scenario
+from crowd_env.recording import Recording, record
 from crowd_env.rendering.palette import pressure_color
 from crowd_env.rendering.replay import write_page
 
@@ -51,6 +55,11 @@ def _cut_short(recording: Recording) -> Recording:
     return replace(recording, times=recording.times[: last + 1], frame_start=starts, **left, **rows)
 
 
+@cache
+def house() -> Recording:
+    return record(Scenario("house", with_stair(), [{"people": 12, "desired_speed": 1.4}], 60.0), seed=5, contacts=True)
+
+
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
@@ -61,6 +70,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "cut": [_cut_short(walk_out(12, stays=2, end=2.0)), RECORDING],
         "torso": [walk_out(outline="torso")],
         "evil": [evil],
+        "house": [house()],
     }
     return {name: write_page(folder / f"{name}.html", several).path for name, several in recordings.items()}
 
@@ -314,7 +324,7 @@ def test_markup_in_names_is_text(tab: Tab) -> None:
     assert tab.get("window.evil") is None
 
 
-@pytest.mark.parametrize("name", ["one", "two"])
+@pytest.mark.parametrize("name", ["one", "two", "house"])
 @pytest.mark.parametrize("width", [375, 1280])
 def test_nothing_overflows_and_fingers_find_what_they_press(
     browser: Any, pages: dict[str, Path], name: str, width: int
@@ -371,3 +381,80 @@ def test_who_is_counted_inside_is_drawn_to_the_end_of_the_page(browser: Any, pag
     drawn = tab.page.evaluate("[replay.recordings[0].shown, replay.recordings[0].inside(replay.time)]")
     assert drawn[0] >= drawn[1] == shown[0][0]  # and those who have just stepped out
     tab.close()
+
+
+# ------------------------------------------------------------------------------------------------- of several storeys
+
+
+def shown_people(tab: Tab) -> dict[int, tuple[float, float]]:
+    """Return where people are drawn [m]."""
+    found = tab.get(
+        "(({who, shown, px, py}) => Array.from(who.slice(0, shown), n => [n, px[n], py[n]]))(replay.recordings[0])"
+    )
+    return {int(n): (x, y) for n, x, y in found}
+
+
+@pytest.mark.parametrize("tab", ["house"], indirect=True)
+def test_between_two_sheets_of_the_layout_nobody_flies(tab: Tab) -> None:
+    geometry, known = house().geometry, 0
+    sheet = house().places()[2]
+    for n in range(12):
+        rows = np.flatnonzero(house().person == n)
+        for a, b in pairwise(rows):
+            if sheet[a] != sheet[b]:
+                time = 0.5 * (house().times[house().frame[a]] + house().times[house().frame[b]])
+                tab.get(f"replay.seek({time})")
+                at = np.array(shown_people(tab)[n]) + tab.get("replay.recordings[0].layout.origin")
+                assert np.hypot(*(at - house().position[a])) < 2e-3
+                known += 1
+    assert known > 4 and geometry.building is not None
+
+
+@pytest.mark.parametrize("tab", ["house"], indirect=True)
+def test_one_above_another_ways_are_joined_and_higher_is_above(tab: Tab) -> None:
+    tab.page.select_option("#storey", "one above another")
+    x, y, first = tab.get("(({x, y, start}) => [[...x], [...y], [...start]])(replay.recordings[0])")
+    for n in range(12):
+        ways = np.column_stack([x, y])[first[n] : first[n + 1]]
+        assert np.hypot(*np.diff(ways, axis=0).T).max() < 1.0  # over the seams too
+    lowest = "({name, shells}) => [name, Math.min(...shells.flat().map((at) => at[1]))]"
+    parts = tab.get(f"replay.recordings[0].plan.parts.map({lowest})")
+    assert [name.split(" ")[0] for name, _ in parts] == ["ground", "", "upper"] and parts[0][1] < parts[2][1]
+    tab.get("replay.seek(0)")
+    shown, true = shown_people(tab), house().places()
+    for n, (_, v) in shown.items():
+        assert (v >= parts[2][1]) == (true[1][n] > 2.9), n
+
+
+@pytest.mark.parametrize("tab", ["house"], indirect=True)
+def test_the_storey_follows_the_person_that_was_chosen(tab: Tab) -> None:
+    sheet = house().places()[2]
+    n = int(house().person[sheet == 1][0])
+    tab.page.locator("canvas.moving").focus()
+    for view in ("one above another", "upper  +3.00 m"):
+        tab.page.keyboard.press("PageDown")
+        assert tab.page.input_value("#storey") == view
+    upstairs = int((sheet[house().frame == 0] == 1).sum())
+    assert tab.page.inner_text(".count") == f"{upstairs} of 12 inside"
+    tab.get(f"replay.panes[0].chosen = {n}")
+    storeys = []
+    for time in house().times[house().times < house().exit_time[n]]:
+        tab.get(f"replay.seek({time})")
+        storeys.append(tab.get("replay.shown.split(' ')[0]"))
+    assert [one for one, _ in groupby(storeys)] == ["upper", "stair", "ground"]
+    tab.page.keyboard.press("n")
+    assert tab.get("replay.panes[0].chosen") != n
+
+
+@pytest.mark.parametrize("tab", ["house"], indirect=True)
+def test_print_shows_the_layout(tab: Tab) -> None:
+    tab.page.select_option("#storey", "stair")
+    tab.get("window.printed = []; addEventListener('beforeprint', () => printed.push(replay.shown))")
+    tab.page.pdf()
+    assert tab.get("[printed, replay.shown]") == [["side by side"], "stair"]
+
+
+def test_a_place_of_one_storey_has_no_control_of_storeys(tab: Tab) -> None:
+    assert not tab.page.is_visible("#storey-field")
+    tab.page.keyboard.press("PageDown")
+    assert tab.get("replay.shown") == "side by side"

@@ -22,8 +22,6 @@ function sortByColor(recording, coloring, colors) {
 }
 
 function drawPeople(context, recording, view, theme, coloring, colors, options) {
-  context.setTransform(view.ratio, 0, 0, view.ratio, 0, 0);
-  context.clearRect(0, 0, view.width, view.height);
   const { fill, rim } = colors[coloring.key];
   const { sorted, count } = sortByColor(recording, coloring, fill.length);
   const put = recording.about.outline ? putBodies : putDiscs;
@@ -36,7 +34,6 @@ function drawPeople(context, recording, view, theme, coloring, colors, options) 
   }
   if (view.scale * recording.typicalRadius > 5) drawHeadings(context, recording, view, theme);
   if (options.forces) drawForces(context, recording, view, theme, options.fullForce);
-  drawExitNames(context, recording, view, theme);
   if (options.chosen >= 0) drawChosen(context, recording, view, theme, options.chosen);
 }
 
@@ -137,7 +134,7 @@ function drawForces(context, recording, view, theme, fullForce) {
   for (let k = contact_start[frame]; k < contact_start[frame + 1]; k++) {
     const i = contact_i[k];
     const j = contact_j[k];
-    if (!isShown[i] || (j >= 0 && !isShown[j])) continue;
+    if (!isShown[i] || (j >= 0 ? !isShown[j] : recording.stacked)) continue;
     const part = Math.min(contact_force[k] / fullForce / 1.5, 1);
     const path = (paths[Math.min(Math.floor(part * FORCE_STEPS), FORCE_STEPS - 1)] ??= new Path2D());
     path.moveTo(view.px(px[i]), view.py(py[i]));
@@ -159,7 +156,7 @@ function drawExitNames(context, recording, view, theme) {
   const places = recording.exits.flatMap(({ name, ends, times }) => {
     const [[ax, ay], [bx, by]] = ends[ends.length >> 1];
     const [x, y] = [view.px((ax + bx) / 2), view.py((ay + by) / 2)];
-    if (x < 0 || y < 0 || x > view.width || y > view.height) return [];
+    if (x < 0 || y < 0 || x > view.width || y > view.height || !view.holds(ax, ay)) return [];
     const length = Math.hypot(bx - ax, by - ay) || 1;
     const count = lastNotAbove(times, recording.time) + 1;
     return [{ name, count, x, y, outX: (by - ay) / length, outY: (bx - ax) / length }];
@@ -189,7 +186,10 @@ function drawChosen(context, recording, view, theme, n) {
   const { start, x, y, px, py, radius, first, frame } = recording;
   const trail = (from, to) => {
     context.beginPath();
-    for (let k = from; k < to; k++) context.lineTo(view.px(x[k]), view.py(y[k]));
+    for (let k = from; k < to; k++) {
+      if (k > from && recording.leaps(k - 1, k)) context.moveTo(view.px(x[k]), view.py(y[k]));
+      else context.lineTo(view.px(x[k]), view.py(y[k]));
+    }
     context.stroke();
   };
   const now = Math.min(Math.max(start[n] + frame - first[n] + 1, start[n]), start[n + 1]);

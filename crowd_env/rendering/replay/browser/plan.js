@@ -35,27 +35,30 @@ function matPath(ends, view, depth) {
 function drawPlan(context, recording, view, theme) {
   const { plan } = recording;
   const scale = view.scale;
-  context.setTransform(view.ratio, 0, 0, view.ratio, 0, 0);
   context.fillStyle = theme.background;
   context.fillRect(0, 0, view.width, view.height);
-  const floor = ringsPath([...plan.shells, ...plan.holes], view);
   const wall = Math.max(WALL_THICKNESS * scale, 1.5);
   context.lineJoin = "miter";
+  for (const part of plan.parts ?? [plan]) {
+    const floor = ringsPath([...part.shells, ...part.holes], view);
+    context.lineCap = "butt";
+    context.fillStyle = theme.obstacle;
+    context.fill(ringsPath(part.holes, view));
+    context.strokeStyle = theme.wall;
+    context.lineWidth = 2 * wall;
+    context.stroke(floor);
+    if (part === plan) drawMats(context, plan, view, theme, wall);
+    context.fillStyle = theme.floor;
+    context.fill(floor, "evenodd");
+    if (part === plan) drawZones(context, plan.zones, view, theme, floor);
+    context.lineCap = "round";
+    context.lineWidth = Math.max(0.06 * scale, 2);
+    context.stroke(linesPath(part.thin_walls, view));
+  }
   context.lineCap = "butt";
-  context.fillStyle = theme.obstacle;
-  context.fill(ringsPath(plan.holes, view));
-  context.strokeStyle = theme.wall;
-  context.lineWidth = 2 * wall;
-  context.stroke(floor);
-  context.fillStyle = theme.mat;
-  for (const { ends } of plan.exits) context.fill(matPath(ends, view, (wall + Math.min(0.35 * scale, 14)) / scale));
-  context.fillStyle = theme.floor;
-  context.fill(floor, "evenodd");
-  drawZones(context, plan.zones, view, theme, floor);
-  context.lineCap = "round";
-  context.lineWidth = Math.max(0.06 * scale, 2);
-  context.strokeStyle = theme.wall;
-  context.stroke(linesPath(plan.thin_walls, view));
+  context.strokeStyle = theme.seam;
+  context.lineWidth = Math.min(Math.max(wall, 3), 8);
+  context.stroke(linesPath((plan.seams ?? []).map(({ ends }) => ends), view));
   context.setLineDash([4, 4]);
   context.strokeStyle = theme.quiet;
   context.stroke(linesPath(plan.doors, view));
@@ -64,7 +67,39 @@ function drawPlan(context, recording, view, theme) {
   context.strokeStyle = theme.exit;
   context.lineWidth = Math.min(Math.max(0.35 * wall, 2), 4);
   context.stroke(linesPath(plan.exits.map(({ ends }) => ends), view));
-  drawScaleBar(context, view, theme);
+  drawNames(context, plan, view, theme);
+  if (!plan.parts) drawScaleBar(context, view, theme);
+}
+
+function drawMats(context, plan, view, theme, wall) {
+  context.fillStyle = theme.mat;
+  for (const { ends } of plan.exits) context.fill(matPath(ends, view, (wall + Math.min(0.35 * view.scale, 14)) / view.scale));
+}
+
+// Of a building: the names of storeys below their lower left corners, and at each seam a letter, the same at both of its ends.
+function drawNames(context, plan, view, theme) {
+  context.textBaseline = "middle";
+  context.textAlign = "left";
+  context.font = `12px ${theme.font}`;
+  context.strokeStyle = theme.background;
+  context.lineWidth = 4;
+  context.lineJoin = "round";
+  for (const { name, box, shells } of plan.storeys ?? plan.parts ?? []) {
+    const [x, y] = box ?? shells.flat().reduce((a, b) => (b[0] < a[0] ? b : a));
+    // A stair without room for its name has letters that say where it leads.
+    if (box && context.measureText(name).width > (box[2] - box[0] + 2 * AROUND) * view.scale - 4) continue;
+    context.strokeText(name, view.px(x), view.py(y) + 13);
+    context.fillStyle = theme.quiet;
+    context.fillText(name, view.px(x), view.py(y) + 13);
+  }
+  context.textAlign = "center";
+  context.fillStyle = theme.ink;
+  context.font = `600 12px ${theme.font}`;
+  for (const { letter, ends: [[ax, ay], [bx, by]] } of plan.seams ?? []) {
+    const length = Math.hypot(bx - ax, by - ay) || 1;
+    const [x, y] = [view.px((ax + bx) / 2) + (11 * (by - ay)) / length, view.py((ay + by) / 2) + (11 * (bx - ax)) / length];
+    if (letter) context.fillText(letter, x, y);
+  }
 }
 
 // Where people walk at another speed, such as stairs: tinted and framed, as on the picture of the plan.

@@ -1,12 +1,14 @@
 // The clock, the panes and all that is drawn in them.
 
+const LAYOUT = "side by side";
+const STACK = "one above another";
 const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
 
 class Pane {
   constructor(recording, label, series, player) {
     this.recording = recording;
     this.view = new View(recording.plan.bounds, recording.exits.length > 1);
-    this.chosen = -1;
+    this.chosen = this.storey = -1;
     this.still = element("canvas", { className: "still" });
     this.moving = element("canvas", { className: "moving", tabIndex: 0 });
     this.moving.setAttribute("role", "img");
@@ -44,6 +46,33 @@ class Pane {
     return best < Math.max(14, view.scale * recording.typicalRadius) ? found : -1;
   }
 
+  // Show all sheets of a building side by side, one of them, or all above one another.
+  show(name) {
+    const { recording, view } = this;
+    if (!recording.sheet) return;
+    const storey = recording.layout.storeys.find((one) => one.name === name);
+    this.storey = storey ? storey.sheet : -1;
+    recording.show(name === STACK ? "stack" : "layout");
+    view.bounds = storey ? storey.box : recording.plan.bounds;
+    view.box = storey?.box;
+    view.fit();
+  }
+
+  countOn(sheet) {
+    const { who, shown, leaving, time } = this.recording;
+    return who.slice(0, shown).filter((n) => leaving[n] > time && this.recording.sheetOf(n) === sheet).length;
+  }
+
+  // Keep the person chosen in sight while the time goes on; return the storey that it has come to, if one is shown.
+  follow() {
+    const { recording, view, chosen } = this;
+    if (chosen < 0 || !recording.sheet || !recording.isShown[chosen]) return "";
+    const sheet = recording.sheetOf(chosen);
+    if (this.storey >= 0 && sheet !== this.storey) return recording.layout.storeys.find((one) => one.sheet === sheet).name;
+    if (!view.fitted) view.center(recording.px[chosen], recording.py[chosen], view.scale);
+    return "";
+  }
+
   resize(ratio) {
     const { clientWidth, clientHeight } = this.box;
     for (const canvas of [this.still, this.moving]) {
@@ -54,7 +83,7 @@ class Pane {
   }
 
   drawStill(theme) {
-    drawPlan(this.still.getContext("2d"), this.recording, this.view, theme);
+    this.view.within(this.still, (context) => drawPlan(context, this.recording, this.view, theme));
     this.whole.hidden = this.view.fitted;
   }
 
@@ -62,8 +91,11 @@ class Pane {
     const { recording } = this;
     recording.sample(time);
     const chosen = this.chosen;
-    drawPeople(this.moving.getContext("2d"), recording, this.view, theme, coloring, colors, { ...options, chosen });
-    this.count.textContent = recording.inside(time);
+    this.view.within(this.moving, (context) =>
+      drawPeople(context, recording, this.view, theme, coloring, colors, { ...options, chosen }));
+    drawExitNames(this.moving.getContext("2d"), recording, this.view, theme);
+    const here = this.storey >= 0 ? `${this.countOn(this.storey)} of ` : "";
+    this.count.textContent = here + recording.inside(time);
     this.readout.hidden = chosen < 0;
     if (chosen >= 0) this.readout.textContent = this.aboutPerson(chosen, time);
   }
@@ -108,6 +140,10 @@ class Player {
     // Plans of one place move together.
     this.linked = several && new Set(recordings.map((one) => JSON.stringify(one.plan.bounds))).size === 1;
     this.listeners = [];
+    // What the control of storeys chooses from; nothing without a building.
+    const storeys = recordings.flatMap((one) => one.layout.storeys ?? []).map(({ name }) => name);
+    this.views = storeys.length ? [...new Set([LAYOUT, STACK, ...storeys])] : [];
+    this.shown = LAYOUT;
   }
 
   resize() {
@@ -140,9 +176,21 @@ class Player {
     this.drawn = (this.drawn || 0) + 1;
   }
 
+  show(name) {
+    this.shown = name;
+    for (const pane of this.panes) pane.show(name);
+    this.redraw();
+    for (const listener of this.listeners) listener();
+  }
+
   seek(time) {
     this.time = Math.min(Math.max(time, this.begin), this.end);
     this.draw();
+    for (const pane of this.panes) {
+      const name = pane.follow();
+      if (name) this.show(name);
+      else if (pane.chosen >= 0 && !pane.view.fitted) this.viewChanged(pane);
+    }
     for (const listener of this.listeners) listener();
   }
 
@@ -190,7 +238,7 @@ function readTheme() {
   const color = (name) => style.getPropertyValue(`--${name}`).trim();
   return {
     background: color("background"), floor: color("floor"), wall: color("wall"), obstacle: color("obstacle"),
-    exit: color("exit"), mat: color("mat"), ink: color("ink"), quiet: color("quiet"), faint: color("faint"),
+    exit: color("exit"), seam: color("seam"), mat: color("mat"), ink: color("ink"), quiet: color("quiet"), faint: color("faint"),
     rim: color("rim"), tick: color("tick"), force: color("force"), exitInk: color("exit-ink"), series: [color("series-0"), color("series-1")], zone: color("series-3"),
     font: getComputedStyle(document.body).fontFamily,
   };

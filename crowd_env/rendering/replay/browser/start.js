@@ -11,12 +11,17 @@ const KEYS = [
   ["< >", "slower, faster"],
   ["C", "next color"],
   ["F", "forces, if recorded"],
+  ["N", "next person"],
   ["+ − 0", "zoom, show all"],
 ];
 
 function listen(player) {
   const { about } = player;
-  const [play, scrub, speed, color, forces] = ["play", "scrub", "speed", "color", "forces"].map(byId);
+  const [play, scrub, speed, color, forces, storey] = ["play", "scrub", "speed", "color", "forces", "storey"].map(byId);
+  storey.append(...player.views.map((name) => element("option", { value: name, textContent: name })));
+  byId("storey-field").hidden = !player.views.length;
+  storey.addEventListener("change", () => player.show(storey.value));
+  if (player.views.length) KEYS.push(["Page ↑ ↓", "next storey"]);
   speed.append(...SPEEDS.map((rate) => element("option", { value: rate, textContent: `${rate}×` })));
   color.append(...player.colorings.map(({ key, name }) => element("option", { value: key, textContent: name })));
   speed.value = "1";
@@ -34,6 +39,7 @@ function listen(player) {
       play.querySelector("path").setAttribute("d", player.playing ? PAUSE : PLAY);
     }
     scrub.value = player.time;
+    storey.value = player.shown;
     const text = `${player.time.toFixed(1)} / ${player.end.toFixed(1)} s`;
     byId("clock").textContent = text;
     scrub.setAttribute("aria-valuetext", text);
@@ -80,7 +86,23 @@ function listen(player) {
     const k = player.colorings.indexOf(player.coloring);
     choose(player.colorings[(k + 1) % player.colorings.length].key);
   };
+  const nextStorey = (by) => player.views.length && player.show(player.views.at((player.views.indexOf(player.shown) + by) % player.views.length));
+  const nextPerson = () => {
+    for (const pane of player.panes) {
+      const { who, shown } = pane.recording;
+      pane.chosen = Math.min(...who.slice(0, shown).filter((n) => n > pane.chosen), Infinity);
+      if (pane.chosen === Infinity) pane.chosen = -1;
+    }
+    player.seek(player.time);
+  };
+  const beforePrint = { name: "" };
+  addEventListener("beforeprint", () => {
+    beforePrint.name = player.shown;
+    if (player.shown !== LAYOUT) player.show(LAYOUT);
+  });
+  addEventListener("afterprint", () => player.shown !== beforePrint.name && player.show(beforePrint.name));
   const keys = {
+    PageUp: () => nextStorey(-1), PageDown: () => nextStorey(1), n: nextPerson, N: nextPerson,
     " ": toggle,
     ArrowLeft: (event) => (event.shiftKey ? player.seek(player.time - 1) : player.jumpFrames(-1)),
     ArrowRight: (event) => (event.shiftKey ? player.seek(player.time + 1) : player.jumpFrames(1)),
@@ -153,7 +175,7 @@ function listenToFacts(button, panel, player) {
   panel.append(table(names.map((name) => [name, ...facts.map((one) => one.get(name) ?? "–")])));
   panel.append(element("h3", { textContent: "Keys" }), table(KEYS));
   panel.append(element("p", { className: "quiet", textContent:
-    "Drag moves the plan, the wheel or two fingers zoom, a double click shows all; a click on a person shows its way. " +
+    "Drag moves the plan, the wheel or two fingers zoom, a double click shows all; a click on a person shows its way, and follows it where you have zoomed in. " +
     "Between frames people are drawn on straight lines; pressures are means of 0.3 s, forces those of one physics step." }));
   button.addEventListener("click", () => open(panel.hidden));
   close.addEventListener("click", () => open(false));

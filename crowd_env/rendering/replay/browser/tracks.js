@@ -18,7 +18,13 @@ class Recording {
   constructor(about, columns) {
     Object.assign(this, columns);
     this.about = about;
-    this.plan = about.plan;
+    this.plan = this.layout = about.plan;
+    const stack = this.plan.stack;
+    if (stack) {
+      const [x, y] = [0, 1].map((k) => stack.parts.flatMap(({ shells }) => shells.flat()).map((at) => at[k]));
+      stack.bounds = [Math.min(...x), Math.min(...y), Math.max(...x), Math.max(...y)];
+    }
+    this.ways = { layout: [this.x, this.y], stack: [this.stack_x, this.stack_y] };
     this.people = this.radius.length;
     this.start = new Int32Array(this.people + 1);
     for (let n = 0; n < this.people; n++) this.start[n + 1] = this.start[n] + this.samples[n];
@@ -76,6 +82,24 @@ class Recording {
     return [...found.values()];
   }
 
+  // Show the layout of a building, or its storeys above one another.
+  show(name) {
+    this.stacked = name === "stack";
+    this.plan = this.stacked ? this.layout.stack : this.layout;
+    [this.x, this.y] = this.ways[name];
+    for (const exit of this.exits) exit.ends = [...exit.rows].map((row) => this.plan.exits[row].ends);
+  }
+
+  // Whether sample b is on another sheet than a, which lies elsewhere in the layout.
+  leaps(a, b) {
+    return Boolean(this.sheet) && !this.stacked && this.sheet[a] !== this.sheet[b];
+  }
+
+  // The sheet of a person at the time shown.
+  sheetOf(n) {
+    return this.sheet[Math.min(Math.max(this.start[n] + this.frame - this.first[n], this.start[n]), this.start[n + 1] - 1)];
+  }
+
   inside(time) {
     return lastNotAbove(this.arrivals, time + 1e-6) - lastNotAbove(this.leavings, time);
   }
@@ -108,7 +132,7 @@ class Recording {
       const last = samples[n] - 1;
       if (k < 0 || k > last || time > until[n] + 1e-6 || (over && this.leaving[n] < Infinity)) continue;
       const a = start[n] + k;
-      const b = k < last ? a + 1 : a;
+      const b = k < last && !this.leaps(a, a + 1) ? a + 1 : a;
       let part = 0;
       if (b > a) {
         const after = k + 1 === last ? until[n] : times[frame + 1];
@@ -120,8 +144,9 @@ class Recording {
       this.nowPressure[n] = this.pressure[a] + part * (this.pressure[b] - this.pressure[a]);
       if (this.angle) this.nowAngle[n] = this.angle[a] + part * (this.angle[b] - this.angle[a]);
       // Where a person is heading: the way between the two frames, if there is any.
-      const dx = this.x[b] - this.x[b > a ? a : Math.max(a - 1, start[n])];
-      const dy = this.y[b] - this.y[b > a ? a : Math.max(a - 1, start[n])];
+      const before = b > a || (a > start[n] && this.leaps(a - 1, a)) ? a : Math.max(a - 1, start[n]);
+      const dx = this.x[b] - this.x[before];
+      const dy = this.y[b] - this.y[before];
       const length = Math.hypot(dx, dy);
       const moves = length > 0.02 * this.step;
       this.aheadX[n] = moves ? dx / length : 0;

@@ -2,6 +2,7 @@
 
 const MARGIN = 30; // px around the plan
 const MARGIN_OF_NAMES = 84; // px beside it, where exits have names
+const AROUND = 2.4; // m around a storey: less than half of what lies between two
 const DEEPEST = 400; // px/m, or more where the whole plan is larger on the screen
 
 class View {
@@ -63,6 +64,30 @@ class View {
     this.left += dx;
     this.top += dy;
     this.fitted = false;
+  }
+
+  // Whether a place is on the storey that is shown, if one is.
+  holds(x, y) {
+    const [x0, y0, x1, y1] = this.box ?? [-Infinity, -Infinity, Infinity, Infinity];
+    return x > x0 - AROUND && x < x1 + AROUND && y > y0 - AROUND && y < y1 + AROUND;
+  }
+
+  // Draw on a canvas that is empty, only what lies in the box of a storey if one is shown.
+  within(canvas, draw) {
+    const context = canvas.getContext("2d");
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, canvas.width, canvas.height);
+    context.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    context.save();
+    if (this.box) {
+      const [x0, y0, x1, y1] = this.box;
+      const [left, top, right, low] = [this.px(x0 - AROUND), this.py(y1 + AROUND), this.px(x1 + AROUND), this.py(y0 - AROUND)];
+      context.beginPath();
+      context.rect(left, top, right - left, low - top);
+      context.clip();
+    }
+    draw(context);
+    context.restore();
   }
 
   // Show what another view shows, on a canvas of another size.
