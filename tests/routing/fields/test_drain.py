@@ -203,4 +203,6 @@ def test_a_hall_drains_evenly_over_a_stair(width):
     geometry = building(levels, [Stair("stair", "hall", "above", (0.0, 0.0), 0.0, width, 0.18)])
     field = RoutePlan(geometry, RADIUS).build().spread.routes[0].field
     found = field.direction[field.windows[0].nodes][4:-4, 40:180]
-    np.testing.assert_allclose(found[::-1] * (1.0, -1.0), found, atol=0.05)  # as the hall, its ways are their mirror image
+    np.testing.assert_allclose(
+        found[::-1] * (1.0, -1.0), found, atol=0.05
+    )  # as the hall, its ways are their mirror image
