@@ -37,7 +37,7 @@ def criteria(source: Source, *cases: str) -> Rows:
 
 
 def standards(rows: Grid, manner: str = "hurried") -> Grid:
-    """Return every row of the standards, from the figures of tests and cases: what it asks for, what runs it, who passes."""
+    """Return every row of the standards, from the figures of tests and cases: what it asks for, what runs it, what passes."""
     said = {(case, scheme): passed for case, of, scheme, passed, _ in rows if of == manner}
     schemes = list(dict.fromkeys(scheme for case, scheme in said if case.strip("`") in TESTS))
     table = [["row", "about", "asks for", "a public suite asks for", "test", *schemes, "why not"]]

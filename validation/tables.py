@@ -289,5 +289,5 @@ def make(names: Iterable[str], source: Source) -> None:
     commands = {name: (command, note) for name, command, note in read_table(MADE_BY)[1:]}
     for name in names:
         write_table(name, MAKERS[known("table", name, MAKERS)](source), *commands[name])
-        if name in ("measured", "criteria", "standard-tests", "standard-criteria"):
-            write_limits()
+    if not {"measured", "criteria", "standard-tests", "standard-criteria"}.isdisjoint(names):
+        write_limits()

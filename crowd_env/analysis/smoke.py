@@ -1,7 +1,7 @@
 """What smoke does to people: how fast they walk in it, and the dose of its gases, computed beside or after a run.
 
-Nothing here acts by itself: give a `SpeedZone` the speed in a smoke of known extinction coefficient, and `dose` the gases where
-somebody was.  A dose stops no one.
+Nothing here acts by itself: give a `SpeedZone` the speed in a smoke of known extinction coefficient, and `dose` the gases on a
+pedestrian's way.  A dose stops no one.
 """
 
 import numpy as np

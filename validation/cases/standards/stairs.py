@@ -73,7 +73,7 @@ def speeds(setting: Setting) -> Verdict:
 
 
 def inside(area: Box, moment: Moment) -> Bools:
-    """Return who (P,) is in a box of true coordinates."""
+    """Return which people (P,) are in a box of true coordinates."""
     (x, y), (left, bottom, right, top) = moment.position.T, area
     return moment.active & (x >= left) & (x < right) & (y >= bottom) & (y < top)
 
@@ -93,7 +93,7 @@ def band(density: Floats, way: str) -> tuple[Floats, Floats]:
 
 
 def diagram(setting: Setting) -> Verdict:
-    """RiMEA 13: speed by density in the middle of a stair, seen from above, of 100 people who climb or descend it."""
+    """RiMEA 13: speed by density in the middle of a stair, seen from above, of 100 people on the way up or down."""
     people = adults(100, desired_speed=Given(_SPEEDS), start_region="start")
     shares, means, counts = [], [], []
     for way, speed in (("up", _UP), ("down", _DOWN)):
