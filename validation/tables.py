@@ -14,7 +14,7 @@ from crowd_env.reproduce.pecol2011.theatre import PRINTED as TIMES
 from validation import facts, task_tables
 from validation.cases.case import DISC, share
 from validation.cases.standing import DENSITIES
-from validation.map import criteria, measured, passed, write_limits
+from validation.map import criteria, measured, of_all, passed, standards, write_limits
 from validation.pages import MADE_BY, Grid, Rows, grid, laid_out, read_table, write_table
 from validation.seeds import seeds
 from validation.sources import Source
@@ -235,6 +235,8 @@ _ROWS: dict[str, Callable[[Source], Rows]] = {
     "measured": measured,
     "full-speed": lambda source: measured(source, "gate", "doors", manner="competitive"),
     "criteria": criteria,
+    "standard-tests": lambda source: measured(source, "standards"),
+    "standard-criteria": lambda source: criteria(source, "standards"),
     "strategies": strategies,
     "controller": lambda source: map(_left, source.read("results.json")["rows"]),
     "training": lambda source: source.read("results.json")["rows"],
@@ -272,6 +274,7 @@ MAKERS: dict[str, Callable[[Source], Grid]] = {
     "algorithms": algorithms,
     "variants": variants,
     "map": lambda source: passed(read_table("measured")),
+    "standards": lambda source: standards(of_all("standard-tests", "measured")),
 }
 
 
@@ -286,5 +289,5 @@ def make(names: Iterable[str], source: Source) -> None:
     commands = {name: (command, note) for name, command, note in read_table(MADE_BY)[1:]}
     for name in names:
         write_table(name, MAKERS[known("table", name, MAKERS)](source), *commands[name])
-        if name in ("measured", "criteria"):
-            write_limits()
+    if not {"measured", "criteria", "standard-tests", "standard-criteria"}.isdisjoint(names):
+        write_limits()

@@ -13,10 +13,12 @@ from crowd_env.agents.tasks import TASKS
 from crowd_env.analysis.figures import cell
 from crowd_env.core.files.json_file import read_json
 from validation import pages
+from validation.cases import CASES
 from validation.cases.case import Setting, row
+from validation.cases.standards import TESTS, WHY
 from validation.cli import app
 from validation.finished import Finished
-from validation.map import LIMITS, limits, passed
+from validation.map import LIMITS, limits, of_all, passed, standards
 from validation.pages import TABLES, facts_in, filled, grid, pivoted, read_table, write_table
 from validation.pictures import commands
 from validation.sources import Source, run
@@ -70,7 +72,10 @@ def test_facts_are_those_of_code_and_tables_and_each_stands_in_a_sentence():
 
 def test_the_map_and_what_reports_say_of_it_follow_from_the_figures():
     assert passed(read_table("measured")) == read_table("map"), "run python -m validation pages map"
-    found = limits(*(read_table(name) for name in ("measured", "criteria", "not-supported")))
+    assert standards(of_all("standard-tests", "measured")) == read_table("standards"), (
+        "run python -m validation pages standards"
+    )
+    found = limits(of_all("measured", "standard-tests"), of_all("criteria", "standard-criteria"))
     assert {**read_json(LIMITS), **found} == read_json(LIMITS)
 
 
@@ -93,6 +98,19 @@ def test_what_fails_is_explained_and_what_passes_is_not():
         assert not names or names == {name for row in fits for name in row} & names, f"nothing of this fails: {remark}"
         explained |= fits if names else set()
     assert failed == explained
+
+
+def test_a_row_of_a_standard_that_is_not_met_says_why_and_no_other():
+    head, *lines = read_table("standards")
+    assert len(lines) == 67
+    for line in lines:
+        one = dict(zip(head, line, strict=True))
+        met = {one[scheme] for scheme in ("`dem`", "`nsm2`", "`hertz`")}
+        assert met <= {"yes", "**no**"} if one["test"] else met == {""}
+        assert bool(one["why not"]) == ("yes" not in met or "**no**" in met), one
+    assert {line[4].strip("`") for line in lines if "**no**" in line} == {*WHY} & {*TESTS, *CASES}, (
+        "reasons of what is met"
+    )
 
 
 @pytest.mark.more
@@ -281,7 +299,7 @@ def test_the_map_is_what_passed_case_by_case(tmp_path):
     assert passed(found)[1:] == [["`gate`", "calm", "yes", "**no**"], ["`ring`", "calm", "yes", "**no**"]]
     asked = MAKERS["criteria"](Source(lambda line: {}, tmp_path))
     assert asked[1] == ["`gate`", "5", "as recorded", "a paper"]
-    (gate, _) = limits(found, asked, [[], ["NIST 2.7", "no lifts"]])["cases"]
+    (gate, _) = limits(found, asked)["cases"]
     assert gate == {
         "case": "gate",
         "criterion": "as recorded (a paper).",

@@ -33,7 +33,7 @@ class Moment(NamedTuple):
     """Where everyone is; P people of all crowds."""
 
     time: float  # s
-    position: Floats  # (P, 2) m
+    position: Floats  # (P, 2) m, in a building in true coordinates
     active: Bools  # (P,) still inside
 
 
@@ -150,7 +150,9 @@ def crowds_at(
     bodies, position = zip(*drawn, strict=True)
     columns = [np.concatenate(column) for column in zip(*(part[:-1] for part in bodies), strict=True)]
     every = Bodies._make([*columns, np.cumsum([0, *map(len, position)])])
-    state = make_state(np.concatenate(position), environments=len(drawn))
+    where = [place] * len(drawn) if isinstance(place, Geometry) else [place[k] for k in options["geometry_of_env"]]
+    standing, sheet = zip(*(one.on_sheets(points) for one, points in zip(where, position, strict=True)), strict=True)
+    state = make_state(np.concatenate(standing), sheet=np.concatenate(sheet), environments=len(drawn))
     how: dict[str, Any] = {"outline": setting.outline}
     if Headway.of(setting.manner) is not None and make_scheme(setting.scheme).drives:
         how["max_drive"] = Scenario.max_drive  # of people who keep a distance

@@ -58,6 +58,7 @@ def spread(field: NavigationField, walls: Floats, wide: float = _WIDE) -> Naviga
     floor = np.isin(part, part[ends])
     if not floor.any():
         return field
+    right, up = right & floor[:, 1:], up & floor[1:]  # parts without a way out have no numbers
     # What comes through narrow openings is part of the flow beyond them.
     flow = np.where(limited[..., None], 0.0, _drain(ends, floor, right, up))
     direction = _between(flow, stride, field.travel_time.shape)

@@ -13,6 +13,7 @@ from crowd_env.routing.fields.drain import spread
 from crowd_env.routing.fields.field import join_fields, travel_time_field
 from crowd_env.routing.fields.lookup import direction_at
 from crowd_env.routing.route_set import RoutePlan
+from crowd_env.scenarios.buildings import Level, Stair, building
 from validation.cases.case import Setting, adults
 from validation.cases.crowds import Passages, draw_crowds, mean_of, steady_flow
 
@@ -191,3 +192,17 @@ def test_in_front_of_an_exit_the_fastest_way_leads_out(angle):
         env.simulation.state.route[:] = names.index("fastest")
         env.observer.observe(env.active)
         assert (env.observer.view.direction[: len(points)] @ out).min() > 0.5
+
+
+@looped("width", [1.4, 2.0, 2.4])
+def test_a_hall_drains_evenly_over_a_stair(width):
+    levels = [
+        Level("hall", 0.0, box(-10, -4, 0, 4)),
+        Level("above", 3.78, box(5.88, -2, 8, 2), exits={"out": [(8, -1), (8, 1)]}),
+    ]
+    geometry = building(levels, [Stair("stair", "hall", "above", (0.0, 0.0), 0.0, width, 0.18)])
+    field = RoutePlan(geometry, RADIUS).build().spread.routes[0].field
+    found = field.direction[field.windows[0].nodes][4:-4, 40:180]
+    np.testing.assert_allclose(
+        found[::-1] * (1.0, -1.0), found, atol=0.05
+    )  # as the hall, its ways are their mirror image
