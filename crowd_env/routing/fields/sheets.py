@@ -15,7 +15,7 @@ import numpy as np
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import place
-from crowd_env.geometry.sheets import bare_surface, seam_name
+from crowd_env.geometry.sheets import Building, bare_surface, seam_name
 from crowd_env.geometry.surface import heights, slopes_at
 from crowd_env.routing.fields import grid
 from crowd_env.routing.fields.lookup import ALONE, BLEND
@@ -136,7 +136,7 @@ class _Sheets:
     def _find(self, s: int, spacing: float | None, heap: list[tuple[float, int]]) -> None:
         part, offset = self._parts[s], self._offsets[s]
         exits = [name for name in dict.fromkeys(part.exit_names) if name in self._wanted or name in self._used[s]]
-        sheet = SheetGround(part, offset, self._used[s], self._has_goal(s), self._speed_of(s))
+        sheet = SheetGround(part, offset, self._used[s], self._has_goal(s), speeds_on(self._building, s, part))
         self.found[s] = self._solve(sheet, exits, spacing)
         for k in np.flatnonzero(self._to == s).tolist():
             time = self._time_at(s, self._twin(k))
@@ -156,30 +156,6 @@ class _Sheets:
         field, middle = self.found[s], (self._building.lines[k] - self._offsets[s]).mean(axis=0)[None]
         time = field.travel_time[grid.nearest_known(middle, field.travel_time, field.origin, field.spacing)]
         return float(time[0])
-
-    def _speed_of(self, s: int) -> Callable[[str | None, Floats], Floats] | None:
-        surface, part = bare_surface(self._building.sheets), self._parts[s]
-        if not self._building.sheets[s].slopes:
-            return None
-        ends = dict(zip(part.exit_names, part.exits.mean(axis=1), strict=True))
-
-        def speed_to(name: str | None, points: Floats) -> Floats:
-            flat = points.reshape(-1, 2)
-            on = slopes_at(surface, s, flat)
-            found = np.ones(len(flat))
-            sloped = on >= 0
-            if sloped.any():
-                plane = surface.plane[on[sloped]]
-                up, down = surface.up[on[sloped]], surface.down[on[sloped]]
-                falls = np.full(len(plane), True)
-                if name is not None:
-                    end = heights(surface, np.full(1, s), ends[name][None])[0]
-                    falls = heights(surface, np.full(len(plane), s), flat[sloped]) >= end
-                rise = np.hypot(plane[:, 0], plane[:, 1])
-                found[sloped] = np.where(falls, down, up) / np.sqrt(1.0 + rise**2)
-            return found.reshape(points.shape[:-1])
-
-        return speed_to
 
     def together(self, geometry: Geometry, spacing: float, behind: float) -> Field:
         """Return the fields of all sheets as one over the layout."""
@@ -236,3 +212,30 @@ def _rows_of(geometry: Geometry, part: Geometry, names: list[str], offset: Float
         off = [float(np.hypot(*(geometry.exits[r].mean(axis=0) - line.mean(axis=0)))) for r in rows]
         found.append(rows[int(np.argmin(off))] if rows else -1)
     return np.array(found, dtype=np.int64)
+
+
+def speeds_on(
+    building: Building, s: int, part: Geometry
+) -> Callable[[str | None, Floats], Floats] | None:
+    """Return the speed on sheet ``s``, which is ``part`` alone, see `SheetGround.speed_to`."""
+    if not building.sheets[s].slopes:
+        return None
+    surface, ends = bare_surface(building.sheets), dict(zip(part.exit_names, part.exits.mean(axis=1), strict=True))
+
+    def speed_to(name: str | None, points: Floats) -> Floats:
+        flat = points.reshape(-1, 2)
+        on = slopes_at(surface, s, flat)
+        found = np.ones(len(flat))
+        sloped = on >= 0
+        if sloped.any():
+            plane = surface.plane[on[sloped]]
+            up, down = surface.up[on[sloped]], surface.down[on[sloped]]
+            falls = np.full(len(plane), True)
+            if name is not None:
+                end = heights(surface, np.full(1, s), ends[name][None])[0]
+                falls = heights(surface, np.full(len(plane), s), flat[sloped]) >= end
+            rise = np.hypot(plane[:, 0], plane[:, 1])
+            found[sloped] = np.where(falls, down, up) / np.sqrt(1.0 + rise**2)
+        return found.reshape(points.shape[:-1])
+
+    return speed_to
