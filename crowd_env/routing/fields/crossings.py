@@ -112,9 +112,16 @@ class Crossings:
                 made = self._line(s, mine, away, None if climbs is None or (climbs == 1.0).all() else climbs)
                 near = np.where(mine & (away < SOURCE * spacing), 0.0, np.nan)
                 row, col = (int(n[0]) for n in grid.nearest_known(line.mean(axis=0)[None], near, origin, spacing))
+                twin = int(np.flatnonzero((seam == seam[k]) & (from_sheet != s))[0])
+                here, there = (
+                    float(fine.fits[grid.nearest_known(middle[None], fine.fits, fine.origin, fine.spacing)][0])
+                    for middle in self._building.lines[[k, twin]].mean(axis=1)
+                )
+                if there < here - 1e-6:  # too narrow for bodies that get out elsewhere
+                    continue
                 before = np.nonzero(mine & (away < BEFORE * spacing))
                 self._lines[k] = made._replace(
-                    twin=int(np.flatnonzero((seam == seam[k]) & (from_sheet != s))[0]),
+                    twin=twin,
                     end=(row, col),
                     off=float(away[row, col]),
                     before=before,
