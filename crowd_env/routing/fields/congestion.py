@@ -118,6 +118,8 @@ class CongestionField:
         same = (direction == self._shortest).all(axis=-1)
         direct = np.where(same, self._template.direct, -1)
         sure = self._narrow | ~same | self._fronts.shared
+        if self._crossings is not None:  # on stairs nobody gets around anybody
+            sure |= self._fronts.narrow
         return direction, cell_kinds(self._template.travel_time, direct, self._blocked), sure
 
     def density(self, position: Floats) -> Floats:
