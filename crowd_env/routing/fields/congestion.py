@@ -69,7 +69,8 @@ class CongestionField:
         self.origin = fine.origin
         walkable = ~np.isnan(fine.travel_time)
         self._inside = walkable[::stride, ::stride]
-        self.every = max(_EVERY, self._inside.size / _NODES)
+        marched = self._inside if building is None else self._inside[self._inside]  # nothing is between sheets
+        self.every = max(_EVERY, marched.size / _NODES)
         self._free = self._inside if fine.free is None else _any_near(fine.free, stride) & self._inside
         self._first = _least_near(np.where(walkable, fine.travel_time, np.inf), stride // 2, stride)
         shape = self._inside.shape
