@@ -56,7 +56,7 @@ def narrowest_passages(geometry: Geometry, terrain: Terrain, starts: Floats) -> 
     free = terrain.basin >= 0
     people: Floats = np.bincount(terrain.basin[free], weights=starts[free], minlength=basins).astype(np.float64)
     neighbors = _neighbors(terrain.passes, basins)
-    # Openings of exits are passes too, numbered after the terrain's, and then seams; of equally wide passes they are the narrowest.
+    # Openings of exits are passes too, after the terrain's, and then seams; of equally wide passes they are the narrowest.
     goals: dict[str, list[tuple[int, int]]] = {name: [] for name in geometry.exit_names}
     gaps: dict[int, Gap] = {}
     for k, (name, rows) in enumerate(geometry.openings(), passes):
@@ -87,7 +87,10 @@ def narrowest_passages(geometry: Geometry, terrain: Terrain, starts: Floats) -> 
                 gaps[k] = gap
         seen[near] = True
     half[~seen] = np.inf  # wider than the narrowest, or too many
-    return {name: _passage(name, range(passes, stop), _ways(goal, neighbors, half), gaps, people) for name, goal in goals.items()}
+    return {
+        name: _passage(name, range(passes, stop), _ways(goal, neighbors, half), gaps, people)
+        for name, goal in goals.items()
+    }
 
 
 def _seams(geometry: Geometry) -> list[Floats]:

@@ -62,8 +62,9 @@ class Scenario:
     ``apron``; ``**FULL_SPEED`` gives the people of the papers, without any of these.
 
     ``strategy`` is how people choose their way, unless the run overrides it.  It defaults to the fastest in a place with
-    several exits, or a building where ways part, and without routes, rules, one-way doors or a straight ``target``, else to the shortest.  A place of more
-    than 200 m x 200 m also defaults to the shortest: there the search for the fastest way dominates the run time.
+    several exits, or a building where ways part, and without routes, rules, one-way doors or a straight ``target``, else to
+    the shortest.  A place of more than 200 m x 200 m also defaults to the shortest: there the search for the fastest way
+    dominates the run time.
 
     ``outline`` is the shape of all bodies, unless the run overrides it: a name in ``OUTLINES``, an Outline, or a table of its
     parameters; by default they are discs.  People are placed with room to turn.

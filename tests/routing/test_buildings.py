@@ -12,7 +12,8 @@ from crowd_env.core.arrays.state import make_state
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.physics.simulation.simulation import Simulation
 from crowd_env.routing.fields.field import travel_time_field
-from crowd_env.scenarios.buildings import Level, Stair, building
+from crowd_env.routing.fields.grid import nearest_nodes
+from crowd_env.scenarios.buildings import Level, Ramp, Stair, building
 
 RISE, TREAD, RISERS = 3.06, 0.28, 18
 RUN, LONG, DEEP = RISERS * TREAD, 24.0, 8.0
@@ -121,3 +122,26 @@ def test_wide_people_walk_to_the_stair_that_is_wide_enough(strategy):
         run.advance(n_substeps=round(0.5 / run.dt))
         assert not (state.sheet == 3).any()
     assert (state.exit_index == list(place.exit_names).index("west")).all()
+
+
+@pytest.mark.more
+@looped(("strategy", "way"), [("shortest", "stair"), ("comfortable", "ramp")])
+def test_the_comfortable_way_takes_the_ramp(strategy, way):
+    """The stair is nearer; a meter of it costs as much as four."""
+    ends = box(-13, 0, 41, 10)
+    levels = [
+        Level("ground", 0.0, ends, exits={"west": [(-13, 3), (-13, 5)], "east": [(41, 3), (41, 5)]}),
+        Level("upper", RISE, box(0, 0, 24, 8)),
+    ]
+    stair = Stair("stair", "ground", "upper", (-RUN, 4.0), 0.0, riser=RISE / RISERS)
+    ramp = Ramp("ramp", "ground", "upper", (34.0, 4.0), 180.0, 10.0)
+    place = building(levels, [stair], [ramp])
+    field = (
+        Scenario("house", place, Population(1), 60.0)
+        .route_set(strategy)
+        .routes[1 if strategy != "shortest" else 0]
+        .field
+    )
+    at = place.laid_out(np.array([[11.0, 4.0]]), np.array([1]))
+    row, col = (int(n[0]) for n in nearest_nodes(at, field.origin, field.spacing, field.travel_time.shape))
+    assert np.sign(field.direction[row, col, 0]) == (1.0 if way == "ramp" else -1.0)

@@ -193,7 +193,9 @@ class CongestionField:
             alike |= sure & self._leads_on(time, speed, self._ahead)
         keeps = (keeps_on & known) | alike | (self._inside & ~self._free)
         if spreads:
-            keeps |= self._free & (self._first < SOURCE * self.spacing)  # beside an exit the marched times do not say which way it faces
+            keeps |= self._free & (
+                self._first < SOURCE * self.spacing
+            )  # beside an exit the marched times do not say which way it faces
         direction[keeps] = shortest[keeps]
         if self._crossings is not None and via is not None:
             for nodes, over in self._crossings.before(via):

@@ -1,6 +1,6 @@
-"""The fastest way over the sheets of a building: each is marched from its exits and from its seams, in the order of their times.
+"""The fastest way over the sheets of a building: each is marched from its exits and its seams, in the order of their times.
 
-A march from a seam does not depend on when people are out from there on.  So each seam is marched once, and the least sum counts.
+A march from a seam does not depend on when people are out from there on: each seam is marched once, and the least sum counts.
 """
 
 from collections.abc import Iterator
@@ -11,7 +11,6 @@ import numpy as np
 import skfmm
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints
-from crowd_env.core.kernels.jit import allocating_kernel
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.sheets import Building, seam_name, sheets_at
 from crowd_env.routing.fields import grid
@@ -33,7 +32,7 @@ def coarse(windows: tuple[Window, ...], stride: int, spacing: float) -> tuple[Wi
 
 
 def reach(level: "np.ma.MaskedArray", first: Floats, free: Bools, speed: Floats, spacing: float) -> Floats:
-    """Return the travel times [s] of ``free`` nodes (rows, cols) from where ``level`` is 0, to which ``first`` are distances [m]."""
+    """Return the travel times [s] of ``free`` nodes (rows, cols) from where ``level`` is 0; ``first`` is how far away [m]."""
     seeds = free & (first < SOURCE * spacing)
     time = np.where(seeds, first / speed, np.nan)
     if (free & ~seeds).any():
@@ -68,7 +67,7 @@ class Crossings:
     geometry : of the layout, as ways end in it.
     windows : where the nodes of each sheet lie.
     fine : the field of the empty place.
-    free, first, speed, spacing : as of `crowd_env.routing.fields.congestion.CongestionField`; slopes change ``speed``, in place.
+    free, first, speed, spacing : of `crowd_env.routing.fields.congestion.CongestionField`; slopes change ``speed``, in place.
 
     Attributes
     ----------
@@ -119,13 +118,13 @@ class Crossings:
                 )
                 if there < here - 1e-6:  # too narrow for bodies that get out elsewhere
                     continue
-                before = np.nonzero(mine & (away < BEFORE * spacing))
+                i, j = np.nonzero(mine & (away < BEFORE * spacing))
                 self._lines[k] = made._replace(
                     twin=twin,
                     end=(row, col),
                     off=float(away[row, col]),
-                    before=before,
-                    over=_straight_over(line, points[before], fine.radius),
+                    before=(i, j),
+                    over=_straight_over(line, points[i, j], fine.radius),
                 )
         self.links = self._links()
 
@@ -172,7 +171,9 @@ class Crossings:
         nodes = self._windows[line.sheet].nodes
         here, found = speed[nodes].copy(), line.time  # scikit-fmm reads views wrongly
         if not np.array_equal(here, self._speed[nodes]):
-            found = reach(line.level, line.first, line.free, here if line.pace is None else here * line.pace, self._spacing)
+            found = reach(
+                line.level, line.first, line.free, here if line.pace is None else here * line.pace, self._spacing
+            )
         sooner = ~(time[nodes] <= start + found) & ~np.isnan(found)
         time[nodes][sooner], via[nodes][sooner] = start + found[sooner], k
         for one in self._lines.values():
@@ -187,11 +188,7 @@ class Crossings:
             yield (i[here] + rows.start, j[here] + cols.start), line.over[here]
 
 
-@allocating_kernel
 def _straight_over(seam: Floats, points: Floats, radius: float) -> Floats:
     """Return the unit vectors (K, 2) from ``points`` (K, 2) straight over a ``seam`` (2, 2)."""
-    frame = exit_frame(seam.reshape(1, 2, 2), 0)
-    found = np.empty(points.shape)
-    for k in range(len(points)):
-        found[k] = through_exit(frame, points[k, 0], points[k, 1], radius, radius)
-    return found
+    frame = exit_frame(seam[None], 0)
+    return np.array([through_exit(frame, x, y, radius, radius) for x, y in points]).reshape(-1, 2)

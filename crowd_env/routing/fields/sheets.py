@@ -1,9 +1,9 @@
 """The way out of a building: the ways of its sheets, each from the seams on, which begin at the times of the sheets beyond.
 
 A sheet is solved like any place, with its exits and the seams that lead on as ends.  Sheets follow each other by the least time
-at a seam (Dijkstra 1959), and a sheet is solved again where another seam leads out sooner.  A way for larger bodies comes before
-any that is too narrow for them.  People walk by the nodes of their
-sheet in true coordinates.  In the field of the layout these are moved by half a distance between nodes at most.
+at a seam (Dijkstra 1959), and a sheet is solved again where another seam leads out sooner.  A way for larger bodies comes
+before any that is too narrow for them.  People walk by the nodes of their sheet in true coordinates.  In the field of the
+layout these are moved by half a distance between nodes at most.
 """
 
 import heapq
@@ -121,7 +121,10 @@ class _Sheets:
         self._least = least - 1e-6
         clear = [part.clear_widths(2.0 * least) for part in self._parts]
         names = [seam_name(k) for k in range(len(self._from))]
-        self._room = [0.5 * min(clear[i][n], clear[j][names[self._twin(k)]]) for k, (n, i, j) in enumerate(zip(names, self._from, self._to, strict=True))]
+        self._room = [
+            0.5 * min(clear[i][n], clear[j][names[self._twin(k)]])
+            for k, (n, i, j) in enumerate(zip(names, self._from, self._to, strict=True))
+        ]
         self.found: dict[int, Field] = {}
         self._used: dict[int, dict[str, tuple[float, float]]] = {}
 
@@ -230,9 +233,7 @@ def _rows_of(geometry: Geometry, part: Geometry, names: list[str], offset: Float
     return np.array(found, dtype=np.int64)
 
 
-def speeds_on(
-    building: Building, s: int, part: Geometry
-) -> Callable[[str | None, Floats], Floats] | None:
+def speeds_on(building: Building, s: int, part: Geometry) -> Callable[[str | None, Floats], Floats] | None:
     """Return the speed on sheet ``s``, which is ``part`` alone, see `SheetGround.speed_to`."""
     if not building.sheets[s].slopes:
         return None
