@@ -187,7 +187,7 @@ def _spread(front: Ints, right: Bools, up: Bools) -> Ints:
 
 
 def _joined(front: Ints, same: Ints) -> Ints:
-    """Return the fronts (rows, cols), numbered anew, where the nodes of each pair (2, N) are of one front."""
+    """Return the fronts (rows, cols), renumbered, where the nodes of each pair (2, N) are of one front."""
     number = np.arange(front.max() + 1)
     for one, other in np.unique(front.ravel()[same], axis=1).T.tolist():
         number[number == number[other]] = number[one]
