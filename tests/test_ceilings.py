@@ -20,7 +20,7 @@ CEILINGS = {
     "tokens of crowd_env/cli": 26_700,
     "tokens of crowd_env/core": 19_976,
     "tokens of crowd_env/envs": 48_900,
-    "tokens of crowd_env/geometry": 29_700,
+    "tokens of crowd_env/geometry": 29_782,
     "tokens of crowd_env/physics": 69_000,
     "tokens of crowd_env/recording": 14_500,
     "tokens of crowd_env/rendering": 36_400,

@@ -2,17 +2,20 @@
 
 The hydraulic model of first order (SFPE Handbook of Fire Protection Engineering, 5th edition 2016, chapter 59): a door passes
 1.32 people a second and meter of effective width, which is 0.15 m less on each side than the clear width, and pedestrians
-alone walk at 1.19 m/s, slower ones at their own median speed.  The people of a cohort queue from when half of them have
+alone walk at 1.19 m/s, slower ones at their own median speed.  On a stair flow and speed are less, both by 51.8 √(tread /
+riser) to 84, landings included; a stair is two boundary layers less wide than between its walls.  Stairs between the same
+levels are one passage, which all pass that have no other way out.  The people of a cohort queue from when half of them have
 responded and the first have come; they use the exits that they may take and can reach in proportion to their widths.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from crowd_env.analysis.plan_check import PlanCheck, check_place, spot
 from crowd_env.analysis.ways_out import WaysOut, binding, closed_for_good, cut_off, ways_out
+from crowd_env.core.arrays.state import segment_lengths
 from crowd_env.core.files.json_file import json_number
 from crowd_env.routing.route_set import RouteSet
 from crowd_env.scenarios.population import Population
@@ -37,7 +40,7 @@ def by_hand(place: Scenario, check: PlanCheck | None = None, strategy: str | Non
 
     ``response`` is the median of the cohort that responds first, and the latest; ``walk`` that of the first and of the last.
     The queue is the longest of that at all exits together, at the exits of a cohort, and at each passage that people have to
-    pass, ``at`` which it is; it and ``time`` are None if that is no wider than its boundary layers.
+    pass, stairs among them, ``at`` which it is; it and ``time`` are None if that is no wider than its boundary layers.
     """
     check = check or check_place(place)
     routes = place.route_set(binding(place, strategy), rules=False).when(closed_for_good(place))
@@ -53,6 +56,7 @@ def by_hand(place: Scenario, check: PlanCheck | None = None, strategy: str | Non
             lost = {exits: cut_off(place, passage.gap.line[None], exits, check.position) for exits in sets}
             here = [(one, int(lost[one.exits][check.cohort == k].sum())) for k, one in enumerate(cohorts)]
             queues.append(_queue(here, _effective(passage.gap.width), spot(check.geometry, passage.gap.line)))
+    queues += _queues_at_stairs(place, cohorts, check)
     queue, effective, at, _ = max(queues)
     time = max(*(over for *_, over in queues), *(one.response[1] + one.walk[1] for one in cohorts))
     spans = [[*one.response, *one.walk] for one in cohorts]
@@ -85,13 +89,49 @@ def _cohort(place: Scenario, check: PlanCheck, k: int, ways: WaysOut, routes: Ro
     return _Cohort(part.people, exits, response_of(part), (first / speed, last / speed))
 
 
+def _queues_at_stairs(
+    place: Scenario, cohorts: Sequence[_Cohort], check: PlanCheck
+) -> Iterator[tuple[float, float, str, float]]:
+    """Yield the queue at the stairs between the same levels, of people that have no other way out."""
+    geometry, building = place.geometry, place.geometry.building
+    if building is None:
+        return
+    sheets, beside = building.sheets, [set[int]() for _ in building.sheets]
+    for seam in building.seams:
+        beside[seam.left].add(seam.right)
+        beside[seam.right].add(seam.left)
+    width = np.full(len(sheets), np.inf)
+    np.minimum.at(width, building.from_sheet, segment_lengths(building.lines))
+    of_exit, start = (geometry.on_sheets(points)[1] for points in (geometry.exits.mean(axis=1), check.position))
+    stairs = [s for s, sheet in enumerate(sheets) if np.isnan(sheet.level)]
+    for ends in dict.fromkeys(frozenset(beside[s]) for s in stairs):
+        group = [s for s in stairs if beside[s] == ends]
+        here = []
+        for k, one in enumerate(cohorts):
+            reached = {int(s) for s, name in zip(of_exit, geometry.exit_names, strict=True) if name in one.exits}
+            while more := {t for s in reached for t in beside[s]} - reached - {*group}:
+                reached |= more
+            behind = ~np.isin(start, [*reached, *group]) & (check.cohort == k)
+            here.append((one, int(behind.sum())))
+        rooms = [_effective(float(width[s])) for s in group]
+        # Flow and speed are less by the same share.
+        shares = [min(min(slope.up, slope.down) for slope in sheets[s].slopes) for s in group]
+        flow = float(np.dot(rooms, shares)) / (sum(rooms) or 1.0)
+        yield _queue(here, float(sum(rooms)), " and ".join(repr(sheets[s].name) for s in group), flow)
+
+
 def _effective(width: float) -> float:
     return max(width - 2.0 * BOUNDARY, 0.0)
 
 
-def _queue(here: Sequence[tuple[_Cohort, int]], effective: float, at: str) -> tuple[float, float, str, float]:
-    """Return for how long [s] people of cohorts pass an effective width [m], both, and when the last of them has."""
-    rate = FLOW * effective
+def _queue(
+    here: Sequence[tuple[_Cohort, int]], effective: float, at: str, share: float = 1.0
+) -> tuple[float, float, str, float]:
+    """Return for how long [s] people of cohorts pass an effective width [m], both, and when the last of them has.
+
+    They pass at a ``share`` of the flow of a door.
+    """
+    rate = FLOW * effective * share
     came = sorted(((one.response[0] + one.walk[0], people) for one, people in here if people), reverse=True)
     behind, over = 0, 0.0
     for begin, people in came:  # the last cohort first

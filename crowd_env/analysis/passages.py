@@ -56,12 +56,18 @@ def narrowest_passages(geometry: Geometry, terrain: Terrain, starts: Floats) -> 
     free = terrain.basin >= 0
     people: Floats = np.bincount(terrain.basin[free], weights=starts[free], minlength=basins).astype(np.float64)
     neighbors = _neighbors(terrain.passes, basins)
-    # Openings of exits are passes too, numbered after the terrain's; of equally wide passes they are the narrowest.
+    # Openings of exits are passes too, after the terrain's, and then seams; of equally wide passes they are the narrowest.
     goals: dict[str, list[tuple[int, int]]] = {name: [] for name in geometry.exit_names}
     gaps: dict[int, Gap] = {}
     for k, (name, rows) in enumerate(geometry.openings(), passes):
         goal, gaps[k] = _goal(walls, terrain, geometry.exits[rows])
         goals[name].append((goal, k))
+    stop = passes + len(gaps)
+    for k, lines in enumerate(_seams(geometry), stop):
+        (one, gaps[k]), (other, _) = (_goal(walls, terrain, line[None]) for line in lines)
+        if min(one, other) >= 0:
+            neighbors[one].append((k, other))
+            neighbors[other].append((k, one))
     half = np.append(
         terrain.clearance.ravel()[terrain.passes[:, 2]], [0.5 * own.width - _SAME for own in gaps.values()]
     )
@@ -81,7 +87,16 @@ def narrowest_passages(geometry: Geometry, terrain: Terrain, starts: Floats) -> 
                 gaps[k] = gap
         seen[near] = True
     half[~seen] = np.inf  # wider than the narrowest, or too many
-    return {name: _passage(name, passes, _ways(goal, neighbors, half), gaps, people) for name, goal in goals.items()}
+    return {
+        name: _passage(name, range(passes, stop), _ways(goal, neighbors, half), gaps, people)
+        for name, goal in goals.items()
+    }
+
+
+def _seams(geometry: Geometry) -> list[Floats]:
+    """Return the lines (2, 2, 2) of each seam in the layout."""
+    building = geometry.building
+    return [] if building is None else [building.lines[building.seam == k] for k in range(len(building.seams))]
 
 
 def _goal(walls: Floats, terrain: Terrain, lines: Floats) -> tuple[int, Gap]:
@@ -151,12 +166,12 @@ def _critical(narrowest: Ints, value: Floats, people: Floats) -> tuple[int, floa
     return int(narrowest[rows[k]]), width, float(people[rows][value[rows] <= width + _SAME].sum() / most)
 
 
-def _passage(name: str, passes: int, way: Way, gaps: dict[int, Gap], people: Floats) -> Passage | None:
+def _passage(name: str, openings: range, way: Way, gaps: dict[int, Gap], people: Floats) -> Passage | None:
     narrowest, value = way
     found, width, behind = _critical(narrowest, value, people)
     if np.isnan(width):
         return None
-    passage = Passage(name, gaps[found], found >= passes, behind)
+    passage = Passage(name, gaps[found], found in openings, behind)
     rows = np.flatnonzero((value >= 0) & (people > 0))
     tightest = int(rows[np.argmin(value[rows])])
     least = int(narrowest[tightest])

@@ -107,6 +107,15 @@ class Building:
         names = [sheet.name for sheet in self.sheets]
         return self.offsets[names.index(known("level", name, names))]
 
+    def slows(self, points: Floats) -> Bools:
+        """Return whether ``points`` (..., 2) [m] of the layout are on slopes that slow people: on stairs."""
+        found = np.zeros(points.shape[:-1], dtype=bool)
+        for sheet in self.sheets:
+            for slope in sheet.slopes:
+                if min(slope.up, slope.down) < 1.0:
+                    found |= shapely.intersects_xy(slope.area, points - np.array(sheet.offset))
+        return found
+
     @property
     def letters(self) -> list[str]:
         """A letter (Y,) for each of ``lines``, the same at both ends of a seam: A to Z, then A1 to Z1 ..."""

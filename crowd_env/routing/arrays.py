@@ -62,8 +62,8 @@ def join_routes(
             table[1:3, e, r], until[e, r] = (route.goal, route.following), route.until
             if route.congestion is not None:
                 table[0, e, r] = len(fields)
-                fields.append(route.field)
-                geometry_of_field.append(int(g))
+                fields += by_sheet(route.field)
+                geometry_of_field += [int(g)] * (len(fields) - len(geometry_of_field))
     ways = table[0].copy(), table[1].copy(), table[2].copy()
     guidance = Guidance(*ways, until, _join_regions(places), _join_rules(places))
     return fields, geometry_of_field, guidance, table[3].copy()

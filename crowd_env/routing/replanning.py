@@ -11,7 +11,7 @@ from crowd_env.core.arrays.state import Bodies, CrowdState, Floats, Ints, slots_
 from crowd_env.core.clock import DueClock
 from crowd_env.geometry.geometry import Boundary
 from crowd_env.routing.arrays import add_fields, join_routes
-from crowd_env.routing.fields.field import NavigationField, join_fields, rows_in_batch
+from crowd_env.routing.fields.field import NavigationField, by_sheet, join_fields, rows_in_batch
 from crowd_env.routing.fields.fundamental_diagram import FundamentalDiagram
 from crowd_env.routing.fields.lookup import FieldArrays
 from crowd_env.routing.route_set import RouteSet
@@ -115,7 +115,8 @@ class RoutePlanner:
             if not state.active[people].any():
                 continue
             present = np.arange(people.start, people.stop)[state.present[people]]
-            position, walking = state.position[present], self._walking(bodies, present)
+            position = place.geometry.laid_out(state.position[present], state.sheet[present])
+            walking = self._walking(bodies, present)
             fields = [(r, way.congestion) for r, way in enumerate(place.routes) if way.congestion is not None]
             for r, congestion in fields:
                 self._write(e, r, congestion.march(position, walking))
@@ -128,9 +129,12 @@ class RoutePlanner:
         return FundamentalDiagram(radius, speed, self._keep_distance)
 
     def _write(self, e: int, r: int, field: NavigationField) -> None:
-        travel_time, direction, cell = _of_field(self.field, int(self.guidance.field_of_route[e, r]))
-        travel_time[:], direction[:] = field.travel_time.ravel() - field.behind, field.direction.reshape(-1, 2)
-        cell[:] = rows_in_batch(field.cell, self._boundary.exit_start[self._geometry_of_env[e]])
+        first, exits = int(self.guidance.field_of_route[e, r]), self._boundary.exit_start[self._geometry_of_env[e]]
+        for row, part in enumerate(by_sheet(field), first):
+            assert part is not None
+            travel_time, direction, cell = _of_field(self.field, row)
+            travel_time[:], direction[:] = part.travel_time.ravel() - field.behind, part.direction.reshape(-1, 2)
+            cell[:] = rows_in_batch(part.cell, exits)
         self.marches += 1
 
     def close(self, e: int, closed: frozenset[str]) -> None:
@@ -166,7 +170,10 @@ class RoutePlanner:
 
     def moment(self) -> PlannerState:
         """Return a copy of the ways as they are."""
-        own = [row for (owner, _), (rows, _) in self._rows.items() if owner >= 0 for row in rows]
+        own = []
+        for (owner, _), (rows, _) in self._rows.items():
+            if owner >= 0 and isinstance(place := self._current[owner], RouteSet):
+                own += [row + s for row in rows for s in range(len(place.geometry.surface.level))]
         found = {row: tuple(array.copy() for array in _of_field(self.field, row)) for row in own}
         return PlannerState(
             tuple(self._rows), tuple(self._closed), self.guidance.field_of_route.copy(), found, self._clock.due.copy()

@@ -146,10 +146,6 @@ class RoutePlan:
         ground = self.geometry.with_ways_to(open_to)
         congestion = walls = None
         if strategy.follows_crowd:
-            if self.geometry.building is not None:
-                raise ValueError(
-                    f"route {name!r}: the {route.strategy} way does not know storeys; take another strategy"
-                )
             if self.one_way:
                 raise ValueError(
                     f"route {name!r}: the {route.strategy} way does not know one-way doors; take another strategy"
@@ -159,6 +155,7 @@ class RoutePlan:
                 ground.walls_when(closed)[0],
                 speed_map.walking,
                 self.geometry.exits if via is None else None,
+                None if self.geometry.building is None else ground,
             )
             found = congestion.march()
         elif self.target != "path" and via is None and strategy.speed is None:

@@ -74,9 +74,12 @@ class SpeedMap:
     def comfortable(self, points: Floats) -> Floats:
         """Return 1 / (cost of a meter) on a grid of ``points`` (rows, cols, 2) [m]."""
         x, y = points[..., 0], points[..., 1]
-        cost = np.where(self.walking(points) < 1.0, 1.0 + self.comfort.stairs, 1.0)
+        slow = self.walking(points) < 1.0
+        if self.geometry.building is not None:
+            slow |= self.geometry.building.slows(points)
+        cost = np.where(slow, 1.0 + self.comfort.stairs, 1.0)
         reach = self.comfort.reach
-        corners = jutting_corners(self.geometry.boundary)
+        corners = jutting_corners(self.geometry.of_layout.boundary)
         left, right = (np.searchsorted(x[0], corners[:, 0] + away) for away in (-reach, reach))
         low, high = (np.searchsorted(y[:, 0], corners[:, 1] + away) for away in (-reach, reach))
         for k, (cx, cy) in enumerate(corners):  # each affects only the nodes around it

@@ -62,8 +62,9 @@ class Scenario:
     ``apron``; ``**FULL_SPEED`` gives the people of the papers, without any of these.
 
     ``strategy`` is how people choose their way, unless the run overrides it.  It defaults to the fastest in a place with
-    several exits and without routes, rules, one-way doors or a straight ``target``, else to the shortest.  A place of more
-    than 200 m x 200 m also defaults to the shortest: there the search for the fastest way dominates the run time.
+    several exits, or a building where ways part, and without routes, rules, one-way doors or a straight ``target``, else to
+    the shortest.  A place of more than 200 m x 200 m also defaults to the shortest: there the search for the fastest way
+    dominates the run time.
 
     ``outline`` is the shape of all bodies, unless the run overrides it: a name in ``OUTLINES``, an Outline, or a table of its
     parameters; by default they are discs.  People are placed with room to turn.
@@ -184,9 +185,12 @@ class Scenario:
         """
         strategy = self.strategy if strategy is None else strategy
         if strategy is None:
-            said = self.routes or self.rules or self.one_way or self.target != "path" or len(self.exits) == 1
+            building = self.geometry.building
+            parts = building is not None and len(building.seams) >= len(building.sheets)  # ways part at stairs
+            one = len(self.exits) == 1 and not parts
+            said = self.routes or self.rules or self.one_way or self.target != "path" or one
             x0, y0, x1, y1 = self.geometry.bounds
-            large = self.geometry.building is not None or (x1 - x0) * (y1 - y0) > _LARGE
+            large = (x1 - x0) * (y1 - y0) > _LARGE
             return "shortest" if said or large else "fastest"
         known = (*STRATEGIES, *(route.name for route in self.routes), *self.exits)
         if not isinstance(strategy, str) or strategy not in known:

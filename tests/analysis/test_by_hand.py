@@ -6,6 +6,7 @@ from shapely.geometry import box
 from crowd_env import Cohorts, DoorEvent, Geometry, Population, Route, Scenario, Uniform
 from crowd_env.analysis.by_hand import by_hand
 from crowd_env.analysis.figures import doubts
+from crowd_env.scenarios.buildings import Level, Stair, building, speed_on_stairs
 
 
 def place(walkable, exits, people=60, **fields):
@@ -123,3 +124,37 @@ def test_a_crowd_that_is_faster_by_a_third_is_doubted(mean, doubtful):
     }  # fmt: skip
     assert ("by hand" in doubts(figures)) is doubtful
     assert "by hand" not in doubts(figures | {"manner": None})  # crowds that press are faster than people who walk
+
+
+@pytest.mark.parametrize(("people", "seconds"), [(10, 23.55), (100, 150.6), (1000, 1421.0)])
+def test_a_stair_takes_as_long_as_the_handbook_computes(people, seconds):
+    """SFPE: 10 m along the slope of a stair of 1 m, risers of 180 mm and treads of 280 mm, as others have computed it."""
+    rise, run = 5.4, 30 * 0.28
+    levels = [
+        Level("low", 0.0, box(-3, -9, 0, 10), exits={"out": [(-3, -4), (-3, 6)]}),
+        Level("high", rise, box(run, 0, run + 30, 30)),
+    ]
+    stair = Stair("stair", "low", "high", (0.0, 1.0), 0.0, width=1.0, riser=0.18)
+    found = by_hand(Scenario("hall", building(levels, [stair]), Population(people, start_region="high"), 3000.0))
+    assert found["at"] == "'stair'" and found["effective_width"] == pytest.approx(0.7)
+    assert found["queue"] / people == pytest.approx(1 / (1.012 * 0.7), rel=0.005)
+    alone = 10.0 / (1.4 * (1 - 0.266 * 0.54) * speed_on_stairs(0.18, 0.28))  # the least density of the handbook
+    assert alone == pytest.approx(10.84, rel=0.001)
+    assert alone + found["queue"] * (people - 1) / people == pytest.approx(seconds, rel=0.005)
+
+
+def test_stairs_between_the_same_levels_are_one_passage():
+    levels = [
+        Level("low", 0.0, box(-9, 0, 30, 10), exits={"out": [(-9, 0), (-9, 10)]}),
+        Level("mid", 3.06, box(0, 0, 20, 10)),
+        Level("high", 6.12, box(0, 0, 20, 10)),
+    ]
+    stairs = [
+        Stair(f"{name} {lower}", lower, upper, (6.0, y), 0.0, turns="u-left", riser=0.17)
+        for lower, upper in (("low", "mid"), ("mid", "high"))
+        for name, y in (("a", 1.5), ("b", 6.5))
+    ]
+    parts = tuple(Population(n, start_region=level) for n, level in ((40, "low"), (60, "mid"), (50, "high")))
+    found = by_hand(Scenario("tower", building(levels, stairs), Cohorts(parts), 900.0))
+    assert found["at"] == "'a low' and 'b low'" and found["effective_width"] == pytest.approx(1.8)
+    assert found["queue"] == pytest.approx(110 / (1.32 * 1.8 * speed_on_stairs(0.17, 0.28)))

@@ -11,11 +11,12 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-import skfmm
 
 from crowd_env.core.arrays.state import Bools, Floats, Ints, segment_lengths
 from crowd_env.geometry.aprons import APRON
+from crowd_env.geometry.geometry import Geometry
 from crowd_env.routing.fields import grid
+from crowd_env.routing.fields.crossings import Crossings, coarse, reach
 from crowd_env.routing.fields.directions import cell_kinds, descend
 from crowd_env.routing.fields.domain import SOURCE
 from crowd_env.routing.fields.drain import spread
@@ -45,6 +46,7 @@ class CongestionField:
     walls : (W, 2, 2) m, the standing ones.
     speed : speed (...) at points (..., 2) [m], relative to plain floor.
     exits : (X, 2, 2) m, rows as in the field; None if it leads to a region.
+    building : the place, as its ways end, if it has several sheets.
 
     Attributes
     ----------
@@ -52,7 +54,12 @@ class CongestionField:
     """
 
     def __init__(
-        self, fine: NavigationField, walls: Floats, speed: Callable[[Floats], Floats], exits: Floats | None
+        self,
+        fine: NavigationField,
+        walls: Floats,
+        speed: Callable[[Floats], Floats],
+        exits: Floats | None,
+        building: Geometry | None = None,
     ) -> None:
         stride = max(1, int(min(SPACING, 0.8 * fine.radius) / fine.spacing + 1e-9))
         self._tight = fine.free is not None and _is_tight(fine.free & ~(fine.travel_time < _AT_EXIT), stride // 2)
@@ -62,17 +69,26 @@ class CongestionField:
         self.origin = fine.origin
         walkable = ~np.isnan(fine.travel_time)
         self._inside = walkable[::stride, ::stride]
-        self.every = max(_EVERY, self._inside.size / _NODES)
+        marched = self._inside if building is None else self._inside[self._inside]  # nothing is between sheets
+        self.every = max(_EVERY, marched.size / _NODES)
         self._free = self._inside if fine.free is None else _any_near(fine.free, stride) & self._inside
         self._first = _least_near(np.where(walkable, fine.travel_time, np.inf), stride // 2, stride)
         shape = self._inside.shape
         self._speed = speed(grid.node_points(self.origin, self.spacing, shape))
         blocked = grid.blocked_lines(walls, shape, self.origin, self.spacing)
+        windows = coarse(fine.windows, stride, fine.spacing)
+        self._crossings = None
+        if building is not None:
+            for nodes, origin, shift in windows:
+                size = blocked[nodes].shape
+                blocked[nodes] = grid.blocked_lines(walls - shift, size, origin, self.spacing)
+            self._crossings = Crossings(building, windows, fine, self._free, self._first, self._speed, self.spacing)
         self._direct, self._blocked = fine.direct[::stride, ::stride], blocked
         seen, width = np.full(shape, -1), np.empty(0)  # a region is no bottleneck
         if exits is not None:
             seen, width = self._direct, _room(exits, fine.radius)
-        self._fronts = Fronts(self._first, self._free, self._speed, blocked, self.spacing, seen, width)
+        links = {} if self._crossings is None else {"links": self._crossings.links}
+        self._fronts = Fronts(self._first, self._free, self._speed, blocked, self.spacing, seen, width, **links)
         # This near to a door, and between its jambs, the straight line to it is the way, with any crowd.
         near_door = fine.travel_time[::stride, ::stride] < np.where(self._fronts.narrow, _IN_DOOR, _AT_EXIT)
         direct = np.where(near_door, self._direct, -1)
@@ -85,6 +101,7 @@ class CongestionField:
             spacing=self.spacing,
             through=None,
             free=None,
+            windows=windows,
         )
         self._shortest, self._fine, self._walls = fine.direction[::stride, ::stride], fine, walls
         self._narrow = np.zeros_like(self._inside) if fine.free is None else _narrow(fine.free, stride) & self._inside
@@ -102,6 +119,8 @@ class CongestionField:
         same = (direction == self._shortest).all(axis=-1)
         direct = np.where(same, self._template.direct, -1)
         sure = self._narrow | ~same | self._fronts.shared
+        if self._crossings is not None:  # on stairs nobody gets around anybody
+            sure |= self._fronts.narrow
         return direction, cell_kinds(self._template.travel_time, direct, self._blocked), sure
 
     def density(self, position: Floats) -> Floats:
@@ -158,13 +177,11 @@ class CongestionField:
 
     def _march(self, speed: Floats, keeps_on: Bools, spreads: bool) -> NavigationField:
         """Return the field at ``speed``, with the shortest way where ``keeps_on`` (rows, cols)."""
-        seeds = self._free & (self._first < SOURCE * self.spacing)
-        time = np.where(seeds, self._first / speed, np.nan)
-        if (self._free & ~seeds).any():
-            marched = skfmm.travel_time(self._level, speed, dx=self.spacing, order=1)
-            far = self._free & ~seeds & ~np.ma.getmaskarray(marched)
-            start = SOURCE * self.spacing / float(np.median(speed[seeds])) if seeds.any() else 0.0
-            time[far] = np.ma.getdata(marched)[far] + start
+        via = None
+        if self._crossings is None:
+            time = reach(self._level, self._first, self._free, speed, self.spacing)
+        else:
+            time, via = self._crossings.march(speed)
         known = ~np.isnan(time)
         direction = descend(time, self.spacing)
         # In narrow places and where only small bodies get out, the fine field knows the way, if both lead the same way.
@@ -176,8 +193,13 @@ class CongestionField:
             alike |= sure & self._leads_on(time, speed, self._ahead)
         keeps = (keeps_on & known) | alike | (self._inside & ~self._free)
         if spreads:
-            keeps |= seeds  # beside an exit the marched times do not say which way it faces
+            keeps |= self._free & (
+                self._first < SOURCE * self.spacing
+            )  # beside an exit the marched times do not say which way it faces
         direction[keeps] = shortest[keeps]
+        if self._crossings is not None and via is not None:
+            for nodes, over in self._crossings.before(via):
+                direction[nodes] = over
         fill_from_nearest(time, direction, self._inside, known, self.spacing)
         if not keeps_on.any():
             return replace(self._template, travel_time=time, direction=direction, cell=cell)

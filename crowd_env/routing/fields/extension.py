@@ -11,7 +11,7 @@ from crowd_env.routing.fields.grid import capped_distance
 from crowd_env.routing.fields.lookup import crosses, exit_frame, through_exit
 from crowd_env.routing.fields.string_pulling import Targets, aim, passes
 
-_BEFORE = 2.5  # spacings before a seam, within which people walk straight over it
+BEFORE = 2.5  # spacings before a seam, within which people walk straight over it
 _LEAN = 2.0  # how much a direction turns away from the wall per body radius of depth in the band along it
 
 
@@ -198,9 +198,9 @@ def lead_over_seams(
 ) -> None:
     """Let people right before ``seams`` (Y, 2, 2) walk straight over them, in place, where no straight line leads there."""
     for k in range(len(seams)):
-        near = capped_distance(seams[k : k + 1], time.shape, origin, spacing, _BEFORE * spacing)
-        least = np.nanmin(np.where(near < 0.999 * _BEFORE * spacing, time, np.nan), initial=np.inf)
-        close = (near < 0.999 * _BEFORE * spacing) & (target < 0) & (time < least + 4.0 * _BEFORE * spacing)
+        near = capped_distance(seams[k : k + 1], time.shape, origin, spacing, BEFORE * spacing)
+        least = np.nanmin(np.where(near < 0.999 * BEFORE * spacing, time, np.nan), initial=np.inf)
+        close = (near < 0.999 * BEFORE * spacing) & (target < 0) & (time < least + 4.0 * BEFORE * spacing)
         _lead_over(seams[k : k + 1], close, origin, spacing, radius, direction)
 
 

@@ -214,7 +214,10 @@ def travel_time_field(
 
     def solve(sheet: SheetGround, exits: list[str], spacing: float | None) -> NavigationField:
         plan = make_plan(sheet.geometry, radius, exits, least, goal if sheet.has_goal else None, closed, seams=True)
-        times = [sheet.start.get(name, 0.0) for name in plan.names]
+        beyond = [sheet.start.get(name, (0.0, np.inf)) for name in plan.names]
+        for name, (_, size) in zip(plan.names, beyond, strict=True):
+            plan.widest[name] = min(plan.widest[name], 2.0 * size)
+        times = [time for time, _ in beyond]
         start = np.array(times) if any(times) or sheet.speed_to is not None else None
         here = [line - sheet.offset for line in lines]
         here = [line for line in here if sheet.geometry.contains(line.mean(axis=0))]
@@ -224,7 +227,7 @@ def travel_time_field(
         return _solve(plan, nodes, dilations, of_sheet, here, sheet.speed_to)
 
     if geometry.building is not None:
-        return field_of_sheets(geometry, solve, exits, goal, closed)
+        return field_of_sheets(geometry, solve, exits, goal, closed, least)
     plan = make_plan(geometry, radius, exits, least, goal, closed)
     plan = plan._replace(one_way=bool(lines))
     nodes, dilations = dilate(plan, choose_spacing(plan))
@@ -380,19 +383,23 @@ def _march(
     """Return the travel times [s] that the march finds, and the largest body [m] that gets out; both nan where it left out."""
     free, h = _free(nodes, dilations[0]), nodes.spacing
     if plan.start is not None:
-        time = _march_from_each(plan, nodes, dilations[0].depth, free, speed, gates, speeds)
-        return time, np.where(np.isnan(time), np.nan, dilations[0].radius)
-    time, level = _sources(plan, nodes, dilations[0].depth, free, speed)
-    start = SOURCE * h if plan.goal is None else 0.0
-    if gates:
-        time = march_through(time, level, free, speed, h, start, gates)
+        time = _march_from_each(plan, nodes, dilations[0], free, speed, gates, speeds)
     else:
-        time = march(time, level, free, speed, h, start)
+        time, level = _sources(plan, nodes, dilations[0].depth, free, speed)
+        start = SOURCE * h if plan.goal is None else 0.0
+        if gates:
+            time = march_through(time, level, free, speed, h, start, gates)
+        else:
+            time = march(time, level, free, speed, h, start)
     fits = np.where(np.isnan(time), np.nan, dilations[0].radius)
     for smaller in dilations[1:]:
         free = _free(nodes, smaller)
-        sources, _ = _sources(plan, nodes, smaller.depth, free, speed)
-        time = march_on(np.fmin(time, sources) if plan.goal is None else time, free, speed, h)
+        if plan.start is not None:
+            sources = _march_from_each(plan, nodes, smaller, free, speed, gates, speeds, marches=False)
+            time = march_on(np.where(np.isnan(time), sources, time), free, speed, h)
+        else:
+            sources, _ = _sources(plan, nodes, smaller.depth, free, speed)
+            time = march_on(np.fmin(time, sources) if plan.goal is None else time, free, speed, h)
         fits[np.isnan(fits) & ~np.isnan(time)] = smaller.radius
     return time, fits
 
@@ -400,11 +407,12 @@ def _march(
 def _march_from_each(
     plan: Plan,
     nodes: Grid,
-    radius: float,
+    dilation: Dilation,
     free: Bools,
     speed: Floats,
     gates: list[Gate],
     speeds: Mapping[str | None, Floats],
+    marches: bool = True,
 ) -> Floats:
     """Return the travel times [s] on a sheet: the least by any of its exits and seams.
 
@@ -413,6 +421,8 @@ def _march_from_each(
     h, found = nodes.spacing, [np.full(free.shape, np.nan)]
 
     def reach(time: Floats, level: Floats, start: float, pace: Floats) -> Floats:
+        if not marches:  # where it would begin
+            return time
         if gates:
             return march_through(time, level, free, pace, h, start, gates)
         return march(time, level, free, pace, h, start)
@@ -423,9 +433,9 @@ def _march_from_each(
     assert plan.start is not None
     for segment, name, start in zip(plan.exits, plan.names, plan.start.tolist(), strict=True):
         pace = speeds.get(name, speed)
-        distance = source_distance(segment[None], nodes, radius, cap=4 * SOURCE * h)
+        distance = source_distance(segment[None], nodes, dilation.depth, cap=4 * SOURCE * h)
         known = np.where(free & (distance < SOURCE * h), distance / pace, np.nan)
-        if not np.isnan(known).all():
+        if name not in dilation.closed and not np.isnan(known).all():
             first = SOURCE * h / float(np.median(pace[~np.isnan(known)]))
             found.append(start + reach(known, distance - SOURCE * h, first, pace))
     return np.asarray(np.fmin.reduce(found))

@@ -17,6 +17,7 @@ from crowd_env.routing.fields.grid import RIGHT, UP, connected_parts
 
 DEPTH = 0.5  # m on plain floor
 NARROW = 1.6  # m, for the middle of a body, of openings over which density alone does not spread people; fitted
+_NO_LINKS = np.empty((2, 0), dtype=np.int64)
 _BESIDE = 3  # nodes between a wall and where the middle of a body has room
 
 
@@ -32,6 +33,7 @@ class Fronts:
     spacing : m, between nodes.
     seen : (rows, cols) row of the exit that is seen; -1 where none is.
     width : (exits,) m, that the middle of a body has of each exit.
+    links : (2, N) rows of nodes that are neighbors too: on either side of a seam.
 
     Attributes
     ----------
@@ -49,6 +51,7 @@ class Fronts:
         spacing: float,
         seen: Ints,
         width: Floats,
+        links: Ints = _NO_LINKS,
     ) -> None:
         self._depth = max(DEPTH, 2.5 * spacing)  # s at 1 m/s
         known = np.isfinite(time) & free  # others may lie on walls, with floor on both sides
@@ -56,6 +59,9 @@ class Fronts:
         open_right, open_up = blocked[:, :-1] & RIGHT == 0, blocked[:-1] & UP == 0
         right, up = open_right & known[:, :-1] & known[:, 1:], open_up & known[:-1] & known[1:]
         front = parts_of_bands(band, right, up)
+        if links.size:
+            links = links[:, known.ravel()[links].all(axis=0)]
+            front = _joined(front, links[:, np.equal(*band.ravel()[links])])
         count = int(front.max(initial=0)) + 1
         band_of = np.full(count, -1)
         band_of[front] = band
@@ -70,9 +76,8 @@ class Fronts:
         leads_out = self._first[np.isin(self._first, by)]
         self._width[leads_out] = np.minimum(self._width, through)[leads_out]
         self._width = np.maximum(self._width, 1e-6)
-        pairs = np.concatenate(
-            [np.stack([front[:, :-1][right], front[:, 1:][right]]), np.stack([front[:-1][up], front[1:][up]])], axis=1
-        )
+        beside = (front[:, :-1][right], front[:, 1:][right]), (front[:-1][up], front[1:][up])
+        pairs = np.concatenate([*map(np.stack, beside), front.ravel()[links]], axis=1)
         pairs = np.unique(pairs[:, pairs[0] != pairs[1]], axis=1)
         self._beside: list[set[int]] = [set() for _ in range(count)]
         for one, other in pairs.T.tolist():
@@ -179,6 +184,14 @@ def _spread(front: Ints, right: Bools, up: Bools) -> Ints:
         ):
             front[here] = np.where((front[here] == 0) & between, before[there], front[here])
     return front
+
+
+def _joined(front: Ints, same: Ints) -> Ints:
+    """Return the fronts (rows, cols), renumbered, where the nodes of each pair (2, N) are of one front."""
+    number = np.arange(front.max() + 1)
+    for one, other in np.unique(front.ravel()[same], axis=1).T.tolist():
+        number[number == number[other]] = number[one]
+    return np.unique(number, return_inverse=True)[1][front]
 
 
 def parts_of_bands(band: Ints, right: Bools, up: Bools) -> Ints:

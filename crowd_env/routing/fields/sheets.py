@@ -1,8 +1,9 @@
 """The way out of a building: the ways of its sheets, each from the seams on, which begin at the times of the sheets beyond.
 
 A sheet is solved like any place, with its exits and the seams that lead on as ends.  Sheets follow each other by the least time
-at a seam (Dijkstra 1959), and a sheet is solved again where another seam leads out sooner.  People walk by the nodes of their
-sheet in true coordinates.  In the field of the layout these are moved by half a distance between nodes at most.
+at a seam (Dijkstra 1959), and a sheet is solved again where another seam leads out sooner.  A way for larger bodies comes
+before any that is too narrow for them.  People walk by the nodes of their sheet in true coordinates.  In the field of the
+layout these are moved by half a distance between nodes at most.
 """
 
 import heapq
@@ -15,14 +16,14 @@ import numpy as np
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.parsing import place
-from crowd_env.geometry.sheets import bare_surface, seam_name
+from crowd_env.geometry.sheets import Building, bare_surface, seam_name
 from crowd_env.geometry.surface import heights, slopes_at
 from crowd_env.routing.fields import grid
 from crowd_env.routing.fields.lookup import ALONE, BLEND
 
 Field: TypeAlias = Any  # a `crowd_env.routing.fields.field.NavigationField`, which is made of this
 
-_NOTHING = 1e-6  # m2
+_NOTHING = 1e-6  # m, m2
 _WALK = 1.34  # m/s; ways on a moving belt are those at this speed, ...
 _AGAINST = 0.02  # ... and at least this share of it
 _SOONER = 0.05  # s; a seam that leads out sooner by less changes nothing
@@ -47,7 +48,7 @@ class SheetGround(NamedTuple):
 
     geometry: Geometry
     offset: Floats  # (2,)  m   to the layout
-    start: Mapping[str, float]  # s
+    start: Mapping[str, tuple[float, float]]  # s, and the radius of the largest body that gets out from there on [m]
     has_goal: bool
     # Relative speed (...) at points (..., 2) [m] of ways to this exit or over this seam; None = it is level.
     speed_to: Callable[[str | None, Floats], Floats] | None
@@ -59,6 +60,7 @@ def field_of_sheets(
     exits: Iterable[str] | None,
     goal: str | None,
     closed: Collection[str],
+    least: float,
 ) -> Field:
     """Return the field of a building.
 
@@ -69,6 +71,7 @@ def field_of_sheets(
     exits : names; None = all.
     goal : region to lead into instead.
     closed : doors.
+    least : m, radius of the smallest body.
 
     Raises
     ------
@@ -78,12 +81,12 @@ def field_of_sheets(
     assert geometry.building is not None
     wanted = [] if goal is not None else list(dict.fromkeys(geometry.exit_names)) if exits is None else list(exits)
     ground = geometry.with_ways_to(wanted)
-    sheets = _Sheets(ground, wanted, goal, solve)
+    sheets = _Sheets(ground, wanted, goal, solve, least)
     spacings = sheets.march(None)
     while len(spacings) > 1:
         spacings = sheets.march(min(spacings))
     for s, sheet in enumerate(geometry.building.sheets):
-        if s not in sheets.found and not closed:
+        if s not in sheets.found and not closed and not sheet.area.buffer(-least).is_empty:
             at = place(sheet.area.representative_point().coords[0])
             raise ValueError(
                 f"no exit can be reached from {sheet.name!r} around {at}; a stair or an exit must lead out"
@@ -107,6 +110,7 @@ class _Sheets:
         wanted: Collection[str],
         goal: str | None,
         solve: "Callable[[SheetGround, list[str], float | None], Field]",
+        least: float,
     ) -> None:
         assert ground.building is not None
         self._building, self._wanted, self._goal, self._solve = ground.building, wanted, goal, solve
@@ -116,34 +120,42 @@ class _Sheets:
             self._building.to_sheet,
             self._building.offsets,
         )
+        self._least = least - 1e-6
+        clear = [part.clear_widths(2.0 * least) for part in self._parts]
+        names = [seam_name(k) for k in range(len(self._from))]
+        self._room = [
+            0.5 * min(clear[i][n], clear[j][names[self._twin(k)]])
+            for k, (n, i, j) in enumerate(zip(names, self._from, self._to, strict=True))
+        ]
         self.found: dict[int, Field] = {}
-        self._used: dict[int, dict[str, float]] = {}
+        self._used: dict[int, dict[str, tuple[float, float]]] = {}
 
     def march(self, spacing: float | None) -> set[float]:
         """Find all fields, with this distance between nodes [m] or one that suits each; returns the distances."""
         self.found, self._used = {}, {s: {} for s in range(len(self._parts))}
-        heap: list[tuple[float, int]] = []
+        heap: list[tuple[float, float, int]] = []
         for s, part in enumerate(self._parts):
             if self._has_goal(s) or any(name in self._wanted for name in part.exit_names):
                 self._find(s, spacing, heap)
         while heap:
-            time, k = heapq.heappop(heap)
+            size, time, k = heapq.heappop(heap)
             s, name = int(self._from[k]), seam_name(k)
-            known = self._time_at(s, k) if s in self.found else np.inf
-            if time < known - _SOONER and time < self._used[s].get(name, np.inf) - _SOONER:
-                self._used[s][name] = time
+            known = self._at(s, k) if s in self.found else (np.inf, 0.0)
+            if all(_is_better(time, -size, *one) for one in (known, self._used[s].get(name, (np.inf, 0.0)))):
+                self._used[s][name] = time, -size
                 self._find(s, spacing, heap)
         return {field.spacing for field in self.found.values()}
 
-    def _find(self, s: int, spacing: float | None, heap: list[tuple[float, int]]) -> None:
+    def _find(self, s: int, spacing: float | None, heap: list[tuple[float, float, int]]) -> None:
         part, offset = self._parts[s], self._offsets[s]
         exits = [name for name in dict.fromkeys(part.exit_names) if name in self._wanted or name in self._used[s]]
-        sheet = SheetGround(part, offset, self._used[s], self._has_goal(s), self._speed_of(s))
+        sheet = SheetGround(part, offset, self._used[s], self._has_goal(s), speeds_on(self._building, s, part))
         self.found[s] = self._solve(sheet, exits, spacing)
         for k in np.flatnonzero(self._to == s).tolist():
-            time = self._time_at(s, self._twin(k))
-            if np.isfinite(time):
-                heapq.heappush(heap, (time, k))
+            time, fits = self._at(s, self._twin(k))
+            size = min(fits, self._room[k])
+            if np.isfinite(time) and size > self._least:
+                heapq.heappush(heap, (-size, time, k))
 
     def _has_goal(self, s: int) -> bool:
         return self._goal is not None and self._parts[s].area_of(self._goal) > _NOTHING
@@ -153,36 +165,14 @@ class _Sheets:
         same = np.flatnonzero((self._building.seam == self._building.seam[k]) & (self._from == self._to[k]))
         return int(same[0])
 
-    def _time_at(self, s: int, k: int) -> float:
-        """Return the travel time [s] on sheet ``s`` in the middle of its line ``k``."""
+    def _at(self, s: int, k: int) -> tuple[float, float]:
+        """Return the travel time [s] on sheet ``s`` in the middle of its line ``k``, and what body [m] gets out from there."""
         field, middle = self.found[s], (self._building.lines[k] - self._offsets[s]).mean(axis=0)[None]
-        time = field.travel_time[grid.nearest_known(middle, field.travel_time, field.origin, field.spacing)]
-        return float(time[0])
-
-    def _speed_of(self, s: int) -> Callable[[str | None, Floats], Floats] | None:
-        surface, part = bare_surface(self._building.sheets), self._parts[s]
-        if not self._building.sheets[s].slopes:
-            return None
-        ends = dict(zip(part.exit_names, part.exits.mean(axis=1), strict=True))
-
-        def speed_to(name: str | None, points: Floats) -> Floats:
-            flat = points.reshape(-1, 2)
-            on = slopes_at(surface, s, flat)
-            found = np.ones(len(flat))
-            sloped = on >= 0
-            if sloped.any():
-                plane = surface.plane[on[sloped]]
-                belt = surface.belt[on[sloped]] / _WALK
-                up, down = surface.up[on[sloped]] + belt, surface.down[on[sloped]] - belt
-                falls = np.full(len(plane), True)
-                if name is not None:
-                    end = heights(surface, np.full(1, s), ends[name][None])[0]
-                    falls = heights(surface, np.full(len(plane), s), flat[sloped]) >= end
-                rise = np.hypot(plane[:, 0], plane[:, 1])
-                found[sloped] = np.maximum(np.where(falls, down, up), _AGAINST) / np.sqrt(1.0 + rise**2)
-            return found.reshape(points.shape[:-1])
-
-        return speed_to
+        time, fits = (
+            float(values[grid.nearest_known(middle, values, field.origin, field.spacing)][0])
+            for values in (field.travel_time, field.fits)
+        )
+        return time, fits
 
     def together(self, geometry: Geometry, spacing: float, behind: float) -> Field:
         """Return the fields of all sheets as one over the layout."""
@@ -208,8 +198,8 @@ class _Sheets:
             window = np.s_[row : row + field.travel_time.shape[0], col : col + field.travel_time.shape[1]]
             windows[s] = Window(window, field.origin, self._building.sheets[s].offset)
             rows_of = _rows_of(geometry, self._parts[s], names, self._offsets[s])
-            start = np.array([self._used[s].get(name, 0.0) for name in self._parts[s].exit_names])
-            least = min([*self._used[s].values()], default=0.0)
+            start = np.array([self._used[s].get(name, (0.0, 0.0))[0] for name in self._parts[s].exit_names])
+            least = min([time for time, _ in self._used[s].values()], default=0.0)
             left = field.travel_time - np.where(field.direct >= 0, start[np.maximum(field.direct, 0)], least)
             direct = np.where(field.direct >= 0, rows_of[np.maximum(field.direct, 0)], -1)
             cell = np.where(field.cell >= 0, rows_of[np.maximum(field.cell, 0)], field.cell)
@@ -231,6 +221,10 @@ class _Sheets:
         return replace(some, **whole, origin=low, spacing=spacing, behind=behind, windows=tuple(windows))
 
 
+def _is_better(time: float, size: float, known: float, fits: float) -> bool:
+    return size > fits + _NOTHING or (size > fits - _NOTHING and time < known - _SOONER)
+
+
 def _rows_of(geometry: Geometry, part: Geometry, names: list[str], offset: Floats) -> Ints:
     """Return for each row of the exits of a sheet the row in the building; -1 for seams."""
     found = []
@@ -239,3 +233,29 @@ def _rows_of(geometry: Geometry, part: Geometry, names: list[str], offset: Float
         off = [float(np.hypot(*(geometry.exits[r].mean(axis=0) - line.mean(axis=0)))) for r in rows]
         found.append(rows[int(np.argmin(off))] if rows else -1)
     return np.array(found, dtype=np.int64)
+
+
+def speeds_on(building: Building, s: int, part: Geometry) -> Callable[[str | None, Floats], Floats] | None:
+    """Return the speed on sheet ``s``, which is ``part`` alone, see `SheetGround.speed_to`."""
+    if not building.sheets[s].slopes:
+        return None
+    surface, ends = bare_surface(building.sheets), dict(zip(part.exit_names, part.exits.mean(axis=1), strict=True))
+
+    def speed_to(name: str | None, points: Floats) -> Floats:
+        flat = points.reshape(-1, 2)
+        on = slopes_at(surface, s, flat)
+        found = np.ones(len(flat))
+        sloped = on >= 0
+        if sloped.any():
+            plane = surface.plane[on[sloped]]
+            belt = surface.belt[on[sloped]] / _WALK
+            up, down = surface.up[on[sloped]] + belt, surface.down[on[sloped]] - belt
+            falls = np.full(len(plane), True)
+            if name is not None:
+                end = heights(surface, np.full(1, s), ends[name][None])[0]
+                falls = heights(surface, np.full(len(plane), s), flat[sloped]) >= end
+            rise = np.hypot(plane[:, 0], plane[:, 1])
+            found[sloped] = np.maximum(np.where(falls, down, up), _AGAINST) / np.sqrt(1.0 + rise**2)
+        return found.reshape(points.shape[:-1])
+
+    return speed_to
