@@ -11,6 +11,7 @@ from crowd_env import SCHEMES
 from crowd_env.core.checks import Plain, known
 from crowd_env.reproduce.pecol2011.room import PRINTED as FLOWS
 from crowd_env.reproduce.pecol2011.theatre import PRINTED as TIMES
+from crowd_env.scenarios.profiles import PROFILES, speed_words
 from validation import facts, task_tables
 from validation.cases.case import DISC, share
 from validation.cases.standing import DENSITIES
@@ -246,6 +247,7 @@ _ROWS: dict[str, Callable[[Source], Rows]] = {
     "dilemma-shares": lambda source: source.read("results.json")["shares"],
     "dilemma-backgrounds": backgrounds,
     "scenarios": scenarios,
+    "profiles": lambda _: ({"name": name, **one._asdict(), "speed": speed_words(one)} for name, one in PROFILES.items()),
     "bodies": bodies,
     "theatre": theatre,
     "clearance": clearance,

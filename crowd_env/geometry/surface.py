@@ -200,7 +200,7 @@ def speed_at(
 
     Speeds of stairs are along the slope, so the horizontal one is v cos(angle).  Across a slope people walk as on level floor,
     in between by the share of the steepest direction.  A pedestrian's speeds on stairs, relative to
-    the own one on level floor, are nan where they are the stair's.
+    its speed on level floor, are nan where they are the stair's.
     """
     t = slope_at(surface, s, x, y)
     if t < 0:

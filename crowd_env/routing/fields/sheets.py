@@ -24,7 +24,7 @@ from crowd_env.routing.fields.lookup import ALONE, BLEND
 Field: TypeAlias = Any  # a `crowd_env.routing.fields.field.NavigationField`, which is made of this
 
 _NOTHING = 1e-6  # m, m2
-_WALK = 1.34  # m/s; ways on a moving belt are those at this speed, ...
+_WALK = 1.34  # m/s; ways on a moving belt are made for this speed, ...
 _AGAINST = 0.02  # ... and at least this share of it
 _SOONER = 0.05  # s; a seam that leads out sooner by less changes nothing
 
