@@ -113,7 +113,7 @@ class Building:
         for sheet in self.sheets:
             for slope in sheet.slopes:
                 if min(slope.up, slope.down) < 1.0:
-                    found |= shapely.intersects_xy(slope.area, points - np.array(sheet.offset))
+                    found |= shapely.intersects_xy(slope.area, *np.moveaxis(points - np.array(sheet.offset), -1, 0))
         return found
 
     @property

@@ -145,3 +145,22 @@ def test_the_comfortable_way_takes_the_ramp(strategy, way):
     at = place.laid_out(np.array([[11.0, 4.0]]), np.array([1]))
     row, col = (int(n[0]) for n in nearest_nodes(at, field.origin, field.spacing, field.travel_time.shape))
     assert np.sign(field.direction[row, col, 0]) == (1.0 if way == "ramp" else -1.0)
+
+
+@pytest.mark.more
+def test_a_checkpoint_keeps_the_ways_of_all_sheets():
+    place = house()
+    scenario = Scenario("house", place, Population(60, start_region="half"), 600.0)
+    bodies, position = scenario.population.draw(np.random.default_rng(0), place, scenario.room)
+    start, sheet = place.on_sheets(position)
+    routes = scenario.route_set("fastest")
+    state = make_state(start, sheet=sheet)
+    state.route[:] = scenario.choose(routes, "fastest", position, bodies.radius, bodies.group)
+    run = Simulation(place, bodies, state, physics="dem", walking="hurried", fields=[routes])
+    run.advance(n_substeps=round(6.3 / run.dt))
+    then, found = run.checkpoint(), []
+    for _ in range(2):
+        run.advance(n_substeps=round(6.0 / run.dt))
+        found.append(run.state.position.copy())
+        run.restore(then)
+    np.testing.assert_array_equal(*found)

@@ -15,8 +15,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.geometry.sheets import Building, seam_name, sheets_at
 from crowd_env.routing.fields import grid
 from crowd_env.routing.fields.domain import SOURCE, Grid, source_distance
-from crowd_env.routing.fields.extension import BEFORE
-from crowd_env.routing.fields.lookup import exit_frame, through_exit
+from crowd_env.routing.fields.extension import BEFORE, lead_over
 from crowd_env.routing.fields.sheets import Field, Window, speeds_on
 
 
@@ -118,13 +117,15 @@ class Crossings:
                 )
                 if there < here - 1e-6:  # too narrow for bodies that get out elsewhere
                     continue
-                i, j = np.nonzero(mine & (away < BEFORE * spacing))
+                close, over = mine & (away < BEFORE * spacing), np.zeros((*mine.shape, 2))
+                lead_over(line[None], close, origin, spacing, fine.radius, over)
+                i, j = np.nonzero(close)
                 self._lines[k] = made._replace(
                     twin=twin,
                     end=(row, col),
                     off=float(away[row, col]),
                     before=(i, j),
-                    over=_straight_over(line, points[i, j], fine.radius),
+                    over=over[i, j],
                 )
         self.links = self._links()
 
@@ -186,9 +187,3 @@ class Crossings:
             (rows, cols), (i, j) = self._windows[line.sheet].nodes, line.before
             here = via[rows, cols][i, j] == k
             yield (i[here] + rows.start, j[here] + cols.start), line.over[here]
-
-
-def _straight_over(seam: Floats, points: Floats, radius: float) -> Floats:
-    """Return the unit vectors (K, 2) from ``points`` (K, 2) straight over a ``seam`` (2, 2)."""
-    frame = exit_frame(seam[None], 0)
-    return np.array([through_exit(frame, x, y, radius, radius) for x, y in points]).reshape(-1, 2)

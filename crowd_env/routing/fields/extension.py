@@ -201,11 +201,12 @@ def lead_over_seams(
         near = capped_distance(seams[k : k + 1], time.shape, origin, spacing, BEFORE * spacing)
         least = np.nanmin(np.where(near < 0.999 * BEFORE * spacing, time, np.nan), initial=np.inf)
         close = (near < 0.999 * BEFORE * spacing) & (target < 0) & (time < least + 4.0 * BEFORE * spacing)
-        _lead_over(seams[k : k + 1], close, origin, spacing, radius, direction)
+        lead_over(seams[k : k + 1], close, origin, spacing, radius, direction)
 
 
 @kernel
-def _lead_over(seam: Floats, close: Bools, origin: Floats, spacing: float, radius: float, direction: Floats) -> None:
+def lead_over(seam: Floats, close: Bools, origin: Floats, spacing: float, radius: float, direction: Floats) -> None:
+    """Write the ``direction`` (rows, cols, 2) straight over a ``seam`` (1, 2, 2) of all ``close`` nodes."""
     frame = exit_frame(seam, 0)
     for i in range(close.shape[0]):
         for j in range(close.shape[1]):
