@@ -247,7 +247,9 @@ _ROWS: dict[str, Callable[[Source], Rows]] = {
     "dilemma-shares": lambda source: source.read("results.json")["shares"],
     "dilemma-backgrounds": backgrounds,
     "scenarios": scenarios,
-    "profiles": lambda _: ({"name": name, **one._asdict(), "speed": speed_words(one)} for name, one in PROFILES.items()),
+    "profiles": lambda _: (
+        {"name": name, **one._asdict(), "speed": speed_words(one)} for name, one in PROFILES.items()
+    ),
     "bodies": bodies,
     "theatre": theatre,
     "clearance": clearance,
