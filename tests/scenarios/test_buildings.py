@@ -349,3 +349,10 @@ def test_seams_lie_apart_from_people_at_the_start():
     assert place.contains(position).all()
     away = shapely.distance(shapely.multilinestrings(list(place.building.lines)), shapely.points(position))
     assert away.min() >= 0.2 - 1e-9 and (place.on_sheets(position)[1] == 2).any()
+
+
+def test_no_note_tells_of_floor_behind_an_exit_that_shuts():
+    place = make_scenario("building-v0", people=10, shuts=5.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        place.route_set().when(frozenset({"east"}))

@@ -19,6 +19,7 @@ from crowd_env.geometry.parsing import place
 from crowd_env.geometry.sheets import Building, bare_surface, seam_name
 from crowd_env.geometry.surface import heights, slopes_at
 from crowd_env.routing.fields import grid
+from crowd_env.routing.fields.domain import open_exits
 from crowd_env.routing.fields.lookup import ALONE, BLEND
 
 Field: TypeAlias = Any  # a `crowd_env.routing.fields.field.NavigationField`, which is made of this
@@ -79,7 +80,7 @@ def field_of_sheets(
         If a sheet has no way out while all doors are open, or one of them cannot be solved.
     """
     assert geometry.building is not None
-    wanted = [] if goal is not None else list(dict.fromkeys(geometry.exit_names)) if exits is None else list(exits)
+    wanted = [] if goal is not None else open_exits(geometry, exits, closed)
     ground = geometry.with_ways_to(wanted)
     sheets = _Sheets(ground, wanted, goal, solve, least)
     spacings = sheets.march(None)
