@@ -38,7 +38,6 @@ from crowd_env.routing.spec import ControlRule, DoorEvent, Gate, Route
 from crowd_env.routing.speed_map import Comfort, SpeedZone
 from crowd_env.scenarios import SCENARIOS, make_scenario
 from crowd_env.scenarios.arrivals import Arrivals
-from crowd_env.scenarios.buildings import Level, Ramp, Stair, building
 from crowd_env.scenarios.cohorts import Cohorts
 from crowd_env.scenarios.population import TABLE_4, LogNormal, Normal, Population, Uniform
 from crowd_env.scenarios.scenario import FULL_SPEED, Scenario
@@ -90,7 +89,6 @@ __all__ = [
     "Headway",
     "Helbing",
     "Hertz",
-    "Level",
     "LogNormal",
     "Normal",
     "ObservationLayout",
@@ -100,7 +98,6 @@ __all__ = [
     "Physics",
     "Population",
     "Pulls",
-    "Ramp",
     "Recording",
     "RewardTerm",
     "RewardWeights",
@@ -111,11 +108,9 @@ __all__ = [
     "Simulation",
     "SocialForce",
     "SpeedZone",
-    "Stair",
     "Step",
     "Uniform",
     "Walking",
-    "building",
     "contact_pressure",
     "crowd_pressure",
     "evaluate",

@@ -129,7 +129,8 @@ def run(
         figures = report(place, physics.law, done.episodes, dt=physics.dt, strategy=ways.strategy)
         figures["sections"] = flows_at(places, done.episodes)
         storeys = storeys_of(place.geometry, places, done.episodes, figures)
-        figures["storeys"] = {one.sheet.name: one.figures for one in storeys}
+        if storeys:
+            figures["storeys"] = {one.sheet.name: one.figures for one in storeys}
         if not place.goes_on:
             figures["by_hand"] = by_hand(place, check, ways.strategy)
         if led is not None:

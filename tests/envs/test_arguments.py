@@ -104,7 +104,7 @@ ROUTES = [
     *rows("Route.name", Route, NO_TEXT),
     ("Route without a name", lambda: Route(""), ("needs a name",)),
     *rows("Route.exits", of(Route, "exits", "r"), NO_NAMES),
-    *rows("Route.via", of(Route, "via", "r"), NO_TEXT),
+    *rows("Route.via", of(Route, "via", "r"), (3, b"x", 2.0, True)),
     *rows("Route.strategy", of(Route, "strategy", "r"), NO_CHOICE),
     *[(f"SpeedZone({value!r})", lambda value=value: SpeedZone(value, 1.0), ("region", repr(value)[:20])) for value in NO_TEXT],
     ("SpeedZone that does nothing", lambda: SpeedZone("r"), ("'r'", "changes nothing", "speed or a factor")),

@@ -88,7 +88,6 @@ def test_a_copy_goes_on_alike(make, copied):
         ({"grid": (4,)}, r"grid is \(4,\); it must be two whole numbers"),
         ({"grid": (4, 2, 1)}, r"grid is \(4, 2, 1\); it must be two whole numbers"),
         ({"grid": (4, 2.5)}, r"grid is \(4, 2.5\); it must be two whole numbers"),
-        ({"grid": None}, "grid is None; it must be two whole numbers"),
         ({"grid": (True, 2)}, r"grid is \(True, 2\); it must be two whole numbers"),
         ({"grid": (200, 200)}, r"no cell of a grid of 200 x 200 has 0.1 m2 of floor: one measures 0.1 x 0.06 m"),
         ({"grid": (10**9, 10**9)}, "no cell of a grid of 1000000000 x 1000000000 has 0.1 m2 of floor"),

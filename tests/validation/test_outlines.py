@@ -60,8 +60,12 @@ def test_every_case_that_can_has_bodies_of_the_outline(begun, name):
     assert begun.pop() == OUTLINES["torso"] and not begun
 
 
+# Crowds that begin where torsos have no room to turn, and a dose of gas without a simulation.
+DISCS_ALONE = {"rimea-15", "imo-11", "iso-19"}
+
+
 @pytest.mark.more
-@looped("name", TESTS)
+@looped("name", TESTS.keys() - DISCS_ALONE)
 def test_so_has_every_test_of_the_standards(begun, name):
     with pytest.raises(Begun):
         TESTS[name](TORSOS)

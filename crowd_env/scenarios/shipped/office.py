@@ -97,14 +97,14 @@ def building(
     storeys: int = 3,
     stair_width: float = 1.2,
     exit_width: float = 1.2,
-    shuts: float = np.inf,
+    shuts: float = 0.0,
     people: int | None = None,
     population: People | None = None,
     time_limit: float | None = None,
     blocked_after: float | None = None,
     target: Target | None = None,
 ) -> Scenario:
-    """Return an office building with a stair and an exit at either end; the exit in the east ``shuts`` at a time [s].
+    """Return an office building with a stair and an exit at either end; that in the east ``shuts`` at a time [s], 0 = never.
 
     Of 200 people 80 are at a meeting in the west of the uppermost storey; these visitors know the exit in the west alone.
 
@@ -113,12 +113,13 @@ def building(
     ValueError
         If an option is out of range, or for what `changed_place` refuses in other options.
     """
+    storeys = whole("building: storeys", storeys, Range(1, 50))
     office = Office(
-        whole("building: storeys", storeys, Range(1, 50)),
+        storeys,
         stair=number("building: stair_width", stair_width, Range(0.8, 3.0)),
         exit=number("building: exit_width", exit_width, Range(0.8, 3.0)),
     )
-    shuts = number("building: shuts", shuts, Range(0.0, above=True, infinite=True))
+    shuts = number("building: shuts", shuts, Range(0.0, 600.0))
     top, late, soon = office.names[-1], LogNormal(12.0, 0.5, 45.0), LogNormal(5.0, 0.4, 20.0)
     visitors = Population(80, start_region=f"{top}, west", exits=("west",), response_time=soon, name="visitors")
     shares = np.full(storeys, 120 // storeys)
@@ -134,7 +135,7 @@ def building(
         200.0 + 100.0 * storeys,
         f"office building: {storeys} storeys with a stair and an exit at either end",
         "drawn for this project; stairs of 175 mm by 280 mm, speeds of the SFPE Handbook",
-        door_events=() if shuts == np.inf else (DoorEvent("east", False, at=shuts),),
+        door_events=() if shuts == 0.0 else (DoorEvent("east", False, at=shuts),),
     )
     given = {"people": people, "population": population, "time_limit": time_limit}
     return changed_place(place, {**given, "blocked_after": blocked_after, "target": target})

@@ -374,7 +374,7 @@ def test_a_scheme_without_a_row_says_so(folders: Path) -> None:
     found = limits_of(room)  # dem, competitive
     assert {row[0] for row in found.rows} == {"clogging", "row"}
     assert "1 of 2 judged cases are met; not met: clogging." in found.summary
-    assert "26 have no row of dem, competitive" in found.summary
+    assert "39 have no row of dem, competitive" in found.summary
     printed = room._replace(config={**room.config, "scheme": {**room.config["scheme"], "name": "nsm2-printed"}})
     assert "no row of nsm2-printed, competitive" in limits_of(printed).summary
     slower = room._replace(config={**room.config, "dt": 0.005})
