@@ -210,8 +210,10 @@ def speed_at(
     relative, own = (surface.up[t], own_up) if rise > 0.0 else (surface.down[t], own_down)
     if surface.stepped[t] and own == own:
         relative = own
-    share = rise / steepest if steepest > 0.0 else 1.0
     along = 1.0 / np.sqrt(1.0 + rise * rise)
+    if steepest == 0.0:  # a landing: the speed of its stair, and no belt
+        return 1.0 + (relative - 1.0), 0.0
+    share = rise / steepest
     return (1.0 + (relative - 1.0) * abs(share)) * along, surface.belt[t] * share * along
 
 

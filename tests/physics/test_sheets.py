@@ -165,6 +165,16 @@ def ten_meters(name, climbs, walks, slope, own, kind):
     assert alone.state.sheet[0] == 1
 
 
+@pytest.mark.parametrize("belt", [-0.5, 0.5])
+def test_the_landing_of_an_escalator_stands_still(belt):
+    """What does not rise carries nobody, whichever way the steps before and behind it run."""
+    place = laid(*ramp(0.0, 6.0, 1.0, belt=belt), {"out": (2, np.array([[7.0, 0.0], [7.0, 2.0]]))})
+    bodies = make_bodies([0.2], [70.0], desired_speed=1.3, relaxation_time=0.3)
+    alone = started(place, bodies, [[1.0, 1.0]], 1, "dem", velocity=[[1.3, 0.0]])
+    run(alone, 2.0)
+    assert alone.state.position[0, 0] == pytest.approx(1.0 + 2.0 * 1.3, rel=0.01)
+
+
 @every_scheme
 def test_people_come_down_a_stair_without_a_jump_and_are_counted(name):
     place, rng = with_stair(), np.random.default_rng(4)

@@ -249,7 +249,7 @@ def speeds_on(building: Building, s: int, part: Geometry) -> Callable[[str | Non
         sloped = on >= 0
         if sloped.any():
             plane = surface.plane[on[sloped]]
-            belt = surface.belt[on[sloped]] / _WALK
+            belt = surface.belt[on[sloped]] / _WALK * plane[:, :2].any(axis=1)  # landings stand still
             up, down = surface.up[on[sloped]] + belt, surface.down[on[sloped]] - belt
             falls = np.full(len(plane), True)
             if name is not None:
