@@ -87,7 +87,7 @@ def look(content: Plain, path: Path, *, layers: bool = False, seed: int = 0) -> 
     if layers and file is not None:
         how = {key: given[key] for key in ("unit", "level", "layers", "origin") if given.get(key)}
         with suppress(*broken):
-            found |= {"levels": levels_in(path.parent / file)}
+            found |= {"levels": [*levels_in(path.parent / file)]}
             found |= {"layers": _layers(path.parent / file, None if drawing is None else drawing.meters, how)}
     return found
 

@@ -29,6 +29,7 @@ from crowd_env.scenarios.population import DRAWN, TABLE_4
 from crowd_env.scenarios.scenario import COMMON, Scenario, changed_place
 from crowd_env.scenarios.sections import Section, parse_section
 from crowd_env.scenarios.starts import read_starts
+from crowd_env.scenarios.storeys import has_storeys
 from crowd_env.scenarios.titles import with_manner
 
 if TYPE_CHECKING:
@@ -189,7 +190,10 @@ def read_place(options: CrowdOptions) -> Scenario:
     people = people_options(options, {name: changes[name] for name in _DRAWN if name in changes})
     timing: dict[str, Any] = {} if options.time_limit is None else {"time_limit": options.time_limit}
     of_plan = plan_options(options)
-    if kind_of_place(options.scenario) == "plan":
+    if kind_of_place(options.scenario) == "plan" and has_storeys(options.scenario):
+        place = make_scenario(options.scenario, **of_plan, **timing)
+        place = changed_place(place, {"population": place.population.changed(**people)}) if people else place
+    elif kind_of_place(options.scenario) == "plan":
         plan = read_plan(options.scenario, **of_plan)
         usual = TABLE_4 if options.walking == "competitive" else {}
         place = scenario_on(plan, people_on(plan, **{**usual, **people}), **timing)

@@ -33,6 +33,7 @@ from crowd_env.scenarios.file import read_content
 from crowd_env.scenarios.floor_plan import PEOPLE, people_on
 from crowd_env.scenarios.plans.reading import read_plan, split_level
 from crowd_env.scenarios.project import Project, project_in, project_of
+from crowd_env.scenarios.storeys import building_in, has_storeys
 
 app = options.new_app()
 
@@ -192,7 +193,7 @@ def _with_comments(content: Plain, path: Path) -> Project:
 
 def _check(asked: CrowdOptions, seed: int) -> PlanCheck:
     """Return a place as it was understood; a floor plan may lack exits."""
-    if kind_of_place(asked.scenario) == "plan":
+    if kind_of_place(asked.scenario) == "plan" and not has_storeys(asked.scenario):
         drawn = read_plan(asked.scenario, **plan_options(asked))
         if not drawn.exits:
             for note in drawn.notes:
@@ -216,6 +217,12 @@ def _project(asked: CrowdOptions, path: Path) -> Project:
     with warnings.catch_warnings():  # they have been given
         warnings.simplefilter("ignore")
         drawing = plan_options(asked)
+        if has_storeys(asked.scenario):
+            if asked.people is not None or asked.set or asked.section:
+                raise ValueError(
+                    "--people, --set and --section are not for --save of a building: write them in the project"
+                )
+            return building_in(asked.scenario, beside=path, **drawing)
         plan = read_plan(asked.scenario, **drawing)
         own_exits, changes = bool(drawing.pop("exits", None)), split_changes(asked.set)
         others: Plain = {name: value_of(changes.pop(name)) for name in BEHAVIORS if name in changes}

@@ -1,5 +1,6 @@
 """The scenarios that ship with crowd_env, by name, and scenarios of files."""
 
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from difflib import get_close_matches
@@ -15,6 +16,7 @@ from crowd_env.scenarios.plans.reading import is_plan, split_level
 from crowd_env.scenarios.scenario import COMMON, Scenario, changed_place
 from crowd_env.scenarios.shipped import office, places
 from crowd_env.scenarios.shipped.theatre import theatre
+from crowd_env.scenarios.storeys import building_in, has_storeys
 
 # Name -> function that makes the scenario; its keyword arguments are the scenario's options.
 SCENARIOS: dict[str, Callable[..., Scenario]] = {
@@ -86,11 +88,27 @@ def make_scenario(scenario: str | Path | Plain | Scenario, **options: Any) -> Sc
     if kind in ("file", "task"):
         place = read_scenario(Path(scenario)) if kind == "file" else PLACES_OF_TASKS[str(scenario)]()
         return changed_place(place, options)
+    if kind == "plan" and options.get("level") is None and has_storeys(scenario):
+        return _on_all_levels(Path(scenario), options)
     if kind == "plan" and "cohorts" in options:  # as a project has them
         path, level = split_level(scenario)
         geometry = {one.name: options.pop(one.name) for one in fields(Plan) if one.name in options}
         return scenario_of({"geometry": {"file": path.name, "level": level, **geometry}, **options}, path)
     return scenario_from_plan(scenario, **options) if kind == "plan" else SCENARIOS[str(scenario)](**options)
+
+
+def _on_all_levels(path: Path, options: dict[str, Any]) -> Scenario:
+    """Return the building that a floor plan of several levels is."""
+    for key in ("regions", "obstacles", "thin_walls", "doors"):
+        if options.get(key):
+            raise ValueError(f"{path}: {key} belong to one level; crowd-env plan {path} --save writes a file for them")
+    how = {key: options.pop(key) for key in ("exits", "unit", "layers", "origin") if options.get(key)}
+    building = building_in(path, **how)
+    for note in building.head:
+        warnings.warn(note, stacklevel=3)
+    crowd = {key: options.pop(key) for key in ("people", "population") if options.get(key) is not None}
+    content = {key: one for key, one in building.content.items() if "cohorts" not in options or key != "population"}
+    return changed_place(scenario_of({**content, **options}, path), crowd)
 
 
 def kind_of_place(scenario: str | Path) -> Literal["name", "task", "file", "plan"]:

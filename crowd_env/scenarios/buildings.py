@@ -232,7 +232,7 @@ class Piece(NamedTuple):
     stepped: bool = False
 
 
-class _Built(NamedTuple):
+class Built(NamedTuple):
     """A stair or ramp in true coordinates."""
 
     way: Way
@@ -247,6 +247,11 @@ class _Built(NamedTuple):
         return read_area(
             shapely.union_all([slope.area for slope in self.slopes], grid_size=ROUNDED), repr(self.way.name)
         )
+
+    def over(self, level: str, height: float) -> Area:
+        """Return where a level at a height [m] has no floor: above it, under it, and between its flights."""
+        near = [_between(slope, height - _APART, height + _APART) for slope in self.slopes]
+        return shapely.union_all([*near, *(self.between if level in (self.way.lower, self.way.upper) else ())])
 
     def mouths(self) -> tuple[tuple[str, str, Floats], ...]:
         """Return what each end is called, its level and its line."""
@@ -270,7 +275,7 @@ def building(levels: Sequence[Level], stairs: Sequence[Stair] = (), ramps: Seque
     ways: tuple[Way, ...] = (*stairs, *ramps)
     _require_names(levels, ways)
     height = {level.name: level.height for level in levels}
-    built = [_build(way, height) for way in ways]
+    built = [build(way, height) for way in ways]
     _require_ways_out(levels, ways)
     _require_ways_apart(built)
     floors = [_floor_of(level, built) for level in levels]
@@ -334,7 +339,19 @@ def _require_names(levels: Sequence[Level], ways: Sequence[Way]) -> None:
                 of_name[name] = level.name
 
 
-def _build(way: Way, height: Mapping[str, float]) -> _Built:
+def build(way: Way, height: Mapping[str, float]) -> Built:
+    """Return a stair or ramp in true coordinates between levels at these heights [m], by their names.
+
+    Raises
+    ------
+    ValueError
+        If a level is unknown, or it cannot climb so high.
+
+    Warns
+    -----
+    UserWarning
+        If risers are not as high as given.
+    """
     what = f"{way.KIND} {way.name!r}"
     base, top = (height[known("level", name, height, f"{what}: ")] for name in (way.lower, way.upper))
     if base > top or (base == top and isinstance(way, Stair)):
@@ -366,7 +383,7 @@ def _build(way: Way, height: Mapping[str, float]) -> _Built:
     ends = [corners(flights[0])[[0, 3]], corners(flights[-1])[[1, 2]]]
     if flights[-1].along[0] < flights[-1].along[1]:  # goes on ahead
         ends[1] = ends[1][::-1]
-    return _Built(way, tuple(slopes), between, *ends)
+    return Built(way, tuple(slopes), between, *ends)
 
 
 def _require_ways_out(levels: Sequence[Level], ways: Sequence[Way]) -> None:
@@ -380,7 +397,7 @@ def _require_ways_out(levels: Sequence[Level], ways: Sequence[Way]) -> None:
             )
 
 
-def _require_ways_apart(built: Sequence[_Built]) -> None:
+def _require_ways_apart(built: Sequence[Built]) -> None:
     for one, other in itertools.combinations(built, 2):
         for a, b in itertools.product(one.slopes, other.slopes):
             common = shapely.intersection(a.area, b.area, grid_size=ROUNDED)
@@ -407,21 +424,13 @@ def _require_levels_apart(levels: Sequence[Level], floors: Sequence[Geometry]) -
             )
 
 
-def _floor_of(level: Level, built: Sequence[_Built]) -> Geometry:
+def _floor_of(level: Level, built: Sequence[Built]) -> Geometry:
     """Return a level as a place of its own in true coordinates; the ends of stairs are exits."""
     with at(f"level {level.name!r}"):
-        too_near = [
-            _between(slope, level.height - _APART, level.height + _APART) for one in built for slope in one.slopes
-        ]
-        cut = [
-            *too_near,
-            *itertools.chain(*(one.between for one in built if level.name in (one.way.lower, one.way.upper))),
-        ]
         area = read_area(level.walkable, "walkable area")
-        if shapely.intersects(area, shapely.union_all(cut)):
-            area = read_area(
-                shapely.difference(area, shapely.union_all(cut), grid_size=ROUNDED), "floor beside the stairs"
-            )
+        cut = shapely.union_all([one.over(level.name, level.height) for one in built])
+        if shapely.intersects(area, cut):
+            area = read_area(shapely.difference(area, cut, grid_size=ROUNDED), "floor beside the stairs")
         mouths = {
             f"{SEAM}{one.way.name}/{end}": (one, end, line)
             for one in built
@@ -430,8 +439,7 @@ def _floor_of(level: Level, built: Sequence[_Built]) -> Geometry:
         }
         free = shapely.difference(area, shapely.union_all(read_areas(level.obstacles, "obstacle")), grid_size=ROUNDED)
         for one, end, line in mouths.values():
-            strip = shapely.buffer(shapely.LineString(line), BEHIND, cap_style="flat", single_sided=True)
-            lacking = shapely.difference(strip, shapely.buffer(free, 1e-3))
+            lacking = shapely.difference(before(line), shapely.buffer(free, 1e-3))
             if lacking.area > SLIVER:
                 where = place(shapely.get_coordinates(lacking.representative_point())[0])
                 raise ValueError(
@@ -447,6 +455,11 @@ def _floor_of(level: Level, built: Sequence[_Built]) -> Geometry:
             doors=level.doors,
         )
         return floor
+
+
+def before(line: Floats) -> Area:
+    """Return the strip of a level that has to be floor before an end of a stair."""
+    return shapely.buffer(shapely.LineString(line), BEHIND, cap_style="flat", single_sided=True)
 
 
 def _between(slope: Slope, low: float, high: float) -> Area:

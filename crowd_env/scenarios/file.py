@@ -38,7 +38,7 @@ from crowd_env.geometry.geometry import Geometry
 from crowd_env.scenarios.buildings import Level, Ramp, Stair, building
 from crowd_env.scenarios.cohorts import Cohorts, People
 from crowd_env.scenarios.floor_plan import area_on, note_cut_starts, people_on, scenario_on, with_own
-from crowd_env.scenarios.plans.floor_plan import FloorPlan
+from crowd_env.scenarios.plans.floor_plan import ON_ONE_LEVEL, FloorPlan
 from crowd_env.scenarios.plans.reading import read_plan
 from crowd_env.scenarios.population import Population, population_of
 from crowd_env.scenarios.profiles import with_profile
@@ -252,7 +252,8 @@ def _level(storey: Storey, path: Path) -> Level:
         if storey.file:
             plan = with_own(_drawing(storey, path), **{key: shapes[key] for key in _OWN})
             for note in plan.notes:
-                warnings.warn(f"{where}: {note}", stacklevel=2)
+                if not note.startswith(ON_ONE_LEVEL):
+                    warnings.warn(f"{where}: {note}", stacklevel=2)
             shapes |= {key: getattr(plan, key) for key in _OWN}
         return Level(storey.name, storey.height, **{**shapes, "walkable": _needed(shapes, "walkable")})
 

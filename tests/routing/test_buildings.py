@@ -39,6 +39,21 @@ def house(west: float = 1.2, east: float = 1.2) -> Geometry:
     return building(levels, stairs)
 
 
+@pytest.mark.parametrize("strategy", ["shortest", "fastest"])
+def test_a_level_in_two_parts_has_a_way_out_of_both(strategy):
+    """The part that was not reached first was refused."""
+    levels = [
+        Level("ground", 0.0, box(0, 0, 30, 10), exits={"door": [(14, 0), (16, 0)]}),
+        Level("upper", RISE, box(0, 0, 8, 10).union(box(22, 0, 30, 10)), regions={"west": box(0, 0, 8, 10)}),
+    ]
+    stairs = [
+        Stair(name, "ground", "upper", (x, 5.0), direction, riser=RISE / RISERS)
+        for name, x, direction in (("west stair", 8 + RUN, 180.0), ("east stair", 22 - RUN, 0.0))
+    ]
+    _, on_west = walk(building(levels, stairs), 12, "west", strategy, "dem", 0)
+    assert on_west == 1.0
+
+
 def walk(place, people, region, strategy, law, seed, **options):
     """Return how long all take [s], and the share of them on the west stair."""
     scenario = Scenario("house", place, Population(people, start_region=region), 600.0)

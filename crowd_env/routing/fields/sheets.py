@@ -15,7 +15,8 @@ import numpy as np
 
 from crowd_env.core.arrays.state import Floats, Ints
 from crowd_env.geometry.geometry import Geometry
-from crowd_env.geometry.parsing import place
+from crowd_env.geometry.parsing import Area, place
+from crowd_env.geometry.parts import split_by_exits
 from crowd_env.geometry.sheets import Building, bare_surface, seam_name
 from crowd_env.geometry.surface import heights, slopes_at
 from crowd_env.routing.fields import grid
@@ -86,9 +87,9 @@ def field_of_sheets(
     spacings = sheets.march(None)
     while len(spacings) > 1:
         spacings = sheets.march(min(spacings))
-    for s, sheet in enumerate(geometry.building.sheets):
-        if s not in sheets.found and not closed and not sheet.area.buffer(-least).is_empty:
-            at = place(sheet.area.representative_point().coords[0])
+    for sheet, lost in zip(geometry.building.sheets, sheets.lost(), strict=True):
+        if not closed and not lost.buffer(-least).is_empty:
+            at = place(lost.representative_point().coords[0])
             raise ValueError(
                 f"no exit can be reached from {sheet.name!r} around {at}; a stair or an exit must lead out"
             )
@@ -136,7 +137,7 @@ class _Sheets:
         self.found, self._used = {}, {s: {} for s in range(len(self._parts))}
         heap: list[tuple[float, float, int]] = []
         for s, part in enumerate(self._parts):
-            if self._has_goal(s) or any(name in self._wanted for name in part.exit_names):
+            if self._has_goal(s) or any(self._is_end(s, name) for name in part.exit_names):
                 self._find(s, spacing, heap)
         while heap:
             size, time, k = heapq.heappop(heap)
@@ -149,7 +150,8 @@ class _Sheets:
 
     def _find(self, s: int, spacing: float | None, heap: list[tuple[float, float, int]]) -> None:
         part, offset = self._parts[s], self._offsets[s]
-        exits = [name for name in dict.fromkeys(part.exit_names) if name in self._wanted or name in self._used[s]]
+        exits = [name for name in dict.fromkeys(part.exit_names) if self._is_end(s, name)]
+        part = replace(part, walkable=self._on_ways(s))
         sheet = SheetGround(part, offset, self._used[s], self._has_goal(s), speeds_on(self._building, s, part))
         self.found[s] = self._solve(sheet, exits, spacing)
         for k in np.flatnonzero(self._to == s).tolist():
@@ -157,6 +159,20 @@ class _Sheets:
             size = min(fits, self._room[k])
             if np.isfinite(time) and size > self._least:
                 heapq.heappush(heap, (-size, time, k))
+
+    def _on_ways(self, s: int) -> Area:
+        """Return the parts of sheet ``s`` from which the ways known so far lead on."""
+        part = self._parts[s]
+        ends = [line for line, name in zip(part.exits, part.exit_names, strict=True) if self._is_end(s, name)]
+        return part.walkable if self._has_goal(s) else split_by_exits(part.walkable, np.array(ends))[0]
+
+    def _is_end(self, s: int, name: str) -> bool:
+        return name in self._wanted or name in self._used[s]
+
+    def lost(self) -> list[Area]:
+        """Return the parts of each sheet from which no way leads on."""
+        areas = [self._parts[s].walkable for s in range(len(self._parts))]
+        return [area.difference(self._on_ways(s)) if s in self.found else area for s, area in enumerate(areas)]
 
     def _has_goal(self, s: int) -> bool:
         return self._goal is not None and self._parts[s].area_of(self._goal) > _NOTHING
@@ -167,8 +183,11 @@ class _Sheets:
         return int(same[0])
 
     def _at(self, s: int, k: int) -> tuple[float, float]:
-        """Return the travel time [s] on sheet ``s`` in the middle of its line ``k``, and what body [m] gets out from there."""
-        field, middle = self.found[s], (self._building.lines[k] - self._offsets[s]).mean(axis=0)[None]
+        """Return the travel time [s] on sheet ``s`` in the middle of line ``k``, inf without a way, and what body fits."""
+        line = (self._building.lines[k] - self._offsets[s])[None]
+        if not self._on_ways(s).covers(split_by_exits(self._parts[s].walkable, line)[0]):
+            return np.inf, 0.0
+        field, middle = self.found[s], line.mean(axis=1)
         time, fits = (
             float(values[grid.nearest_known(middle, values, field.origin, field.spacing)][0])
             for values in (field.travel_time, field.fits)

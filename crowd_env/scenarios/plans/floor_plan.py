@@ -1,6 +1,7 @@
 """A floor plan as read from a file, in the file's units, and the plan in meters made from it."""
 
 import itertools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +13,9 @@ from shapely.geometry.base import BaseGeometry
 from crowd_env.core.files.atomic import legible
 from crowd_env.geometry.parsing import Area
 from crowd_env.routing.spec import Route
+
+ON_ONE_LEVEL = "stairs are "  # begins a note that is untrue of a building
+AS_FLOOR = f"{ON_ONE_LEVEL}floor like any other"
 
 
 class RoleError(ValueError):
@@ -44,6 +48,15 @@ class Door:
     name: str = ""
     width: float | None = None
     leads_out: bool = False
+
+
+class DrawnStair(NamedTuple):
+    """A stair or ramp as drawn on a level, a part of its floor."""
+
+    shape: BaseGeometry  # an area, or the line from its foot to its head
+    name: str = ""
+    kind: str = "stair"  # or ramp
+    width: float | None = None  # m, of a line
 
 
 class Start(NamedTuple):
@@ -92,9 +105,11 @@ class Drawing:
     regions : name -> area.
     starts : name of a region in which people start -> these people, as far as the file knows them.
     speeds : name of a region, such as stairs -> factor of the speed there.
+    stairs : stairs and ramps of a file with levels.
     unit : the file's, as a word for messages, if it names one.
     meters : how many meters that unit is, if it is known.
     on_ground : whether the coordinates are meters for sure, projected from degrees.
+    storey : number of the level, of one with levels; nan without one.
     levels : the drawing of each level, by its name, if the file names levels; then the rest is empty if there are several.
     notes : shapes that the reader dropped, or read in another way than may be meant.
     layers : name -> what is drawn there and its role.
@@ -111,9 +126,11 @@ class Drawing:
     regions: dict[str, BaseGeometry] = field(default_factory=dict)
     starts: dict[str, Start] = field(default_factory=dict)
     speeds: dict[str, float] = field(default_factory=dict)
+    stairs: list[DrawnStair] = field(default_factory=list)
     unit: str | None = None
     meters: float | None = None
     on_ground: bool = False
+    storey: float = math.nan
     levels: dict[str, "Drawing"] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     layers: dict[str, "Layer"] = field(default_factory=dict)
@@ -130,7 +147,7 @@ class Drawing:
             case "room":
                 self.rooms.add(len(self.walkable))
                 self.walkable.append(shape)
-            case "walkable" | "stairs":
+            case "walkable" | "stairs" | "ramp":
                 self.walkable.append(shape)
             case "obstacle":
                 self.obstacles.append(shape)
@@ -160,6 +177,7 @@ class FloorPlan:
     level : of the file, if one was chosen.
     meters : how many meters a unit of the file was taken for.
     layer_of : name of an exit or a region -> the layer of the file that it is drawn on.
+    stairs : stairs and ramps on this level [m].
     """
 
     path: Path
@@ -172,6 +190,7 @@ class FloorPlan:
     level: str | None = None
     meters: float = 1.0
     layer_of: Mapping[str, str] = field(default_factory=dict)
+    stairs: tuple[DrawnStair, ...] = ()
 
     @property
     def name(self) -> str:

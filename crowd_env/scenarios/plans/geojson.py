@@ -17,7 +17,7 @@ from crowd_env.core.checks import Plain, counted, shown
 from crowd_env.core.files.atomic import legible
 from crowd_env.geometry.parsing import flat_parts, in_degrees
 from crowd_env.scenarios.plans.degrees import Projection, looks_like_degrees
-from crowd_env.scenarios.plans.floor_plan import Door, Drawing, Layer, listed
+from crowd_env.scenarios.plans.floor_plan import AS_FLOOR, ON_ONE_LEVEL, Door, Drawing, DrawnStair, Layer, listed
 from crowd_env.scenarios.plans.roles import FIRST_EXITS, WORDS, Chosen, Said, by_names, role_of_feature, role_of_word
 from crowd_env.scenarios.plans.shared_edges import DOOR, NARROW
 
@@ -26,7 +26,8 @@ _RANGE = re.compile(r"(-?\d+(?:\.\d+)?)\s*-\s*(-?\d+(?:\.\d+)?)")  # 0-2, as of 
 _MOST_LEVELS = 200  # of a range
 UNSAID = "no word"  # layer of features without a word of what they are
 _NAMES = ("name", "id", "label", "title")
-_FLOOR = ("walkable", "room", "stairs", "building")
+_STAIRS = ("stairs", "ramp")
+_FLOOR = ("walkable", "room", *_STAIRS, "building")
 _GEOMETRIES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
 
 
@@ -55,7 +56,8 @@ class _Feature(NamedTuple):
         said = role_of_feature(self.table, self.type, area)
         role = self.chosen(said.words or UNSAID)
         said = said if role is None else said._replace(role=role or "nothing")
-        return said._replace(role="") if said.role in _FLOOR and not area else said
+        line = said.role in _STAIRS and self.shape is not None and self.shape.geom_type == "LineString"
+        return said._replace(role="") if said.role in _FLOOR and not (area or line) else said
 
 
 def read_geojson(content: Plain, meters: float | None, chosen: Chosen = by_names) -> Drawing:
@@ -76,13 +78,16 @@ def read_geojson(content: Plain, meters: float | None, chosen: Chosen = by_names
     features = [_Feature(*one, chosen) for one in zip(wholes, map(_properties, wholes), shapes, strict=True)]
     features, note = _on_ground(features, content.get("crs"), meters)
     on, height, ignored = _levels_of(features)
-    names = sorted({name for levels in on for name in levels}, key=lambda name: (height.get(name, _height(name)), name))
+    number = {name: height.get(name, _height(name)) for levels in on for name in levels}
+    names = sorted(number, key=lambda name: (number[name], name))
     drawn = {
         name: _drawing(one for one, levels in zip(features, on, strict=True) if not levels or name in levels)
         for name in names
     }
     drawing = _drawing(features) if len(drawn) < 2 else Drawing()
     drawing.levels = drawn
+    for name, one in drawn.items():
+        one.storey = number[name]
     for one in (drawing, *drawn.values()):
         one.on_ground = bool(note)
         one.notes[:0] = [said for said in (note, ignored) if said]
@@ -174,6 +179,10 @@ def _drawing(features: Iterable[_Feature]) -> Drawing:
         said, shape = one.said, one.shape
         role = "" if said.role in ("nothing", "building") else said.role
         drawing.layers.setdefault(legible(said.words) or UNSAID, Layer(role)).shapes.append(shape)
+        if said.role in _STAIRS:
+            drawing.stairs += _stairs(one)
+        if said.role in _FLOOR and shape.geom_type == "LineString" and not shapely.is_ring(shape):
+            continue  # stairs drawn as their line
         if said.role in _FLOOR and shape.geom_type == "LineString":
             shape = shapely.Polygon(shape)
             one = one._replace(shape=shape)
@@ -200,11 +209,26 @@ def _drawing(features: Iterable[_Feature]) -> Drawing:
                 drawing.doors[at:at] = [Door(part, name, width, leads_out) for part in flat_parts(shape)]
             case role:
                 drawing.add("room" if role == "stairs" and one.table.get("indoor") == "room" else role, name, shape)
-    for kind, words in (("stairs", "stairs are floor like any other"), ("elevator", "elevators are no floor")):
-        if seen[kind]:
-            drawing.notes.append(f"{words}: {counted(seen[kind], 'feature', 'features')}")
+    areas = sum(one.shape.geom_type == "Polygon" for one in drawing.stairs)
+    lines = len(drawing.stairs) - areas
+    for many, words in (
+        (areas, AS_FLOOR),
+        (lines, f"{ON_ONE_LEVEL}left out where they are lines"),
+        (seen["elevator"], "elevators are no floor"),
+    ):
+        if many:
+            drawing.notes.append(f"{words}: {counted(many, 'feature', 'features')}")
     _add_unmarked(drawing, unmarked, bare=seen["walkable"] + seen["room"] == 0)
     return drawing
+
+
+def _stairs(one: _Feature) -> list[DrawnStair]:
+    """Return the stairs of a feature; a line climbs unless its incline is down."""
+    assert one.shape is not None
+    said, table = one.said, one.table if one.type else {**one.whole, **one.table}
+    down = str(one.table.get("incline", "")).strip().startswith(("down", "-"))
+    about = _name(table, said.role), said.role.rstrip("s"), _width(one.table.get("width"))
+    return [DrawnStair(shapely.reverse(part) if down else part, *about) for part in flat_parts(one.shape)]
 
 
 def _properties(feature: Plain) -> Plain:

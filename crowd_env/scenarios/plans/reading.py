@@ -163,8 +163,8 @@ def read_plan(
         raise ValueError(f"{path}: its shapes cannot be cut and united: {error}") from None
 
 
-def levels_in(path: str | Path) -> list[str]:
-    """Return the names of the levels of a file; none if it names none.
+def levels_in(path: str | Path) -> dict[str, float]:
+    """Return name -> number of the storey of each level of a file, not finite without one; none if it names none.
 
     Raises
     ------
@@ -172,7 +172,8 @@ def levels_in(path: str | Path) -> list[str]:
         If the file cannot be read.
     """
     path, _ = split_level(path)
-    return list(_read(path, None, None, draw=True).levels)
+    levels = _read(path, None, None, draw=True).levels if _reader(path) is read_json_plan else {}
+    return {name: level.storey for name, level in levels.items()}
 
 
 def drawn_layers(
@@ -344,7 +345,9 @@ def _plan(
     speeds = {names[name]: factor for name, factor in drawing.speeds.items() if name in names}
     regions = {names[name]: shape for name, shape in regions.items()}
     layer_of = {names.get(name, name): one for name, one in drawing.layer_of.items() if not (given and name in exits)}
-    return FloorPlan(path, walkable, exits, regions, starts, speeds, tuple(notes), meters=meters, layer_of=layer_of)
+    stairs = tuple(one._replace(shape=_scaled([one.shape], meters, origin)[0]) for one in drawing.stairs)
+    about: dict[str, Any] = {"notes": tuple(notes), "meters": meters, "layer_of": layer_of}
+    return FloorPlan(path, walkable, exits, regions, starts, speeds, stairs=stairs, **about)
 
 
 def is_name(shape: Any, drawn: Collection[str]) -> bool:

@@ -23,7 +23,8 @@ WORDS = {
     "exit": ("emergency exit", "outlet"),
     "start": ("start", "starts", "source", "sources"),
     "region": ("region", "regions", "zone", "zones"),
-    "stairs": ("stairs", "staircase", "steps"),
+    "stairs": ("stairs", "staircase", "steps", "escalator"),
+    "ramp": ("ramp",),
     "elevator": ("elevator", "elevators", "lift"),
     "building": ("building", "building outline", "footprint"),
 }
@@ -55,7 +56,7 @@ IMDF = {
 }
 # Category of a unit -> role, if it is no room.
 UNITS = {
-    **{"stairs": "stairs", "steps": "stairs", "escalator": "stairs", "elevator": "elevator"},
+    **{"stairs": "stairs", "steps": "stairs", "escalator": "stairs", "elevator": "elevator", "ramp": "ramp"},
     **dict.fromkeys(("nonpublic", "structure", "opentobelow", "vegetation"), "obstacle"),
     **dict.fromkeys(("brick", "column", "concrete", "drywall", "glass", "wood"), "obstacle"),
 }
