@@ -49,7 +49,8 @@ def has_storeys(path: str | Path) -> bool:
         If the file cannot be read.
     """
     drawing, level = split_level(path)
-    return level is None and len(levels_in(drawing)) > 1
+    with at(str(drawing)):
+        return level is None and len(levels_in(drawing)) > 1
 
 
 class _Storey(NamedTuple):
